@@ -59,8 +59,9 @@ class LawBody:
     points: float = 0  # base points; 0: pushes only
     base_z: float = 0.0  # height of the base in the body frame (negative)
     mu: float = 0.0
-    # anisotropy: mu * ratio along body axis `aniso_angle`, mu / ratio across it
-    aniso_ratio: float = 1.0
+    # mu * along on the body axis at aniso_angle, mu * across at right angles to it (elliptic, associated flow)
+    along: float = 1.0
+    across: float = 1.0
     aniso_angle: float = 0.0
     # mu * (1 + stribeck * exp(-(u / stribeck_speed)^2))
     stribeck: float = 0.0
@@ -89,7 +90,7 @@ COLUMN = {name: i for i, name in enumerate(FIELDS)}
 POINT_STRIDE = 4  # x, y, weight, pressure shape
 
 (
-    _MAGIC, _JOINTS, _PUSH, _PNUM, _BASEZ, _MU, _RATIO, _ANGLE, _STRIBECK, _STRIBECK_V, _STICTION, _STICTION_V,
+    _MAGIC, _JOINTS, _PUSH, _PNUM, _BASEZ, _MU, _ALONG, _ACROSS, _ANGLE, _STRIBECK, _STRIBECK_V, _STICTION, _STICTION_V,
     _PATCH, _PATCH_X, _PATCH_Y, _PATCH_R, _FILM, _AIR, _LEAK, _PRESSURE,
 ) = range(STRIDE)  # fmt: skip
 
@@ -283,7 +284,27 @@ def _share_load(n, bx, by, w, cx, cy, load, weight):
 
 
 @njit(cache=True, error_model="numpy")
-def _step_body(num, r, body, dof, qadr, gravity, h, t, mass_a, inertia_a, ipos_a, iquat_a, qpos, qvel, xfrc, user, applied, passive, damping):
+def _step_body(
+    num,
+    r,
+    body,
+    dof,
+    qadr,
+    gravity,
+    h,
+    t,
+    mass_a,
+    inertia_a,
+    ipos_a,
+    iquat_a,
+    qpos,
+    qvel,
+    xfrc,
+    user,
+    applied,
+    passive,
+    damping,
+):
     push = int(num[r + _PUSH])
     n = int(num[r + _PNUM])
     padr = r + STRIDE
@@ -298,9 +319,7 @@ def _step_body(num, r, body, dof, qadr, gravity, h, t, mass_a, inertia_a, ipos_a
     mass = mass_a[body] * scale
     qw, qx, qy, qz = iquat_a[4 * body], iquat_a[4 * body + 1], iquat_a[4 * body + 2], iquat_a[4 * body + 3]
     zx, zy, zz = 2.0 * (qx * qz - qw * qy), 2.0 * (qy * qz + qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy)
-    izz = (
-        inertia_a[3 * body] * zx * zx + inertia_a[3 * body + 1] * zy * zy + inertia_a[3 * body + 2] * zz * zz
-    )
+    izz = inertia_a[3 * body] * zx * zx + inertia_a[3 * body + 1] * zy * zy + inertia_a[3 * body + 2] * zz * zz
     comx, comy, comz = ipos_a[3 * body], ipos_a[3 * body + 1], ipos_a[3 * body + 2]
     lx, ly = c * comx - s * comy, s * comx + c * comy
     full = mass_a[body]
@@ -320,8 +339,12 @@ def _step_body(num, r, body, dof, qadr, gravity, h, t, mass_a, inertia_a, ipos_a
     e1 = passive[dof + 1] + applied[dof + 1] + xfrc[6 * body + 1] + mass_a[body] * scale * gravity[1] + fy - air * v1
     mgx, mgy = mass * gravity[0], mass * gravity[1]
     e2 = (
-        passive[dof + 2] + applied[dof + 2] + xfrc[6 * body + 5] + tz
-        + lx * (xfrc[6 * body + 1] + mgy) - ly * (xfrc[6 * body] + mgx)
+        passive[dof + 2]
+        + applied[dof + 2]
+        + xfrc[6 * body + 5]
+        + tz
+        + lx * (xfrc[6 * body + 1] + mgy)
+        - ly * (xfrc[6 * body] + mgx)
     )
     # centrifugal force of the centre of mass (the yaw term cancels)
     e0 += mass * v2 * v2 * lx
@@ -383,10 +406,9 @@ def _step_body(num, r, body, dof, qadr, gravity, h, t, mass_a, inertia_a, ipos_a
             mu[i] = m_i
         for i in range(n):
             w[i] /= wsum
-        am = num[r + _RATIO]
-        bm = 1.0 / am
+        am, bm = num[r + _ALONG], num[r + _ACROSS]
         cr, sr = 1.0, 0.0
-        if am != 1.0:
+        if am != bm:
             cr, sr = math.cos(yaw + num[r + _ANGLE]), math.sin(yaw + num[r + _ANGLE])
         eps2 = SLIP_EPS * SLIP_EPS
         weight = mass * -gravity[2] - fz
@@ -548,13 +570,19 @@ def _find(address: int, wanted: int | float, size: int = 400_000) -> int:
     for i in range(size // 8):
         if raw[i] == wanted:
             return 8 * i
-    raise RuntimeError(f"mujoco {mujoco.__version__}: a field that the compiled law needs was not found; pin mujoco==3.17.0.")
+    raise RuntimeError(
+        f"mujoco {mujoco.__version__}: a field that the compiled law needs was not found; pin mujoco==3.17.0."
+    )
 
 
 def _offsets() -> tuple[int, ...]:
     """Measure where this MuJoCo build keeps the fields that the law reads; no header is needed."""
-    xml = """<mujoco><size nuser_body="7919" nuserdata="6007"/><option timestep="0.00123456789"/><worldbody>
-    """ + 16 * """<body><joint type="slide"/><joint axis="0 1 0"/><geom size=".1"/></body>""" + "</worldbody></mujoco>"
+    xml = (
+        """<mujoco><size nuser_body="7919" nuserdata="6007"/><option timestep="0.00123456789"/><worldbody>
+    """
+        + 16 * """<body><joint type="slide"/><joint axis="0 1 0"/><geom size=".1"/></body>"""
+        + "</worldbody></mujoco>"
+    )
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     data.time = 0.00198765432101
