@@ -1,0 +1,145 @@
+"""What an effect is: a difference between the world and the model that somebody believes in.
+
+One class serves three uses: planted in the remote body of an experiment, fitted by the diagnosis, and left in the
+corrected model. Its fields are physical values in SI units. It acts at up to four places, each a method that does
+nothing unless overridden:
+
+    edit_mjcf         elements that must exist before compiling (a tendon)
+    edit_model        numbers of the compiled model (mass, gravity, friction law)
+    edit_command      the recorded command, outside the engine: means over physics steps
+    edit_measurement  the predicted measurement, outside the engine
+
+For fitting, a class describes its parameters (`parameters`), and makes itself from a vector of them (`from_vector`).
+The vector is zero, or at an end of its range, where the effect is absent, and about 1 times `scale` for a size that
+one would not be surprised to meet.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import ClassVar, Self, TypeVar
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+
+from runner.law import LawView
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One fitted number: its name and unit, its bounds, and the size `scale` (prior standard deviation) it has."""
+
+    name: str
+    unit: str
+    scale: float
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True)
+class Context:
+    """What may be known when an effect is made from a vector: the nominal body, and how it was moved.
+
+    `centre_m` and `reach_m` span the floor that was visited, `force_n` is the largest commanded force.
+    """
+
+    mass_kg: float
+    friction: float
+    half_size_m: tuple[float, float, float]
+    gravity_m_s2: float
+    centre_m: tuple[float, float] = (0.0, 0.0)
+    reach_m: float = 2.0
+    force_n: float = 20.0
+
+    @property
+    def size_m(self) -> float:
+        """Mean half edge of the base."""
+        return 0.5 * (self.half_size_m[0] + self.half_size_m[1])
+
+    @property
+    def friction_n(self) -> float:
+        """Nominal sliding friction."""
+        return max(self.friction, 0.02) * self.mass_kg * self.gravity_m_s2
+
+
+@dataclass(frozen=True)
+class Target:
+    """The compiled model and the body that an effect changes; `scratch` is for MuJoCo's derived constants."""
+
+    model: mujoco.MjModel
+    body_id: int
+    scratch: mujoco.MjData
+
+    @property
+    def law(self) -> LawView:
+        """The body's friction law."""
+        return LawView(self.model, self.body_id)
+
+    @property
+    def dofs(self) -> slice:
+        """The body's degrees of freedom."""
+        adr, num = int(self.model.body_dofadr[self.body_id]), int(self.model.body_dofnum[self.body_id])
+        return slice(adr, adr + num)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A predicted or measured motion: `t_s` (T,), `pose` and `twist` (..., T, 3): x, y, yaw and their rates."""
+
+    t_s: np.ndarray
+    pose: np.ndarray
+    twist: np.ndarray
+
+
+class AbstractEffect(ABC):
+    """A difference between world and model; see the module's docstring."""
+
+    name: ClassVar[str]
+    label: ClassVar[str]  # in words, for reports
+    structural: ClassVar[bool] = False  # changes the MJCF, so that the model must be compiled anew
+
+    def edit_mjcf(self, root: mjcf.RootElement, body: str) -> None:
+        """Add the elements that the effect needs."""
+
+    def edit_model(self, target: Target) -> None:
+        """Write the effect's numbers into a compiled model that holds the nominal ones."""
+
+    def edit_command(self, columns: np.ndarray, step_s: float) -> np.ndarray:
+        """Return the command that the body really gets, (n, 12) means over physics steps (see `push_columns`)."""
+        return columns
+
+    def edit_measurement(self, motion: Motion) -> Motion:
+        """Return what the sensors report of a motion."""
+        return motion
+
+    @classmethod
+    @abstractmethod
+    def parameters(cls, context: Context) -> tuple[Parameter, ...]:
+        """Describe the fitted vector."""
+
+    @classmethod
+    @abstractmethod
+    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+        """Make the effect from its fitted vector."""
+
+    @classmethod
+    def starts(cls, context: Context) -> np.ndarray:
+        """Return vectors to start a fit from, (K, p); empty: zero will do, the effect is smooth there."""
+        return np.empty((0, len(cls.parameters(context))))
+
+    def report(self) -> dict[str, float]:
+        """The effect's values by name, SI units."""
+        return {f.name: float(getattr(self, f.name)) for f in fields(self)}  # type: ignore[arg-type]
+
+
+EFFECTS: dict[str, list[type[AbstractEffect]]] = {}
+E = TypeVar("E", bound=type[AbstractEffect])
+
+
+def effect(cls: E) -> E:
+    """Enter an effect class into the vocabulary; a name may have several variants."""
+    EFFECTS.setdefault(cls.name, []).append(cls)
+    return cls

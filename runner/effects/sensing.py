@@ -1,0 +1,70 @@
+"""Effects between the motion and what is recorded of it; all change the predicted measurement."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from runner.effects.base import AbstractEffect, Context, Motion, Parameter, effect
+from runner.errors import check_range
+
+
+@effect
+@dataclass(frozen=True)
+class ObservationDelay(AbstractEffect):
+    """The measured state is `delay_s` older than its time stamp. Before the start, uniform motion is assumed."""
+
+    name: ClassVar[str] = "observation_delay"
+    label: ClassVar[str] = "a measurement that is older than its time stamp"
+    delay_s: float
+
+    def __post_init__(self) -> None:
+        check_range("observation_delay.delay_s", self.delay_s, 0.0, 100.0, unit="s")
+
+    def edit_measurement(self, motion: Motion) -> Motion:
+        t, late = motion.t_s, motion.t_s - self.delay_s
+        inside = np.maximum(late, t[0])
+        pose = CubicHermiteSpline(t, motion.pose, motion.twist, axis=-2)(inside)
+        pose += (late - inside)[:, None] * motion.twist[..., :1, :]
+        i = np.clip(np.searchsorted(t, inside, side="right") - 1, 0, len(t) - 2)
+        part = ((inside - t[i]) / (t[i + 1] - t[i]))[:, None]
+        twist = (1 - part) * motion.twist[..., i, :] + part * motion.twist[..., i + 1, :]
+        return Motion(t, pose, twist)
+
+    @classmethod
+    def parameters(cls, context: Context) -> tuple[Parameter, ...]:
+        return (Parameter("delay_s", "s", 0.08, 0.0, 1.0),)
+
+    @classmethod
+    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+        return cls(max(x[0], 0.0))
+
+
+@effect
+@dataclass(frozen=True)
+class SensorScale(AbstractEffect):
+    """Measured lengths and velocities are `ratio` times the true ones. Fitted as its log."""
+
+    name: ClassVar[str] = "sensor_scale"
+    label: ClassVar[str] = "measured lengths that are a multiple of the true ones"
+    ratio: float
+
+    def __post_init__(self) -> None:
+        check_range("sensor_scale.ratio", self.ratio, 0.01, 100.0)
+
+    def edit_measurement(self, motion: Motion) -> Motion:
+        scale = np.array([self.ratio, self.ratio, 1.0])
+        return Motion(motion.t_s, motion.pose * scale, motion.twist * scale)
+
+    @classmethod
+    def parameters(cls, context: Context) -> tuple[Parameter, ...]:
+        return (Parameter("log_ratio", "", 0.05, -1.0, 1.0),)
+
+    @classmethod
+    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+        return cls(math.exp(x[0]))
