@@ -1,0 +1,91 @@
+"""The commands of `runner`: one module each, found by its name, described by its docstring.
+
+A module `runner/commands/gap.py` is the command `runner gap`; `blind_make.py` is `runner blind make`. The first line
+of its docstring is its line in `runner --help`, the rest is shown by `runner gap --help`. It holds
+
+    COMMAND = Command(config=GapConfig, main=main)
+
+where `GapConfig` is a frozen dataclass (the schema) and `main(config, job)` does the work. Values other than the
+schema's defaults stand in `conf/gap.yaml`, which must begin with `defaults: [schema_gap, _self_]`; without that file
+the defaults are the schema's own.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+C = TypeVar("C")
+DEFAULT = "run"
+
+
+@dataclass(frozen=True)
+class Job:
+    """One execution of a command.
+
+    Attributes:
+        folder: Where its results go; exists. None for a command that keeps none.
+        config: The resolved config as plain containers (what `config.yaml` in the folder holds).
+        overrides: What the user, or the sweep, set: `key -> value`, values typed as in YAML.
+        number: Place in the sweep, from 0; None outside a sweep.
+    """
+
+    folder: Path | None
+    config: Mapping[str, Any] = field(default_factory=dict)
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    number: int | None = None
+
+    @property
+    def results(self) -> Path:
+        """The results folder of a command that keeps results."""
+        if self.folder is None:
+            raise ValueError("This command was declared without a results folder.")
+        return self.folder
+
+
+@dataclass(frozen=True)
+class Command(Generic[C]):
+    """What the command line must know of a command.
+
+    Attributes:
+        config: Frozen dataclass, the schema of the command's config.
+        main: Does the work; returns the exit code, None for 0. Raises RunnerError for what a user can put right.
+        keeps: Name of the folder below `results/` for what it writes (`results/<keeps>/<timestamp>/`, or
+            `results/<experiment>/<timestamp>/` where an experiment was chosen); None: no folder, `out` is an
+            ordinary key of the command, if it has one.
+        positional: Key that bare arguments are for: `runner gap DIR` is `runner gap recording=DIR`. Where the key is
+            a list, any number of arguments.
+        failed: Called with job and exception when one job of a sweep fails, to leave a row behind.
+    """
+
+    config: type[C]
+    main: Callable[[C, Job], int | None]
+    keeps: str | None = None
+    positional: str | None = None
+    failed: Callable[[Job, Exception], None] | None = None
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of all commands, the default one first."""
+    found = (p.stem.replace("_", " ") for p in Path(__file__).parent.glob("[a-z]*.py"))
+    return tuple(sorted(found, key=lambda name: (name != DEFAULT, name)))
+
+
+def load(name: str) -> Command[Any]:
+    """Import the module of a command."""
+    return importlib.import_module(f"{__name__}.{module(name)}").COMMAND
+
+
+def module(name: str) -> str:
+    """Return the module's name of a command: `blind_make` of `blind make`."""
+    return name.replace(" ", "_")
+
+
+def description(name: str) -> str:
+    """Return the docstring of a command's module, without importing it."""
+    source = Path(__file__).with_name(f"{module(name)}.py").read_text(encoding="utf-8")
+    return ast.get_docstring(ast.parse(source)) or ""
