@@ -1,0 +1,152 @@
+"""Find, read and write cases: folders with a recording and what its owner believes."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from runner.errors import RecordingError
+from runner.recording import nominal as nominal_file
+from runner.recording.checks import check_finite, check_times, check_yaw, episode_spans, unit_quaternions
+from runner.recording.data import Episode, Float, Form, Nominal, Recording
+from runner.recording.table import FORCE, POINT, POSE, TWIST, Table, read_table
+from runner.recording.units import check_units
+
+TABLES = ("recording.parquet", "recording.csv")
+
+
+def find_cases(path: str | Path) -> list[Path]:
+    """Return the cases at or below a path: the folder itself if it is a case, else every one below it, sorted.
+
+    A case is a folder that holds `recording.parquet` or `recording.csv`. Hidden folders are left out.
+
+    Raises:
+        RecordingError: If the path does not exist or there is no case.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise RecordingError(f"{path}: no such folder.{_near_folder(path)}")
+    if path.is_file():
+        path = path.parent
+    if any((path / name).is_file() for name in TABLES):
+        return [path]
+    found = {file.parent for name in TABLES for file in path.rglob(name)}
+    cases = sorted(case for case in found if not any(p.startswith(".") for p in case.relative_to(path).parts))
+    if not cases:
+        raise RecordingError(f"{path}: no case in it or below it; a case is a folder with {' or '.join(TABLES)}.")
+    return cases
+
+
+def read_case(path: str | Path, *, nominal: Nominal | None = None) -> Recording:
+    """Return a case, checked: columns, numbers, order, times, rates, angles, quaternions, units.
+
+    Quaternions come out at unit length and without sign flips. A planar force has fz = 0, and a point without `pz`
+    is at the height of the geometric centre.
+
+    Args:
+        path: The folder, or a table in it (`.parquet` or `.csv`).
+        nominal: What the owner believes; None: it is read from `nominal.yaml` beside the table.
+
+    Raises:
+        RecordingError: With the file, the data row (the first below the header is 1; for CSV also its line), the
+            episode and time there, the column, the value and what is allowed.
+    """
+    path = Path(path)
+    file, notes = _table_file(path)
+    nominal = nominal_file.read_nominal(file.parent) if nominal is None else nominal
+    table, form = read_table(file)
+    check_finite(table, form)
+    spans = episode_spans(table)
+    check_times(table, spans, nominal)
+    if form is Form.PLANAR:
+        check_yaw(table, spans)
+        pose = table.stack(POSE[form])
+    else:
+        pose = np.hstack([table.stack(POSE[form][:3]), unit_quaternions(table, spans)])
+    check_units(table, spans, nominal, form)
+    twist, force, point = table.stack(TWIST[form]), _force(table, form), _point(table)
+    episodes = tuple(
+        Episode(int(table["episode"][s.start]), table["t"][s], pose[s], twist[s], force[s], point[s]) for s in spans
+    )
+    return Recording(path, form, nominal, episodes, (*notes, *table.notes))
+
+
+def write_case(recording: Recording, path: str | Path, *, table: str = TABLES[0]) -> None:
+    """Write a case so that reading it gives the same values. Notes are not written.
+
+    Args:
+        recording: What to write.
+        path: The folder; it is made if it does not exist, and the files of a case in it are replaced.
+        table: `recording.parquet` or `recording.csv`.
+
+    Raises:
+        RecordingError: If `table` is another name.
+    """
+    writers: dict[str, Callable[[pd.DataFrame, Path], object]] = {
+        TABLES[0]: lambda frame, file: frame.to_parquet(file, index=False),
+        TABLES[1]: lambda frame, file: frame.to_csv(file, index=False),
+    }
+    if table not in writers:
+        raise RecordingError(f"table: must be {' or '.join(TABLES)}, got {table!r}.")
+    path = Path(path)
+    path.mkdir(parents=True, exist_ok=True)
+    for name in TABLES:
+        (path / name).unlink(missing_ok=True)
+    writers[table](_frame(recording), path / table)
+    nominal_file.write_nominal(recording.nominal, path / nominal_file.FILE)
+
+
+def _frame(recording: Recording) -> pd.DataFrame:
+    form = recording.form
+    frames = [
+        pd.DataFrame({"episode": np.full(len(episode), episode.index, dtype=np.int64), "t": episode.t_s})
+        .join(pd.DataFrame(episode.pose, columns=list(POSE[form])))
+        .join(pd.DataFrame(episode.twist, columns=list(TWIST[form])))
+        .join(pd.DataFrame(episode.force_n, columns=list(FORCE)))
+        .join(pd.DataFrame(episode.point_m, columns=list(POINT)))
+        for episode in recording.episodes
+    ]
+    frame = pd.concat(frames, ignore_index=True)
+    if form is Form.PLANAR:
+        return frame.drop(columns=["fz"] if any(e.point_m[:, 2].any() for e in recording.episodes) else ["fz", "pz"])
+    unmeasured = all(np.isnan([e.force_n, e.point_m]).all() for e in recording.episodes)
+    return frame.drop(columns=[*FORCE, *POINT]) if unmeasured else frame
+
+
+def _table_file(path: Path) -> tuple[Path, list[str]]:
+    """Return the file that holds the recording, and what is to be said about it."""
+    if path.is_file():
+        if path.suffix not in (".parquet", ".csv"):
+            raise RecordingError(f"{path}: must be a folder, a .parquet or a .csv file.")
+        return path, []
+    if not path.is_dir():
+        raise RecordingError(f"{path}: no such folder.{_near_folder(path)}")
+    present = [path / name for name in TABLES if (path / name).is_file()]
+    if not present:
+        names = ", ".join(repr(p.name) for p in sorted(path.iterdir())[:8]) or "nothing"
+        raise RecordingError(f"{path}: neither {TABLES[0]} nor {TABLES[1]} in it, found: {names}.")
+    return present[0], [f"{present[1].name} beside {present[0].name} is not read"] if len(present) > 1 else []
+
+
+def _near_folder(path: Path) -> str:
+    folder = path.parent
+    names = [p.name for p in folder.iterdir() if p.is_dir()] if folder.is_dir() else []
+    close = difflib.get_close_matches(path.name, names, n=1)
+    return f" Did you mean '{folder / close[0]}'?" if close else ""
+
+
+def _force(table: Table, form: Form) -> Float:
+    if form is Form.PLANAR:
+        return np.stack([table["fx"], table["fy"], np.zeros(len(table))], axis=1)
+    return table.stack(FORCE) if "fx" in table else np.full((len(table), 3), np.nan)
+
+
+def _point(table: Table) -> Float:
+    if "px" not in table:
+        return np.full((len(table), 3), np.nan)
+    height = table["pz"] if "pz" in table else np.where(np.isnan(table["px"]), np.nan, 0.0)
+    return np.stack([table["px"], table["py"], height], axis=1)

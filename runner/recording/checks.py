@@ -1,0 +1,190 @@
+"""What a recording's numbers must obey: finite, in order, at even times, unit quaternions, angles without jumps."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from runner.recording.data import Float, Form, Nominal
+from runner.recording.table import FORCE, OPTIONAL, POINT, POSE, QUATERNION, TWIST, UNITS, Table
+
+GRID_STEPS = 0.05  # a sample may be off the even grid by this share of a step (rounded times)
+RATE_SHARE = 0.005  # two rates closer than this are one rate
+NORM_SHARE = 5e-3  # a quaternion this close to unit length is a rounded one
+TIME_UNITS = {1e-3: "ms", 1e-6: "us", 1e-9: "ns", 1 / 60: "minutes"}
+
+
+def check_finite(table: Table, form: Form) -> None:
+    """Refuse what is not finite; NaN in space says `not measured`, but not for a whole column.
+
+    Raises:
+        RecordingError: Naming file, row, column and value, and how many such rows there are.
+    """
+    for name in table.columns:
+        may_lack = form is Form.SPATIAL and name not in ("episode", "t")
+        bad = np.isinf(table[name]) if may_lack else ~np.isfinite(table[name])
+        if bad.any():
+            row = int(np.argmax(bad))
+            more = f" ({bad.sum()} such rows)" if bad.sum() > 1 else ""
+            hint = "; no force is 0, not empty" if form is Form.PLANAR and name in (*FORCE, *POINT) else ""
+            unit = f" in {UNITS[name]}" if name in UNITS else ""
+            raise table.error(
+                f"column '{name}' must be a finite number{unit}{hint}, got {table[name][row]}{more}.", row
+            )
+    if form is Form.SPATIAL:
+        _check_measured(table)
+
+
+def _check_measured(table: Table) -> None:
+    for name in (*POSE[Form.SPATIAL], *TWIST[Form.SPATIAL]):
+        lacking = np.isnan(table[name])
+        if lacking.all():
+            raise table.error(f"column '{name}' is NaN in all {len(table)} rows; it must be measured somewhere.")
+        if lacking.any():
+            table.notes.append(f"'{name}' is not measured (NaN) in {lacking.sum()} of {len(table)} rows")
+    part = np.isnan(table.stack(QUATERNION))
+    torn = part.any(axis=1) & ~part.all(axis=1)
+    if torn.any():
+        raise table.error(
+            "columns 'qw', 'qx', 'qy', 'qz' must all be numbers or all be NaN, got "
+            f"{table.stack(QUATERNION)[np.argmax(torn)].tolist()}.",
+            int(np.argmax(torn)),
+        )
+    lacking = [name for name in OPTIONAL[Form.SPATIAL] if name in table and np.isnan(table[name]).any()]
+    for name in lacking:
+        table.notes.append(f"'{name}' is not measured (NaN) in {np.isnan(table[name]).sum()} of {len(table)} rows")
+    if "fx" not in table:
+        table.notes.append("no force columns: 'fx', 'fy', 'fz' are NaN, not measured")
+
+
+def episode_spans(table: Table) -> list[slice]:
+    """Return the rows of each episode, in order.
+
+    Raises:
+        RecordingError: If an episode is no integer, comes back after another one, or has fewer than three samples.
+    """
+    episode = table["episode"]
+    broken = episode != np.round(episode)
+    if broken.any():
+        row = int(np.argmax(broken))
+        raise table.error(f"column 'episode' must be an integer, got {episode[row]:g}.", row)
+    steps = np.diff(episode)
+    if (steps < 0).any():
+        row = int(np.argmax(steps < 0)) + 1
+        raise table.error(
+            f"column 'episode' must not fall, got {episode[row]:g} after {episode[row - 1]:g}; "
+            "sort the rows by 'episode', then 't'.",
+            row,
+        )
+    edges = [0, *(np.flatnonzero(steps) + 1).tolist(), len(episode)]
+    spans = [slice(start, stop) for start, stop in pairwise(edges)]
+    for span in spans:
+        if span.stop - span.start < 3:
+            raise table.error(
+                f"the episode has {span.stop - span.start} samples, at least 3 are needed.", int(span.start)
+            )
+    return spans
+
+
+def check_times(table: Table, spans: list[slice], nominal: Nominal) -> None:
+    """Refuse times that don't rise, are not even, or whose rate differs between episodes or from `rate_hz`.
+
+    Raises:
+        RecordingError: Naming file, row and the times or rates.
+    """
+    rates = []
+    for span in spans:
+        t = table["t"][span]
+        steps = np.diff(t)
+        if (steps <= 0).any():
+            k = int(np.argmax(steps <= 0))
+            what = "is there twice" if steps[k] == 0 else f"follows {t[k]:.9g} s"
+            raise table.error(
+                f"column 't' must rise within an episode, {t[k + 1]:.9g} s {what}; sort by 'episode', then 't'.",
+                int(span.start) + k + 1,
+            )
+        step = (t[-1] - t[0]) / (len(t) - 1)
+        if np.abs(t - t[0] - step * np.arange(len(t))).max() > GRID_STEPS * step:
+            usual = float(np.median(steps))
+            k = int(np.argmax(np.abs(steps - usual)))
+            raise table.error(
+                f"column 't' must be even within {GRID_STEPS:.0%} of a step: {steps[k]:.6g} s since the last sample, "
+                f"usually {usual:.6g} s{_gap(steps[k] / usual)}.",
+                int(span.start) + k + 1,
+            )
+        rates.append(1 / step)
+    _check_rates(table, spans, np.array(rates), nominal)
+
+
+def _gap(ratio: float) -> str:
+    lost = round(ratio) - 1
+    samples = f"{lost} sample{'s' * (lost > 1)}"
+    return f" ({samples} missing: fill in or split the episode)" if lost >= 1 and abs(ratio - lost - 1) < 0.2 else ""
+
+
+def _check_rates(table: Table, spans: list[slice], rates_hz: Float, nominal: Nominal) -> None:
+    usual = float(np.median(rates_hz))
+    for span, rate in zip(spans, rates_hz, strict=True):
+        n = span.stop - span.start
+        if abs(rate / usual - 1) > RATE_SHARE + 2 * GRID_STEPS / (n - 1):
+            raise table.error(
+                f"the episode has {rate:.6g} samples per second, the others {usual:.6g}; all must have one rate.",
+                int(span.start),
+            )
+    longest = max(span.stop - span.start for span in spans)
+    ratio = usual / nominal.rate_hz
+    if abs(ratio - 1) <= RATE_SHARE + 2 * GRID_STEPS / (longest - 1):
+        return
+    units = [unit for factor, unit in TIME_UNITS.items() if abs(ratio / factor - 1) < 0.05]
+    hint = f" 't' is probably in {units[0]}, allowed: s." if units else " One of the two is wrong."
+    raise table.error(
+        f"column 't' has {usual:.6g} samples per second, {nominal.path or 'nominal.yaml'} says rate_hz: "
+        f"{nominal.rate_hz:g}.{hint}"
+    )
+
+
+def check_yaw(table: Table, spans: list[slice]) -> None:
+    """Refuse a yaw that jumps by about a whole turn between two samples, and not so before and after.
+
+    Raises:
+        RecordingError: Naming file, row and jump, and what unwraps it.
+    """
+    for span in spans:
+        jumps = np.diff(table["yaw"][span])
+        sizes = np.pad(np.abs(jumps), 1)
+        around = np.maximum(sizes[:-2], sizes[2:])
+        for turn, slack, unit in ((2 * np.pi, 0.5, "rad"), (360.0, 30.0, "degrees; allowed: rad")):
+            wraps = (np.abs(sizes[1:-1] - turn) < slack) & (around < turn / 2)
+            if wraps.any():
+                k = int(np.argmax(wraps))
+                raise table.error(
+                    f"column 'yaw' must be unwrapped, it jumps by {jumps[k]:+.4g} from one sample to the next, about a "
+                    f"whole turn in {unit}; apply numpy.unwrap to each episode.",
+                    int(span.start) + k + 1,
+                )
+
+
+def unit_quaternions(table: Table, spans: list[slice]) -> Float:
+    """Return qw, qx, qy, qz at unit length and without sign flips within an episode, shape (N, 4); NaN stays.
+
+    Raises:
+        RecordingError: If one is further from unit length than rounding explains: file, row, norm.
+    """
+    quaternions = table.stack(QUATERNION)
+    norms = np.linalg.norm(quaternions, axis=1)
+    off = np.abs(norms - 1) > NORM_SHARE
+    if off.any():
+        row = int(np.argmax(off))
+        raise table.error(
+            f"columns 'qw', 'qx', 'qy', 'qz' must be a unit quaternion within {NORM_SHARE:g}, got "
+            f"{quaternions[row].tolist()} of norm {norms[row]:.6g}.",
+            row,
+        )
+    inexact = np.abs(norms - 1) > 1e-12
+    quaternions[inexact] /= norms[inexact, None]
+    for span in spans:
+        measured = np.flatnonzero(np.isfinite(norms[span])) + span.start
+        dots = np.sum(quaternions[measured[1:]] * quaternions[measured[:-1]], axis=1)
+        quaternions[measured[1:]] *= np.cumprod(np.where(dots < 0, -1.0, 1.0))[:, None]
+    return quaternions

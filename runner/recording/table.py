@@ -1,0 +1,241 @@
+"""The table of a recording: its columns by name, as numbers, and where in the file each of them stands.
+
+| column | planar form | form in space |
+| --- | --- | --- |
+| `episode`, `t` | integer; s | the same |
+| pose of the geometric centre, world | `x`, `y` m, `yaw` rad | `x`, `y`, `z` m, `qw`, `qx`, `qy`, `qz` body to world |
+| its velocity and rate, world axes | `vx`, `vy` m/s, `wz` rad/s | `vx`, `vy`, `vz` m/s, `wx`, `wy`, `wz` rad/s |
+| force, world axes, N | `fx`, `fy` | `fx`, `fy`, `fz`, all or none |
+| point, body axes, m | `px`, `py`, optional `pz` | `px`, `py`, optional `pz`, where there is a force |
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from runner.errors import RecordingError
+from runner.recording.data import Float, Form
+
+METRES, SPEEDS, RATES = ("x", "y", "z"), ("vx", "vy", "vz"), ("wx", "wy", "wz")
+QUATERNION, FORCE, POINT = ("qw", "qx", "qy", "qz"), ("fx", "fy", "fz"), ("px", "py", "pz")
+POSE = {Form.PLANAR: ("x", "y", "yaw"), Form.SPATIAL: (*METRES, *QUATERNION)}
+TWIST = {Form.PLANAR: ("vx", "vy", "wz"), Form.SPATIAL: (*SPEEDS, *RATES)}
+REQUIRED = {
+    Form.PLANAR: ("episode", "t", *POSE[Form.PLANAR], *TWIST[Form.PLANAR], "fx", "fy", "px", "py"),
+    Form.SPATIAL: ("episode", "t", *POSE[Form.SPATIAL], *TWIST[Form.SPATIAL]),
+}
+OPTIONAL = {Form.PLANAR: ("pz",), Form.SPATIAL: (*FORCE, *POINT)}
+UNITS = {"t": "s", "yaw": "rad"}
+UNITS |= dict.fromkeys((*METRES, *POINT), "m") | dict.fromkeys(SPEEDS, "m/s") | dict.fromkeys(RATES, "rad/s")
+UNITS |= dict.fromkeys(FORCE, "N")
+KNOWN = {name for form in Form for name in (*REQUIRED[form], *OPTIONAL[form])}
+WORDS = {"pos": "", "position": "", "vel": "v", "velocity": "v", "force": "f", "point": "p", "quat": "q"}
+SYNONYMS = {word + axis: short + axis for axis in "wxyz" for word, short in WORDS.items()}
+SYNONYMS |= dict.fromkeys(("time", "timestamp"), "t") | dict.fromkeys(("run", "trial", "episodeid"), "episode")
+SYNONYMS |= dict.fromkeys(("theta", "psi", "heading"), "yaw") | dict.fromkeys(("omega", "omegaz", "yawrate"), "wz")
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of numbers, all of one length, that know their file.
+
+    Args:
+        path: The file.
+        columns: By name, each of shape (N,).
+        lines: Line of each row in a text file, shape (N,); None for Parquet.
+        extra: Columns that are not part of the format; they are not read.
+        notes: What was odd, one sentence each.
+    """
+
+    path: Path
+    columns: Mapping[str, Float]
+    lines: list[int] | None = None
+    extra: tuple[str, ...] = ()
+    notes: list[str] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self.columns["t"])
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.columns
+
+    def __getitem__(self, name: str) -> Float:
+        return self.columns[name]
+
+    def stack(self, names: Iterable[str]) -> Float:
+        """Return the named columns side by side, shape (N, K)."""
+        return np.stack([self.columns[name] for name in names], axis=1)
+
+    def error(self, text: str, row: int | None = None) -> RecordingError:
+        """Return an error that names the file and, for a row from 0, its number from 1, its episode and its time."""
+        if row is None:
+            return RecordingError(f"{self.path}: {text}")
+        place = _place(row, self.lines)
+        if {"episode", "t"} <= self.columns.keys():
+            place += f" (episode {self['episode'][row]:g}, t = {self['t'][row]:.6g} s)"
+        return RecordingError(f"{self.path}: {place}: {text}")
+
+
+def read_table(path: Path) -> tuple[Table, Form]:
+    """Return the columns of a `.parquet` or `.csv` file, and which form they are.
+
+    Raises:
+        RecordingError: If the file can't be read, has no rows, a column is missing or there twice or seems to be
+            misspelt, or a value is no number.
+    """
+    raw = _csv(path) if path.suffix == ".csv" else _parquet(path)
+    header = raw.header
+    form = _form(header)
+    _check_header(path, header, form)
+    if not raw.count:
+        raise RecordingError(f"{path}: has no rows; at least three samples of one episode are needed.")
+    names = [name for name in (*REQUIRED[form], *OPTIONAL[form]) if name in header]
+    columns = {name: _numbers(path, name, raw.columns[header.index(name)], raw.lines) for name in names}
+    extra = tuple(name for name in header if name not in names and not name.startswith("__index_level_"))
+    notes = [f"not part of the {form} form and not used: {', '.join(map(repr, extra))}"] if extra else []
+    return Table(path, columns, raw.lines, extra, notes), form
+
+
+@dataclass(frozen=True)
+class _Raw:
+    """What stands in a file, before it is numbers."""
+
+    header: list[str]
+    columns: list[pa.ChunkedArray | tuple[str, ...]]
+    count: int
+    lines: list[int] | None
+
+
+def _parquet(path: Path) -> _Raw:
+    try:
+        with pq.ParquetFile(path) as file:
+            content = file.read()
+    except (pa.ArrowException, OSError) as error:
+        raise RecordingError(f"{path}: can't be read as Parquet: {' '.join(str(error).split())}") from None
+    return _Raw(list(content.column_names), list(content.columns), content.num_rows, None)
+
+
+def _csv(path: Path) -> _Raw:
+    """Blank lines are skipped."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.reader(file, strict=True)
+            header = [name.strip() for name in next(reader, [])]
+            numbered = [(reader.line_num, row) for row in reader if row]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise RecordingError(f"{path}: can't be read as CSV: {error}.") from None
+    if not header:
+        raise RecordingError(f"{path}: is empty; the first line must name the columns.")
+    if len(header) == 1 and re.search(r"[;\t|]", header[0]):
+        raise RecordingError(f"{path}: columns must be separated by commas, got {header[0][:40]!r}.")
+    lines = [line for line, _ in numbered]
+    for k, (_, row) in enumerate(numbered):
+        if len(row) != len(header):
+            text = f"has {len(row)} values, the header names {len(header)} columns"
+            raise RecordingError(f"{path}: {_place(k, lines)}: {text}.")
+    return _Raw(header, list(zip(*(row for _, row in numbered), strict=True)), len(lines), lines)
+
+
+def _numbers(path: Path, name: str, column: pa.ChunkedArray | tuple[str, ...], lines: list[int] | None) -> Float:
+    return _from_text(path, name, column, lines) if isinstance(column, tuple) else _from_arrow(path, name, column)
+
+
+def _from_text(path: Path, name: str, values: Sequence[str], lines: list[int] | None) -> Float:
+    """Return numbers; an empty cell is NaN."""
+    try:
+        return np.array([value.strip() or "nan" for value in values], dtype=np.float64)
+    except ValueError:
+        pass
+    for row, value in enumerate(values):
+        try:
+            float(value.strip() or "nan")
+        except ValueError:
+            raise RecordingError(
+                f"{path}: {_place(row, lines)}: column '{name}' must be a number{_unit(name)}, got {value!r}."
+            ) from None
+    raise AssertionError("NumPy and Python disagree on what a number is")
+
+
+def _from_arrow(path: Path, name: str, column: pa.ChunkedArray) -> Float:
+    """Return numbers; null is NaN. Text is taken if all of it is numbers."""
+    if pa.types.is_dictionary(column.type):
+        column = column.cast(column.type.value_type)
+    kind = column.type
+    if pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind):
+        return _from_text(path, name, [value or "" for value in column.to_pylist()], None)
+    if pa.types.is_null(kind):
+        return np.full(len(column), np.nan)
+    if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
+        raise RecordingError(f"{path}: column '{name}' must be numbers{_unit(name)}, it holds {kind}.")
+    return np.array(column.cast(pa.float64(), safe=False).to_numpy(), dtype=np.float64)
+
+
+def _form(header: list[str]) -> Form:
+    """Return the form that the names are nearest to: a quaternion decides, then `yaw`, then how many are there."""
+    plain = {_plain(name) for name in header}
+    if plain & set(QUATERNION):
+        return Form.SPATIAL
+    share = {form: len(plain & set(REQUIRED[form])) / len(REQUIRED[form]) for form in Form}
+    return Form.PLANAR if "yaw" in plain or share[Form.PLANAR] >= share[Form.SPATIAL] else Form.SPATIAL
+
+
+def _check_header(path: Path, header: list[str], form: Form) -> None:
+    for name in header:
+        if header.count(name) > 1:
+            raise RecordingError(f"{path}: column '{name}' is there {header.count(name)} times, allowed: once.")
+    required = list(REQUIRED[form])
+    if form is Form.SPATIAL and set(header) & {*FORCE, *POINT}:
+        required += [*FORCE, "px", "py"]
+    unknown = [name for name in header if name not in KNOWN]
+    missing = [name for name in required if name not in header]
+    if missing:
+        near = {name: _lookalike(name, unknown) for name in missing}
+        renames = ", ".join(f"'{found}' -> '{name}'" for name, found in near.items() if found)
+        hint = f" Rename {renames}?" if renames else f" Found: {', '.join(map(repr, header))}."
+        names = ", ".join(f"'{name}'{_bracket(name)}" for name in missing)
+        needs = f"the {form} form needs {', '.join(required)}"
+        raise RecordingError(f"{path}: missing column{'s' * (len(missing) > 1)} {names}; {needs}.{hint}")
+    for name in OPTIONAL[form]:
+        found = None if name in header else _lookalike(name, unknown)
+        if found:
+            raise RecordingError(
+                f"{path}: unknown column '{found}'. Did you mean '{name}'{_bracket(name)}? Rename it, or take it out."
+            )
+
+
+def _lookalike(name: str, unknown: Iterable[str]) -> str | None:
+    """Return the unknown column that is probably meant to be `name`."""
+    for other in unknown:
+        plain = _plain(other)
+        close = len(name) > 2 and difflib.SequenceMatcher(None, name, plain).ratio() >= 0.75
+        if plain == name or SYNONYMS.get(plain) == name or close:
+            return other
+    return None
+
+
+def _plain(name: str) -> str:
+    """Return a column name without case, unit and punctuation: `Vx [m/s]`, `v_x` and `vx_m_s` are `vx`."""
+    name = re.sub(r"[\[(].*$", "", name.strip().lower()).strip()
+    name = re.sub(r"[ _.](mm|cm|m|ms|s|rad|deg|n)([ _/](s|sec))?$", "", name)
+    return re.sub(r"[^a-z0-9]", "", name)
+
+
+def _place(row: int, lines: list[int] | None) -> str:
+    return f"data row {row + 1}" + (f", line {lines[row]}" if lines is not None else "")
+
+
+def _unit(name: str) -> str:
+    return f" in {UNITS[name]}" if name in UNITS else ""
+
+
+def _bracket(name: str) -> str:
+    return f" [{UNITS[name]}]" if name in UNITS else ""

@@ -1,0 +1,212 @@
+"""Hints at other units and axes: what a body of this size and weight can't do, and poses that contradict velocities.
+
+Two independent looks. Displacement must be the integral of velocity, and turning that of the rate: their ratio tells
+millimetres and degrees, whatever the scene. If both are in the same wrong unit, the scene tells: a body on a floor
+gains or loses speed by (|force| / mass + friction x gravity) at most, and likewise for turning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from runner.recording.data import Float, Form, Nominal
+from runner.recording.table import METRES, POINT, POSE, QUATERNION, RATES, SPEEDS, TWIST, Table
+
+TRAVEL_HALF_SIZES = 1e3
+POINT_HALF_SIZES = 50.0
+FROUDE = 30.0  # speed / sqrt(gravity x half size); tossed and pushed objects stay below 3
+SPEED_UP, SPIN_UP = 20.0, 6.0  # times what the scene allows; practice: below 1
+BLOCK_S = 0.1  # velocities are averaged over this, against noise
+CORRELATED = 0.9
+RATIO_SHARE = 0.1
+NOTED_RATIO = 1.25
+DEGREE = np.rad2deg(1.0)
+LENGTH_UNITS = {
+    1000.0: "{pose} in mm (or {twist} in km/s)",
+    100.0: "{pose} in cm",
+    0.001: "{twist} in mm/s (or {pose} in km)",
+    0.01: "{twist} in cm/s",
+    1 / 3.6: "{twist} in km/h",
+}
+ANGLE_UNITS = {
+    DEGREE: "{pose} in degrees",
+    1 / DEGREE: "{twist} in degrees/s",
+    2 * np.pi: "{twist} in turns/s",
+    1 / (2 * np.pi): "{pose} in turns",
+    np.pi / 30: "{twist} in turns per minute",
+}
+
+
+@dataclass(frozen=True)
+class _Agreement:
+    """Displacement against the integral of velocity, all episodes together."""
+
+    correlation: float
+    ratio: float  # displacement / integral, > 0
+    unexplained: float  # share of the displacement that the integral leaves
+
+
+def check_units(table: Table, spans: list[slice], nominal: Nominal, form: Form) -> None:
+    """Refuse numbers that are probably in other units or axes than the format's; doubts become notes.
+
+    Raises:
+        RecordingError: Naming file, row (where one stands out), column, value, and the probable unit.
+    """
+    _check_poses_against_velocities(table, spans, nominal, form)
+    _check_sizes(table, spans, nominal, form)
+    if form is Form.PLANAR:
+        _check_dynamics(table, spans, nominal)
+
+
+def _check_sizes(table: Table, spans: list[slice], nominal: Nominal, form: Form) -> None:
+    size = max(nominal.half_size_m)
+    for name in (name for name in POSE[form] if name in METRES):
+        for span in spans:
+            values = table[name][span]
+            row, travel = _peak(values - values[np.argmax(np.isfinite(values))])
+            if travel > TRAVEL_HALF_SIZES * size:
+                raise table.error(
+                    f"column '{name}' is {values[row]:.6g} m, {travel / size:.3g} half sizes from the episode's start, "
+                    f"allowed: {TRAVEL_HALF_SIZES:g}; probably in mm.",
+                    row + int(span.start),
+                )
+    speed = FROUDE * float(np.sqrt(nominal.gravity_m_s2 * size))
+    limits = [(name, speed, "m/s", "mm/s") for name in SPEEDS]
+    limits += [(name, speed / size, "rad/s", "degrees/s") for name in RATES]
+    limits += [(name, POINT_HALF_SIZES * size, "m", "mm") for name in POINT]
+    for name, most, unit, other in (limit for limit in limits if limit[0] in table):
+        row, peak = _peak(table[name])
+        if peak > most:
+            raise table.error(
+                f"column '{name}' is {table[name][row]:.6g} {unit}, allowed for a body of half size {size:g} m: up to "
+                f"{most:.3g} {unit}; probably in {other}.",
+                row,
+            )
+
+
+def _peak(values: Float) -> tuple[int, float]:
+    """Return where the largest magnitude is, and how large; NaN counts as 0."""
+    sizes = np.nan_to_num(np.abs(values))
+    row = int(np.argmax(sizes))
+    return row, float(sizes[row])
+
+
+def _check_poses_against_velocities(table: Table, spans: list[slice], nominal: Nominal, form: Form) -> None:
+    used = (*POSE[form], *TWIST[form])
+    parts = [{name: table[name][span] for name in used} for span in spans]
+    paths = [_paths(part, form, 1 / nominal.rate_hz) for part in parts if not np.isnan(list(part.values())).any()]
+    if not paths:
+        return
+    moved, moved_body, speeds, turned, turned_body, rates = zip(*paths, strict=True)
+    planar = form is Form.PLANAR
+    names = ("'x', 'y'", "'vx', 'vy'") if planar else ("'x', 'y', 'z'", "'vx', 'vy', 'vz'")
+    _judge(table, _agreement(moved, speeds), _agreement(moved_body, speeds), names, LENGTH_UNITS)
+    names = ("'yaw'", "'wz'") if planar else ("'qw', 'qx', 'qy', 'qz'", "'wx', 'wy', 'wz'")
+    _judge(table, _agreement(turned, rates), _agreement(turned_body, rates), names, ANGLE_UNITS)
+
+
+def _paths(part: dict[str, Float], form: Form, step_s: float) -> tuple[Float, Float, Float, Float, Float, Float]:
+    """Return way in world and body axes, integral of velocity, and the same of turning; each of shape (T - 1, 3)."""
+    zero = np.zeros_like(part["x"])
+    where, speeds, rates = (
+        np.stack([part.get(name, zero) for name in names], axis=1) for names in (METRES, SPEEDS, RATES)
+    )
+    turn = _orientation(part, form)
+    moves = np.diff(where, axis=0)
+    turns = (
+        np.diff(part["yaw"])[:, None] * [0.0, 0.0, 1.0]
+        if form is Form.PLANAR
+        else (turn[1:] * turn[:-1].inv()).as_rotvec()
+    )
+    back = turn[:-1].inv()
+    steps = (moves, back.apply(moves), _means(speeds) * step_s, turns, back.apply(turns), _means(rates) * step_s)
+    way, way_body, way_due, angle, angle_body, angle_due = (np.cumsum(step, axis=0) for step in steps)
+    return way, way_body, way_due, angle, angle_body, angle_due
+
+
+def _means(values: Float) -> Float:
+    """Return the mean of each two neighbours (trapezoid rule)."""
+    return (values[1:] + values[:-1]) / 2
+
+
+def _orientation(part: dict[str, Float], form: Form) -> Rotation:
+    if form is Form.PLANAR:
+        return Rotation.from_rotvec(part["yaw"][:, None] * [0.0, 0.0, 1.0])
+    qw, qx, qy, qz = (part[name] for name in QUATERNION)
+    return Rotation.from_quat(np.stack([qx, qy, qz, qw], axis=1))
+
+
+def _agreement(moved: Sequence[Float], integrals: Sequence[Float]) -> _Agreement | None:
+    """Return how displacement follows the integral of velocity, each less its mean over the episode."""
+    d = np.concatenate([(m - m.mean(axis=0)).ravel() for m in moved])
+    i = np.concatenate([(m - m.mean(axis=0)).ravel() for m in integrals])
+    dd, ii = float(d @ d), float(i @ i)
+    if dd == 0 or ii == 0:
+        return None
+    return _Agreement(float(d @ i) / np.sqrt(dd * ii), np.sqrt(dd / ii), float(np.sum((d - i) ** 2)) / dd)
+
+
+def _judge(
+    table: Table, world: _Agreement | None, body: _Agreement | None, names: tuple[str, str], units: dict[float, str]
+) -> None:
+    if world is None or body is None:
+        return
+    pose, twist = names
+    if body.correlation > CORRELATED and body.unexplained < 0.2 * world.unexplained and world.correlation < 0.7:
+        raise table.error(f"{twist} agree with {pose} in body axes, not in world axes; allowed: world axes.")
+    if world.correlation < -CORRELATED:
+        raise table.error(f"{pose} and {twist} have opposite signs; allowed: right-handed axes, z up.")
+    if world.correlation < CORRELATED:
+        return
+    ratio = f"{pose} change {world.ratio:.4g} times as much as {twist} say"
+    for factor, text in units.items():
+        if abs(world.ratio / factor - 1) < RATIO_SHARE:
+            raise table.error(f"{ratio}, allowed: about 1; probably {text.format(pose=pose, twist=twist)}.")
+    if abs(np.log(world.ratio)) > np.log(NOTED_RATIO):
+        table.notes.append(ratio)
+
+
+def _check_dynamics(table: Table, spans: list[slice], nominal: Nominal) -> None:
+    """Compare changes of speed and of rate with what force and friction can do."""
+    mass, gravity = nominal.mass_kg, nominal.gravity_m_s2
+    inertia = nominal.yaw_inertia_kg_m2
+    grip = (nominal.friction + 0.1) * gravity  # m/s2, with something to spare where the floor is slippery
+    lever = float(np.hypot(*nominal.half_size_m[:2]))
+    x, y = table["fx"], table["fy"]
+    c, s = np.cos(table["yaw"]), np.sin(table["yaw"])
+    torque = table["px"] * (c * y - s * x) - table["py"] * (c * x + s * y)
+    speed_up, spin_up = [], []
+    for span in spans:
+        block = max(1, min(round(BLOCK_S * nominal.rate_hz), (span.stop - span.start) // 2))
+        block_s = block / nominal.rate_hz
+        force = _pairs(np.hypot(x, y)[span], block)
+        moment = _pairs(np.abs(torque[span]), block)
+        speed = np.hypot(_changes(table["vx"][span], block), _changes(table["vy"][span], block))
+        speed_up.append(speed / ((force / mass + grip) * block_s))
+        spin = np.abs(_changes(table["wz"][span], block))
+        spin_up.append(spin / ((moment + mass * grip * lever) / inertia * block_s))
+    for ratios, most, names, unit in (
+        (speed_up, SPEED_UP, "'vx', 'vy'", "'x', 'y' and 'vx', 'vy' are probably in mm and mm/s"),
+        (spin_up, SPIN_UP, "'wz'", "'yaw' and 'wz' are probably in degrees and degrees/s"),
+    ):
+        ratio = float(np.percentile(np.concatenate(ratios), 99))
+        if ratio > most:
+            text = f"{names} change {ratio:.3g} times as fast as force and friction can do it, allowed: {most:g}"
+            raise table.error(f"{text}; {unit}.")
+
+
+def _changes(values: Float, block: int) -> Float:
+    """Return the changes between the means of successive blocks."""
+    count = len(values) // block
+    return np.diff(values[: count * block].reshape(count, block).mean(axis=1))
+
+
+def _pairs(values: Float, block: int) -> Float:
+    """Return the means over each two successive blocks."""
+    count = len(values) // block
+    means = values[: count * block].reshape(count, block).mean(axis=1)
+    return (means[1:] + means[:-1]) / 2
