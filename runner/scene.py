@@ -38,6 +38,13 @@ class Contact(Enum):
     corners = "corners"
 
 
+class Base(Enum):
+    """Which part of the base bears under the compiled law: all of it evenly, or its four corners."""
+
+    even = "even"
+    corners = "corners"
+
+
 @dataclass(frozen=True)
 class SceneConfig:
     """What all bodies share: `timestep_s`, gravity, the kind of motion and of contact.
@@ -74,6 +81,7 @@ class BodyConfig:
     half_size_m: tuple[float, float, float] = (0.5, 0.5, 0.5)
     com_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     inertia_kg_m2: tuple[float, float, float] | None = None
+    base: Base = Base.even
 
     def __post_init__(self) -> None:
         check_range("mass_kg", self.mass_kg, 0.0, 1e6, unit="kg", lower_open=True)
@@ -213,7 +221,9 @@ def build(scene: SceneConfig, bodies: Mapping[str, BodyConfig]) -> mjcf.RootElem
 def _add_body(root: mjcf.RootElement, scene: SceneConfig, name: str, body: BodyConfig, push_adr: int) -> None:
     hx, hy, hz = body.half_size_m
     joints = law.FREE if scene.dof is Dof.free else law.PLANAR if scene.contact is Contact.patch else law.UPRIGHT
-    points = law.base_points(hx, hy, scene.grid) if scene.contact is Contact.patch else np.empty((0, law.POINT_STRIDE))
+    points = np.empty((0, law.POINT_STRIDE))
+    if scene.contact is Contact.patch:
+        points = law.base_points(hx, hy, scene.grid) if body.base is Base.even else law.corner_points(hx, hy)
     record = law.LawBody(joints=joints, push_adr=push_adr, base_z=-hz, mu=body.friction)
     z = hz if joints == law.PLANAR else hz - _penetration_m(scene)
     # simple="false": MuJoCo must not take the CoM for fixed at the frame, as it may move at run time

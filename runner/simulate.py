@@ -1,0 +1,197 @@
+"""Open-loop simulation of a recording: its commands through the believed model, with or without effects.
+
+Everything runs in `mujoco.rollout` on all cores: a batch of models (one per set of effects) and start states, under
+the commands of one episode. Effects outside the engine change the command before and the measurement after.
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+from mujoco import rollout
+
+from runner import law
+from runner.effects.base import AbstractEffect, Context, Motion, Target
+from runner.errors import RecordingError
+from runner.recording import Episode, Form, Nominal, Recording
+from runner.recording import Contact as BearsOn
+from runner.scene import Base, BodyConfig, Dof, SceneConfig, build
+
+Effects = tuple[AbstractEffect, ...]
+
+OBJECT = "object"
+STEP_RATE_HZ = 120.0  # at least so many physics steps a second
+FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS.value
+USERDATA = mujoco.mjtState.mjSTATE_USERDATA.value
+
+
+@dataclass(frozen=True)
+class Run:
+    """One open-loop simulation: effects, and the state that it starts from, (6,): x, y, yaw, vx, vy, wz."""
+
+    effects: Effects
+    start: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Compiled:
+    """A model with its structural elements, holding the nominal numbers."""
+
+    model: mujoco.MjModel
+    body_id: int
+    data: tuple[mujoco.MjData, ...]  # one per thread
+
+
+def body_of(nominal: Nominal) -> BodyConfig:
+    """Return the box that the owner of a recording believes in."""
+    inertia = nominal.inertia_kg_m2
+    if isinstance(inertia, float | int):
+        # only the yaw inertia is known; the others don't move a planar body
+        inertia = (float(inertia),) * 3
+    return BodyConfig(
+        mass_kg=nominal.mass_kg,
+        friction=nominal.friction,
+        half_size_m=nominal.half_size_m,
+        com_m=nominal.com_m or (0.0, 0.0, 0.0),
+        inertia_kg_m2=inertia,
+        base=Base.corners if nominal.contact is BearsOn.CORNERS else Base.even,
+    )
+
+
+def context_of(recording: Recording) -> Context:
+    """Return what effects may know of a recording: the believed body, and where and how hard it was pushed."""
+    place = np.concatenate([e.pose[:, :2] for e in recording.episodes])
+    low, high = np.nanmin(place, axis=0), np.nanmax(place, axis=0)
+    force = max(float(np.nanmax(np.linalg.norm(e.force_n, axis=1), initial=0.0)) for e in recording.episodes)
+    nominal = recording.nominal
+    return Context(
+        mass_kg=nominal.mass_kg,
+        friction=nominal.friction,
+        half_size_m=nominal.half_size_m,
+        gravity_m_s2=nominal.gravity_m_s2,
+        centre_m=(float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2),
+        reach_m=max(float(np.max(high - low)) / 2, max(nominal.half_size_m)),
+        force_n=max(force, 1e-6),
+    )
+
+
+@dataclass
+class Simulator:
+    """Simulates the episodes of a planar recording.
+
+    Args:
+        recording: The case.
+        step_rate_hz: At least so many physics steps a second; a whole number of them per sample.
+        grid: Base points along each edge.
+        threads: For the rollouts; None: one per core.
+
+    Raises:
+        RecordingError: If the recording is not planar.
+    """
+
+    recording: Recording
+    step_rate_hz: float = STEP_RATE_HZ
+    grid: int = 6
+    threads: int | None = None
+    steps_per_sample: int = field(init=False)
+    step_s: float = field(init=False)
+    simulated_s: float = field(init=False, default=0.0)  # how much has been simulated so far, for benchmarks
+
+    def __post_init__(self) -> None:
+        if self.recording.form is not Form.PLANAR:
+            raise RecordingError(f"{self.recording.path}: only planar recordings (x, y, yaw) can be replayed.")
+        rate = self.recording.nominal.rate_hz
+        self.steps_per_sample = max(1, int(np.ceil(self.step_rate_hz / rate - 1e-9)))
+        self.step_s = 1.0 / rate / self.steps_per_sample
+        self._threads = self.threads or len(os.sched_getaffinity(0))
+        self._pool = rollout.Rollout(nthread=self._threads if self._threads > 1 else 0)
+        self._compiled: dict[tuple[type[AbstractEffect], ...], _Compiled] = {}
+        self._commands = [self._columns(e) for e in self.recording.episodes]
+
+    def mjcf(self, effects: Effects) -> mjcf.RootElement:
+        """Return the MJCF of the believed body with the elements that structural effects add."""
+        scene = SceneConfig(
+            dof=Dof.planar,
+            timestep_s=self.step_s,
+            gravity_m_s2=self.recording.nominal.gravity_m_s2,
+            grid=self.grid,
+        )
+        root = build(scene, {OBJECT: body_of(self.recording.nominal)})
+        for effect in effects:
+            effect.edit_mjcf(root, OBJECT)
+        return root
+
+    def model(self, effects: Effects) -> mujoco.MjModel:
+        """Return the compiled model with these effects in it."""
+        base = self._base(effects)
+        model = copy.copy(base.model)
+        target = Target(model, base.body_id, base.data[0])
+        for effect in effects:
+            effect.edit_model(target)
+        return model
+
+    def _base(self, effects: Effects) -> _Compiled:
+        key = tuple(type(e) for e in effects if e.structural)
+        if key not in self._compiled:
+            root = self.mjcf(effects)
+            model = mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
+            data = tuple(mujoco.MjData(model) for _ in range(max(self._threads, 1)))
+            self._compiled[key] = _Compiled(model, model.body(OBJECT).id, data)
+        return self._compiled[key]
+
+    def _columns(self, episode: Episode) -> np.ndarray:
+        """Commands over physics steps, (n, 12); the last sample's command has no time to act."""
+        from runner.scene import push_columns
+
+        columns = push_columns(episode.force_n, episode.point_m)[:-1]
+        return np.repeat(np.nan_to_num(columns), self.steps_per_sample, axis=0)
+
+    def predict(self, episode: int, runs: Sequence[Run]) -> np.ndarray:
+        """Return what would be measured at the samples of an episode, (len(runs), T, 6): pose, then twist."""
+        t_s = self.recording.episodes[episode].t_s - self.recording.episodes[episode].t_s[0]
+        out = np.empty((len(runs), len(t_s), 6))
+        groups: dict[tuple[type[AbstractEffect], ...], list[int]] = {}
+        for i, run in enumerate(runs):
+            groups.setdefault(tuple(type(e) for e in run.effects if e.structural), []).append(i)
+        for members in groups.values():
+            self._predict(episode, [runs[i] for i in members], t_s, out, members)
+        return out
+
+    def _predict(self, episode: int, runs: Sequence[Run], t_s: np.ndarray, out: np.ndarray, rows: list[int]) -> None:
+        base = self._base(runs[0].effects)
+        command = self._commands[episode]
+        n = len(command)
+        known: dict[Effects, tuple[mujoco.MjModel, np.ndarray]] = {}
+        models, control = [], np.zeros((len(runs), n, law.USERDATA_SIZE))
+        start = np.zeros((len(runs), mujoco.mj_stateSize(base.model, FULL)))
+        for i, run in enumerate(runs):
+            if run.effects not in known:
+                columns = command
+                for effect in run.effects:
+                    columns = effect.edit_command(columns, self.step_s)
+                known[run.effects] = self.model(run.effects), columns
+            model, columns = known[run.effects]
+            models.append(model)
+            control[i, :, : law.PUSH_SIZE] = columns
+            start[i, 1:7] = run.start
+        state, _ = self._pool.rollout(
+            models, list(base.data), start, control, control_spec=USERDATA, chunk_size=1
+        )
+        self.simulated_s += n * self.step_s * len(runs)
+        sampled = state[:, self.steps_per_sample - 1 :: self.steps_per_sample, 1:7]
+        motion = np.concatenate([start[:, None, 1:7], sampled], axis=1)
+        # MuJoCo's step is q += h v(end); the trapezoid of the same velocities is second order
+        motion[:, :, :3] -= 0.5 * self.step_s * (motion[:, :, 3:] - motion[:, :1, 3:])
+        for effects in known:
+            which = [i for i, run in enumerate(runs) if run.effects == effects]
+            measured = Motion(t_s, motion[which, :, :3], motion[which, :, 3:])
+            for effect in effects:
+                measured = effect.edit_measurement(measured)
+            target = [rows[i] for i in which]
+            out[target, :, :3], out[target, :, 3:] = measured.pose, measured.twist
