@@ -1,0 +1,42 @@
+# `make run` and `make test` need python3 (3.11 or 3.12) and nothing else: both first build .venv from the pins
+# in constraints.txt when it is missing or older than them.
+
+export MUJOCO_GL ?= disable
+export PIP_DISABLE_PIP_VERSION_CHECK = 1
+
+BIN := .venv/bin
+STAMP := .venv/.built-from-pins
+FITS := import sys; raise SystemExit(not (3, 11) <= sys.version_info < (3, 13))
+ARGS ?=
+
+.PHONY: run test check venv clean
+
+run: $(STAMP)  ## The published experiment; other commands: make run ARGS="gap examples/..."
+	@$(BIN)/python -m runner $(ARGS)
+
+test: $(STAMP) check  ## Style, types, tests
+	@$(BIN)/python -m pytest
+
+check: $(STAMP)
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/pyright
+
+venv: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt
+	@for python in $(PYTHON) python3 python3.12 python3.11; do \
+		if $$python -c '$(FITS)' 2>/dev/null; then \
+			echo "Building .venv with $$($$python --version) from constraints.txt ..." && \
+			$$python -m venv --clear .venv && \
+			$(BIN)/pip install --quiet --constraint constraints.txt setuptools hatchling editables && \
+			$(BIN)/pip install --quiet --constraint constraints.txt --no-build-isolation --editable '.[test]' && \
+			$(BIN)/pip check --quiet && touch $(STAMP) && exit 0; \
+			exit 1; \
+		fi; \
+	done; \
+	echo "runner needs Python 3.11 or 3.12 as python3, python3.12 or python3.11 (or make PYTHON=/path/to/python)." >&2; \
+	exit 1
+
+clean:
+	rm -rf .venv build dist .pytest_cache .ruff_cache .hypothesis
