@@ -23,6 +23,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
+import operator
 import re
 import types
 import typing
@@ -94,11 +95,11 @@ def _schema_type(hint: Any, where: str) -> Any:
         parts = tuple(_schema_type(a, where) for a in args)
         if typing.Any in parts:
             return Any
-        return typing.Union[parts]  # noqa: UP007 (built from a tuple)
+        return functools.reduce(operator.or_, parts)
     if origin is tuple:
-        return tuple[tuple(a if a is Ellipsis else _schema_type(a, where) for a in args)]  # type: ignore[misc]
+        return types.GenericAlias(tuple, tuple(a if a is Ellipsis else _schema_type(a, where) for a in args))
     if origin in (list, dict):
-        return origin[tuple(_schema_type(a, where) for a in args)]
+        return types.GenericAlias(origin, tuple(_schema_type(a, where) for a in args))
     if inspect.isclass(hint) and dataclasses.is_dataclass(hint) and not _is_abstract(hint):
         return schema(hint)
     if hint in (int, float, str, bool, bytes, Path, type(None), Any):
