@@ -155,7 +155,7 @@ def check_yaw(table: Table, spans: list[slice]) -> None:
         sizes = np.pad(np.abs(jumps), 1)
         around = np.maximum(sizes[:-2], sizes[2:])
         for turn, slack, unit in ((2 * np.pi, 0.5, "rad"), (360.0, 30.0, "degrees; allowed: rad")):
-            wraps = (np.abs(sizes[1:-1] - turn) < slack) & (around < turn / 2)
+            wraps = (np.abs(sizes[1:-1] - turn) < slack) & (around < turn / 4)
             if wraps.any():
                 k = int(np.argmax(wraps))
                 raise table.error(

@@ -78,9 +78,9 @@ class _Loader(yaml.SafeLoader):
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
         keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for key, (key_node, _) in zip(keys, node.value, strict=True):
-            if keys.count(key) > 1:
-                raise yaml.MarkedYAMLError(problem=f"key '{key}' is given twice", problem_mark=key_node.start_mark)
+        for k, (key_node, _) in enumerate(node.value):
+            if keys[k] in keys[:k]:
+                raise yaml.MarkedYAMLError(problem=f"key '{keys[k]}' is given twice", problem_mark=key_node.start_mark)
         return super().construct_mapping(node, deep=deep)
 
 

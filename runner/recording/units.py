@@ -22,8 +22,10 @@ FROUDE = 30.0  # speed / sqrt(gravity x half size); tossed and pushed objects st
 SPEED_UP, SPIN_UP = 20.0, 6.0  # times what the scene allows; practice: below 1
 BLOCK_S = 0.1  # velocities are averaged over this, against noise
 CORRELATED = 0.9
+WORLD_UNEXPLAINED, BODY_SHARE = 0.1, 0.2  # velocities are in body axes if those leave this much less unexplained
 RATIO_SHARE = 0.1
 NOTED_RATIO = 1.25
+LEAST_HALF_SIZES, LEAST_RAD = 0.05, 0.1  # less movement than this says nothing about signs and axes
 DEGREE = np.rad2deg(1.0)
 LENGTH_UNITS = {
     1000.0: "{pose} in mm (or {twist} in km/s)",
@@ -48,6 +50,7 @@ class _Agreement:
     correlation: float
     ratio: float  # displacement / integral, > 0
     unexplained: float  # share of the displacement that the integral leaves
+    moved: float  # rms displacement, as given: m or rad
 
 
 def check_units(table: Table, spans: list[slice], nominal: Nominal, form: Form) -> None:
@@ -98,15 +101,46 @@ def _peak(values: Float) -> tuple[int, float]:
 def _check_poses_against_velocities(table: Table, spans: list[slice], nominal: Nominal, form: Form) -> None:
     used = (*POSE[form], *TWIST[form])
     parts = [{name: table[name][span] for name in used} for span in spans]
-    paths = [_paths(part, form, 1 / nominal.rate_hz) for part in parts if not np.isnan(list(part.values())).any()]
-    if not paths:
+    parts = [part for part in parts if not np.isnan(list(part.values())).any()]
+    if not parts:
         return
+    paths = [_paths(part, form, 1 / nominal.rate_hz) for part in parts]
     moved, moved_body, speeds, turned, turned_body, rates = zip(*paths, strict=True)
     planar = form is Form.PLANAR
+    if not planar:
+        _check_quaternion_meaning(table, parts, 1 / nominal.rate_hz)
     names = ("'x', 'y'", "'vx', 'vy'") if planar else ("'x', 'y', 'z'", "'vx', 'vy', 'vz'")
-    _judge(table, _agreement(moved, speeds), _agreement(moved_body, speeds), names, LENGTH_UNITS)
+    _judge(
+        table,
+        _agreement(moved, speeds),
+        _agreement(moved_body, speeds),
+        names,
+        LENGTH_UNITS,
+        LEAST_HALF_SIZES * max(nominal.half_size_m),
+    )
     names = ("'yaw'", "'wz'") if planar else ("'qw', 'qx', 'qy', 'qz'", "'wx', 'wy', 'wz'")
-    _judge(table, _agreement(turned, rates), _agreement(turned_body, rates), names, ANGLE_UNITS)
+    _judge(table, _agreement(turned, rates), _agreement(turned_body, rates), names, ANGLE_UNITS, LEAST_RAD)
+
+
+def _check_quaternion_meaning(table: Table, parts: list[dict[str, Float]], step_s: float) -> None:
+    """Refuse quaternions that follow the rates only when read in another order or direction."""
+
+    def unexplained(order: tuple[str, ...], sign: float) -> float:
+        paths = []
+        for part in parts:
+            qw, qx, qy, qz = (part[name] for name in order)
+            # -w: the conjugate, but for the sign of all four
+            paths.append(_paths(part | {"qw": sign * qw, "qx": qx, "qy": qy, "qz": qz}, Form.SPATIAL, step_s))
+        agreement = _agreement([path[3] for path in paths], [path[5] for path in paths])
+        return 0.0 if agreement is None else agreement.unexplained
+
+    given = unexplained(QUATERNION, 1.0)
+    for order, sign, text in (
+        (QUATERNION, -1.0, "turn world to body; allowed: body to world"),
+        (("qz", "qw", "qx", "qy"), 1.0, "are stored as x, y, z, w; allowed: w, x, y, z"),
+    ):
+        if given > 0.5 and unexplained(order, sign) < BODY_SHARE * given:
+            raise table.error(f"columns 'qw', 'qx', 'qy', 'qz' agree with 'wx', 'wy', 'wz' if they {text}.")
 
 
 def _paths(part: dict[str, Float], form: Form, step_s: float) -> tuple[Float, Float, Float, Float, Float, Float]:
@@ -147,18 +181,30 @@ def _agreement(moved: Sequence[Float], integrals: Sequence[Float]) -> _Agreement
     dd, ii = float(d @ d), float(i @ i)
     if dd == 0 or ii == 0:
         return None
-    return _Agreement(float(d @ i) / np.sqrt(dd * ii), np.sqrt(dd / ii), float(np.sum((d - i) ** 2)) / dd)
+    return _Agreement(
+        correlation=float(d @ i) / float(np.sqrt(dd * ii)),
+        ratio=float(np.sqrt(dd / ii)),
+        unexplained=float(np.sum((d - i) ** 2)) / dd,
+        moved=float(np.sqrt(dd / len(d))),
+    )
 
 
 def _judge(
-    table: Table, world: _Agreement | None, body: _Agreement | None, names: tuple[str, str], units: dict[float, str]
+    table: Table,
+    world: _Agreement | None,
+    body: _Agreement | None,
+    names: tuple[str, str],
+    units: dict[float, str],
+    least: float,
 ) -> None:
+    """Refuse poses and velocities that contradict each other, in sign and axes only where more than `least` moved."""
     if world is None or body is None:
         return
     pose, twist = names
-    if body.correlation > CORRELATED and body.unexplained < 0.2 * world.unexplained and world.correlation < 0.7:
+    in_body = body.correlation > CORRELATED and body.unexplained < BODY_SHARE * world.unexplained
+    if in_body and world.unexplained > WORLD_UNEXPLAINED and world.moved > least:
         raise table.error(f"{twist} agree with {pose} in body axes, not in world axes; allowed: world axes.")
-    if world.correlation < -CORRELATED:
+    if world.correlation < -CORRELATED and world.moved > least:
         raise table.error(f"{pose} and {twist} have opposite signs; allowed: right-handed axes, z up.")
     if world.correlation < CORRELATED:
         return
@@ -179,10 +225,12 @@ def _check_dynamics(table: Table, spans: list[slice], nominal: Nominal) -> None:
     x, y = table["fx"], table["fy"]
     c, s = np.cos(table["yaw"]), np.sin(table["yaw"])
     torque = table["px"] * (c * y - s * x) - table["py"] * (c * x + s * y)
-    speed_up, spin_up = [], []
+    block = max(1, round(BLOCK_S * nominal.rate_hz))
+    block_s = block / nominal.rate_hz
+    speed_up, spin_up = [np.zeros(1)], [np.zeros(1)]
     for span in spans:
-        block = max(1, min(round(BLOCK_S * nominal.rate_hz), (span.stop - span.start) // 2))
-        block_s = block / nominal.rate_hz
+        if span.stop - span.start < 2 * block:
+            continue
         force = _pairs(np.hypot(x, y)[span], block)
         moment = _pairs(np.abs(torque[span]), block)
         speed = np.hypot(_changes(table["vx"][span], block), _changes(table["vy"][span], block))
@@ -190,7 +238,7 @@ def _check_dynamics(table: Table, spans: list[slice], nominal: Nominal) -> None:
         spin = np.abs(_changes(table["wz"][span], block))
         spin_up.append(spin / ((moment + mass * grip * lever) / inertia * block_s))
     for ratios, most, names, unit in (
-        (speed_up, SPEED_UP, "'vx', 'vy'", "'x', 'y' and 'vx', 'vy' are probably in mm and mm/s"),
+        (speed_up, SPEED_UP, "'vx', 'vy'", "'x', 'y' and 'vx', 'vy' are probably not in m and m/s"),
         (spin_up, SPIN_UP, "'wz'", "'yaw' and 'wz' are probably in degrees and degrees/s"),
     ):
         ratio = float(np.percentile(np.concatenate(ratios), 99))
