@@ -1,0 +1,492 @@
+"""The closed loop: step both cubes, take in what the link delivers, estimate, take over the remote's state, record.
+
+This is the only caller of `physics.step()`. `run` does one experiment on dm-control's physics, `run_batch` many at
+once on `mujoco.batch.Batch`; both give the same bits. Nothing that looks at a run (logs, figures, tables) takes part
+in it: the loop keeps raw numbers, and makes frames of them when it is over.
+"""
+
+from __future__ import annotations
+
+import copy
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import mujoco
+import numpy as np
+from dm_control.rl.control import PhysicsError
+from mujoco.batch import MODEL_FIELDS, Batch, SimulationError
+
+from runner import law, tape
+from runner.estimators import Outcome, Seen, Setup, State
+from runner.experiment import (
+    REMOTE,
+    Commands,
+    Experiment,
+    build_world,
+    commands,
+    compile_key,
+    handles_of,
+    scene_of,
+    set_numbers,
+    tape_of,
+    truth_of,
+)
+from runner.frames import Frames, RunResult, Status, Truth
+from runner.link import deliveries, update_steps
+from runner.scene import Body as Handle
+
+Advance = Callable[[int], object]
+
+
+def _silent(_: int) -> None:
+    """Report progress to nobody."""
+
+
+@dataclass
+class Tracker:
+    """The local side of one run: estimators with their memories, what has arrived, and the record of all updates.
+
+    `update` is called once per tick with the state of all cubes before the locals take over the remote's.
+    """
+
+    experiment: Experiment
+    handles: Sequence[Handle]
+    commands: Commands
+    ends: np.ndarray = field(init=False)  # after how many steps each tick comes, (m,)
+    positions: list[list[float]] = field(init=False, default_factory=list)  # qpos at each tick
+    velocities: list[list[float]] = field(init=False, default_factory=list)
+    values: list[list[tuple[float, ...]]] = field(init=False, default_factory=list)  # after each tick, per estimator
+    outcomes: list[list[int]] = field(init=False, default_factory=list)
+    taken: list[int] = field(init=False, default_factory=list)  # message taken over at each tick, -1: none
+
+    def __post_init__(self) -> None:
+        e = self.experiment
+        h = e.scene.timestep_s
+        self.ends = update_steps(e.link, h, e.steps)
+        self.times_s: list[float] = (self.ends * h).tolist()
+        self._arrivals = deliveries(e.link, self.ends * h, np.random.default_rng([e.seed, 1]))
+        total = np.vstack([np.zeros(3), np.cumsum(self.commands.force_n, axis=0)]) * h
+        self._impulse: list[list[float]] = total[self.ends].tolist()
+        self._since_impulse: list[float] = [0.0, 0.0, 0.0]
+        self._since_s = 0.0
+        self._cuts = [_cuts(handle) for handle in self.handles]
+        self._remote: list[State] = []
+        self._last = -1
+        self._common = State([], [], [])
+        self._rules = list(e.estimator.values())
+        self._memories: list[Any] = [rule.start(Setup(e.scene, e.local)) for rule in self._rules]
+
+    def begin(self, q: list[float], v: list[float]) -> None:
+        """Take the state at the start as the first common one."""
+        self._common = self._state(0, q, v)
+
+    def _state(self, body: int, q: list[float], v: list[float]) -> State:
+        pos, lin, ang = self._cuts[body]
+        return State(q[pos], v[lin], v[ang])
+
+    def update(self, q: list[float], v: list[float]) -> int:
+        """Take in what has arrived and estimate.
+
+        Returns:
+            The message that the locals take over, by its tick, or -1.
+        """
+        k = len(self.taken)
+        self.positions.append(q)
+        self.velocities.append(v)
+        self._remote.append(self._state(0, q, v))
+        # a message that was overtaken by a newer one is of no use
+        newest = max(self._arrivals[k], default=-1)
+        if newest <= self._last:
+            self.taken.append(-1)
+            self.values.append(self.values[-1] if self.values else self._current())
+            self.outcomes.append([Outcome.no_message] * len(self._rules))
+            return -1
+        now, remote = self.times_s[k], self._remote[newest]
+        x0, y0, z0 = self._since_impulse
+        x1, y1, z1 = self._impulse[k]
+        impulse = (x1 - x0, y1 - y0, z1 - z0)
+        outcomes, memories = [], self._memories
+        for j, rule in enumerate(self._rules):
+            seen = Seen(
+                now, self.times_s[newest], remote, self._state(j + 1, q, v), self._since_s, self._common, impulse
+            )
+            memories[j], outcome = rule.update(memories[j], seen)
+            outcomes.append(outcome)
+        self.taken.append(newest)
+        self.outcomes.append(outcomes)
+        self.values.append(self._current())
+        self._last, self._common, self._since_s, self._since_impulse = newest, remote, now, self._impulse[k]
+        return newest
+
+    def _current(self) -> list[tuple[float, ...]]:
+        return [rule.values(memory) for rule, memory in zip(self._rules, self._memories, strict=True)]
+
+    def message(self, tick: int) -> State:
+        """Return what was sent at a tick."""
+        return self._remote[tick]
+
+
+def _cuts(handle: Handle) -> tuple[slice, slice, slice]:
+    """Where a body's position, linear and angular velocity stand in qpos and qvel."""
+    turning = 3 if handle.joints == law.FREE else 1
+    v = handle.dof_adr
+    return (
+        slice(handle.qpos_adr, handle.qpos_adr + handle.nq),
+        slice(v, v + handle.nv - turning),
+        slice(v + handle.nv - turning, v + handle.nv),
+    )
+
+
+@dataclass
+class _Cubes:
+    """Writes to the local cubes of one run: live views of state, mass and inertia."""
+
+    qpos: np.ndarray
+    qvel: np.ndarray
+    mass: np.ndarray
+    inertia: np.ndarray
+    handles: Sequence[Handle]
+    tracker: Tracker
+
+    def __post_init__(self) -> None:
+        body = self.tracker.experiment.local
+        self._per_kg = np.asarray(body.inertia) / body.mass_kg
+        self._mass_kg = [body.mass_kg] * (len(self.handles) - 1)
+        q, v = zip(*((_span(h.qpos_adr, h.nq), _span(h.dof_adr, h.nv)) for h in self.handles), strict=True)
+        self._q, self._v = [self.qpos[s] for s in q], [self.qvel[s] for s in v]
+        self._inertia = [self.inertia[h.body_id] for h in self.handles]
+        self._ids = [h.body_id for h in self.handles]
+
+    def update(self) -> bool:
+        """Do one update; returns whether a mass has changed, so that MuJoCo must derive its constants anew."""
+        tracker = self.tracker
+        message = tracker.update(self.qpos.tolist(), self.qvel.tolist())
+        if message < 0:
+            return False
+        fresh = message == len(tracker.taken) - 1
+        q: Any = self._q[0] if fresh else tracker.message(message).position
+        v: Any = self._v[0] if fresh else [*tracker.message(message).linear, *tracker.message(message).angular]
+        changed = False
+        for j, (mass_kg,) in enumerate(tracker.values[-1]):
+            if mass_kg != self._mass_kg[j]:
+                changed = True
+                self._mass_kg[j] = mass_kg
+                self.mass[self._ids[j + 1]] = mass_kg
+                np.multiply(self._per_kg, mass_kg, out=self._inertia[j + 1])
+            self._q[j + 1][:] = q
+            self._v[j + 1][:] = v
+        return changed
+
+
+def _span(start: int, size: int) -> slice:
+    return slice(start, start + size)
+
+
+def run(experiment: Experiment, advance: Advance = _silent) -> RunResult:
+    """Run one experiment on dm-control's physics.
+
+    Args:
+        experiment: What to run.
+        advance: Called with the number of steps since its last call, now and then, for a progress bar.
+    """
+    world = build_world(experiment)
+    given = commands(experiment)
+    model, data, reel = world.model, world.data, world.tape
+    tracker = Tracker(experiment, world.handles, given)
+    qpos, qvel, userdata = data.qpos, data.qvel, data.userdata
+    tracker.begin(qpos.tolist(), qvel.tolist())
+    cubes = _Cubes(qpos, qvel, model.body_mass, model.body_inertia, world.handles, tracker)
+    rows, strip, cursor = reel.commands(userdata), reel.frames(userdata), reel.cursor(userdata)
+    frames = np.empty((experiment.steps, reel.frame_width))
+    reel.wind(userdata, given.pushes[0])
+    done, reason = 0, ""
+    step, pushes, set_const, scratch = world.physics.step, given.pushes, mujoco.mj_setConst, world.scratch
+    begin = time.perf_counter()
+    try:
+        for start, count, ticks in _strips(tracker.ends, experiment.steps, reel.capacity):
+            end = start + count
+            rows[: count + 1] = pushes[start : end + 1]
+            cursor[0] = 0
+            step(count)
+            frames[start:end] = strip[:count]
+            done = end
+            if ticks and cubes.update():
+                set_const(model, scratch)
+            if not end % 512:
+                advance(512)
+    except PhysicsError as error:
+        reason = f"{' '.join(str(error).split())} after {done * experiment.scene.timestep_s:g} s"
+    wall_s = time.perf_counter() - begin
+    tape.Tape.unwind(userdata)
+    return _result(tracker, truth_of(experiment, model), frames[:done], wall_s, reason)
+
+
+def _strips(ends: np.ndarray, steps: int, capacity: int) -> list[tuple[int, int, bool]]:
+    """Cut a run into calls of at most `capacity` steps: start, count, and whether an update follows."""
+    out, start = [], 0
+    updates = set(ends.tolist())
+    for end in sorted(updates | {steps}):
+        while start < end:
+            count = min(capacity, end - start)
+            start += count
+            out.append((start - count, count, start == end and end in updates))
+    return out
+
+
+def run_batch(experiments: Sequence[Experiment], *, threads: int = 0, advance: Advance = _silent) -> list[RunResult]:
+    """Run many experiments at once; each gives the same bits as `run` does.
+
+    Those that share a time step, an update rate, and the number of estimators run together in one
+    `mujoco.batch.Batch`; a mixture is split into as many as it takes.
+
+    Args:
+        experiments: What to run.
+        threads: Of the batch; 0: one per core.
+        advance: Called with the number of physics steps since its last call, over all runs.
+    """
+    groups: dict[str, list[int]] = {}
+    for i, e in enumerate(experiments):
+        key = repr((e.scene, e.link.rate_hz, len(e.estimator), [x for x in e.remote.effects.values() if x.structural]))
+        groups.setdefault(key, []).append(i)
+    out: dict[int, RunResult] = {}
+    for members in groups.values():
+        results = _run_group([experiments[i] for i in members], threads, advance)
+        out.update(zip(members, results, strict=True))
+    return [out[i] for i in range(len(experiments))]
+
+
+def _run_group(experiments: list[Experiment], threads: int, advance: Advance) -> list[RunResult]:
+    models = _models(experiments)
+    batch = Batch(models[0], len(experiments), threads)
+    for name in _different_fields(models) | {"body_mass", "body_inertia"}:
+        batch.expand(name)[...] = [_field(model, name) for model in models]
+    qpos, qvel, userdata = batch.bind("qpos"), batch.bind("qvel"), batch.bind("userdata")
+    mass, inertia = batch.expand("body_mass"), batch.expand("body_inertia")
+    reel = tape_of(experiments[0], models[0])
+    rows, strip, cursor = reel.commands(userdata), reel.frames(userdata), reel.cursor(userdata)
+    given = [commands(e) for e in experiments]
+    reel.wind(userdata, np.array([c.pushes[0] for c in given]))
+    trackers, cubes = [], []
+    for i, experiment in enumerate(experiments):
+        handles = handles_of(experiment, models[i])
+        trackers.append(Tracker(experiment, handles, given[i]))
+        trackers[i].begin(qpos[i].tolist(), qvel[i].tolist())
+        cubes.append(_Cubes(qpos[i], qvel[i], mass[i], inertia[i], handles, trackers[i]))
+    frames = [np.empty((e.steps, reel.frame_width)) for e in experiments]
+    plans = [_strips(t.ends, e.steps, reel.capacity) for t, e in zip(trackers, experiments, strict=True)]
+    done, reasons = [0] * len(experiments), [""] * len(experiments)
+    begin = time.perf_counter()
+    for turn in range(max(len(plan) for plan in plans)):
+        active = [i for i, plan in enumerate(plans) if turn < len(plan) and not reasons[i]]
+        for count in sorted({plans[i][turn][1] for i in active}):
+            ids = [i for i in active if plans[i][turn][1] == count]
+            for i in ids:
+                start = plans[i][turn][0]
+                rows[i, : count + 1] = given[i].pushes[start : start + count + 1]
+            cursor[ids] = 0
+            for i, reason in _step(batch, ids, count).items():
+                reasons[i] = f"{reason} after {done[i] * experiments[i].scene.timestep_s:g} s"
+            changed = []
+            for i in ids:
+                start, _, ticks = plans[i][turn]
+                if not reasons[i]:
+                    frames[i][start : start + count] = strip[i, :count]
+                    done[i] = start + count
+                    if ticks and cubes[i].update():
+                        changed.append(i)
+            if changed:
+                batch.set_const(changed)
+            advance(count * len(ids))
+    wall_s = (time.perf_counter() - begin) / len(experiments)
+    return [
+        _result(trackers[i], truth_of(e, models[i]), frames[i][: done[i]], wall_s, reasons[i])
+        for i, e in enumerate(experiments)
+    ]
+
+
+def _models(experiments: list[Experiment]) -> list[mujoco.MjModel]:
+    """Compile what differs in structure, copy what differs in numbers alone."""
+    compiled: dict[str, mujoco.MjModel] = {}
+    out = []
+    for experiment in experiments:
+        key = compile_key(experiment)
+        if key not in compiled:
+            root = scene_of(experiment)
+            compiled[key] = mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
+        model = copy.copy(compiled[key])
+        set_numbers(experiment, model, mujoco.MjData(model))
+        out.append(model)
+    return out
+
+
+def _field(model: mujoco.MjModel, name: str) -> Any:
+    return getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
+
+
+def _different_fields(models: list[mujoco.MjModel]) -> set[str]:
+    """Return the numbers, by the names that a batch knows them by, in which some models differ from the first."""
+    out = set()
+    distinct = list({id(m): m for m in models}.values())
+    for name in MODEL_FIELDS:
+        first = np.asarray(_field(distinct[0], name))
+        if first.dtype.kind == "f" and any(not np.array_equal(first, _field(m, name)) for m in distinct[1:]):
+            out.add(name)
+    return out
+
+
+def _step(batch: Batch, ids: list[int], count: int) -> dict[int, str]:
+    """Step some simulations; return why, for those that blew up."""
+    before = batch.warning[ids].copy()
+    failed: dict[int, str] = {}
+    try:
+        batch.step(ids, nstep=count)
+    except SimulationError as error:
+        failed = {int(i): batch.error(int(i)) for i in error.ids}
+    for i, grown in zip(ids, batch.warning[ids] > before, strict=True):
+        if grown.any() and i not in failed:
+            names = [n for n, g in zip(mujoco.mjtWarning.__members__, grown, strict=False) if g]
+            failed[i] = f"MuJoCo warned of {', '.join(names)}"
+    return failed
+
+
+CONTACT = (
+    ("friction_x_n", law.OUT_FORCE),
+    ("friction_y_n", law.OUT_FORCE + 1),
+    ("friction_torque_nm", law.OUT_TORQUE),
+    ("pressure_x_m", law.OUT_COP),
+    ("pressure_y_m", law.OUT_COP + 1),
+    ("lifted_share", law.OUT_LIFTED),
+    ("slip_m_s", law.OUT_SLIP),
+    ("friction_w", law.OUT_POWER),
+    ("load_n", law.OUT_LOAD),
+)
+POSITION = {
+    law.PLANAR: ("x_m", "y_m", "yaw_rad"),
+    law.UPRIGHT: ("x_m", "y_m", "z_m", "yaw_rad"),
+    law.FREE: ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"),
+}
+VELOCITY = {
+    law.PLANAR: ("vx_m_s", "vy_m_s", "wz_rad_s"),
+    law.UPRIGHT: ("vx_m_s", "vy_m_s", "vz_m_s", "wz_rad_s"),
+    law.FREE: ("vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s"),
+}
+
+
+def _result(
+    tracker: Tracker, truth: dict[str, Truth], frames: np.ndarray, wall_s: float, reason: str
+) -> RunResult:
+    experiment, names = tracker.experiment, (REMOTE, *tracker.experiment.estimator)
+    updates = _update_columns(tracker, truth, names)
+    return RunResult(
+        steps=Frames(_step_columns(tracker, truth, names, frames)),
+        updates=Frames(updates),
+        estimators=tuple(experiment.estimator),
+        parameters={
+            name: {p: truth[p] for p in rule.names} for name, rule in experiment.estimator.items()
+        },
+        half_size_m=experiment.remote.half_size_m,
+        timestep_s=experiment.scene.timestep_s,
+        wall_s=wall_s,
+        status=Status.diverged if reason else Status.done,
+        reason=reason,
+    )
+
+
+def _read_only(columns: Iterable[tuple[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    out = {}
+    for name, column in columns:
+        column = np.ascontiguousarray(column)
+        column.setflags(write=False)
+        out[name] = column
+    return out
+
+
+def _state_columns(name: str, handle: Handle, qpos: np.ndarray, qvel: np.ndarray) -> dict[str, np.ndarray]:
+    """Columns of one body's state, from all positions (nq, n) and velocities (nv, n)."""
+    q, v = qpos[handle.qpos_adr :], qvel[handle.dof_adr :]
+    out = {f"{name}_{c}": q[i] for i, c in enumerate(POSITION[handle.joints])}
+    if handle.joints == law.UPRIGHT:
+        out[f"{name}_z_m"] = out[f"{name}_z_m"] + handle.rest_height_m
+    out |= {f"{name}_{c}": v[i] for i, c in enumerate(VELOCITY[handle.joints])}
+    if handle.joints == law.FREE:
+        twist = handle.twist(qpos.T, qvel.T).T
+        out |= {f"{name}_{c}": twist[i] for i, c in enumerate(VELOCITY[law.FREE])}
+    return out
+
+
+def _step_columns(
+    tracker: Tracker, truth: dict[str, Truth], names: Sequence[str], frames: np.ndarray
+) -> dict[str, np.ndarray]:
+    n = len(frames)
+    raw = np.ascontiguousarray(frames.T)  # (width, n): columns in one piece
+    nq = sum(h.nq for h in tracker.handles)
+    nv = sum(h.nv for h in tracker.handles)
+    out: dict[str, np.ndarray] = {
+        "time_s": np.arange(n) * tracker.experiment.scene.timestep_s,
+        "frame": np.arange(n),
+        "update": np.searchsorted(tracker.ends, np.arange(n), side="right"),  # updates before this frame
+    }
+    for j, axis in enumerate("xyz"):
+        out[f"force_{axis}_n"] = tracker.commands.force_n[:n, j]
+        out[f"point_{axis}_m"] = tracker.commands.point_m[:n, j]
+    for b, (name, handle) in enumerate(zip(names, tracker.handles, strict=True)):
+        out |= _state_columns(name, handle, raw[:nq], raw[nq : nq + nv])
+        if handle.joints == law.PLANAR:
+            base = nq + nv + b * law.OUT_SIZE
+            out |= {f"{name}_{column}": raw[base + offset] for column, offset in CONTACT}
+    held = np.minimum(out["update"], len(tracker.values))
+    out |= {
+        name: np.concatenate([[start], column])[held] for name, start, column in _estimates(tracker, truth)
+    }
+    return _read_only(out.items())
+
+
+def _estimates(tracker: Tracker, truth: dict[str, Truth]) -> list[tuple[str, float, np.ndarray]]:
+    """Columns of estimates and of their relative errors after each update, with their values at the start."""
+    out = []
+    for j, (name, rule) in enumerate(tracker.experiment.estimator.items()):
+        for p, parameter in enumerate(rule.names):
+            column = np.array([row[j][p] for row in tracker.values])
+            true, start = truth[parameter]
+            out.append((f"{name}_{parameter}", start, column))
+            out.append((f"{name}_{parameter.rsplit('_', 1)[0]}_error", (start - true) / true, (column - true) / true))
+    return out
+
+
+def _update_columns(tracker: Tracker, truth: dict[str, Truth], names: Sequence[str]) -> dict[str, np.ndarray]:
+    m = len(tracker.taken)
+    times = np.array(tracker.times_s[:m])
+    taken = np.array(tracker.taken, dtype=np.int64)
+    nq, nv = sum(h.nq for h in tracker.handles), sum(h.nv for h in tracker.handles)
+    qpos = np.array(tracker.positions).reshape(m, nq).T
+    qvel = np.array(tracker.velocities).reshape(m, nv).T
+    out = {
+        "time_s": times,
+        "update": np.arange(1, m + 1),
+        "frame": tracker.ends[:m],
+        "sent_s": np.where(taken >= 0, times[taken], np.nan) if m else times,
+    }
+    for name, handle in zip(names, tracker.handles, strict=True):
+        out |= _state_columns(name, handle, qpos, qvel)
+    outcomes = np.array(tracker.outcomes, dtype=np.int8).reshape(m, len(names) - 1)
+    for j, name in enumerate(names[1:]):
+        out |= _jump(name, out)
+        out[f"{name}_outcome"] = outcomes[:, j]
+    out |= {name: column for name, _, column in _estimates(tracker, truth)}
+    return _read_only(out.items())
+
+
+def _jump(name: str, columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """How far the local cube was from the remote, just before it took over what it received."""
+
+    def size(names: Iterable[str]) -> np.ndarray:
+        parts = [columns[f"{name}_{c}"] - columns[f"{REMOTE}_{c}"] for c in names if f"{name}_{c}" in columns]
+        return np.sqrt(sum(p * p for p in parts))
+
+    return {
+        f"{name}_position_error_m": size(("x_m", "y_m", "z_m")),
+        f"{name}_velocity_error_m_s": size(("vx_m_s", "vy_m_s", "vz_m_s")),
+        f"{name}_rate_error_rad_s": size(("wx_rad_s", "wy_rad_s", "wz_rad_s")),
+    }
