@@ -20,7 +20,8 @@ Stick is then a true minimum. The only creep is that of the regularising speed `
 
 Load. N_k = w_k (a + b x_k + c y_k), clipped at zero, with a, b, c from the balance of the vertical force and of
 the moments about the horizontal axes: the pushes at their height, inertia at the height of the centre of mass,
-friction at the floor. It is iterated together with the friction.
+friction at the floor. It is solved together with the friction. A body under the law can't tip: where the moments ask
+for more than its base can give, the load rests on the edge, and the centre that was asked for is reported.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from __future__ import annotations
 import ctypes
 import math
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -38,6 +40,7 @@ from numba.extending import intrinsic
 MAGIC = 271828.1828
 PLANAR, UPRIGHT, FREE = 3, 4, 6
 SLIP_EPS = 1e-7  # m/s, regularises the norm of the slip
+EDGE = 0.999  # the load's centre stays within this share of the outermost base points
 PUSH_SIZE = 12
 OUT_SIZE = 10
 USERDATA_SIZE = PUSH_SIZE + OUT_SIZE  # per body
@@ -82,6 +85,9 @@ class LawBody:
     mass_leak: float = 0.0
     # load carried by the base points besides the weight share: w_k (1 + pressure * shape_k)
     pressure: float = 0.0
+    # half sizes of the base, to tell how much of it is lifted
+    half_x: float = 0.0
+    half_y: float = 0.0
 
 
 FIELDS = tuple(f.name for f in fields(LawBody))
@@ -91,7 +97,7 @@ POINT_STRIDE = 4  # x, y, weight, pressure shape
 
 (
     _MAGIC, _JOINTS, _PUSH, _PNUM, _BASEZ, _MU, _ALONG, _ACROSS, _ANGLE, _STRIBECK, _STRIBECK_V, _STICTION, _STICTION_V,
-    _PATCH, _PATCH_X, _PATCH_Y, _PATCH_R, _FILM, _AIR, _LEAK, _PRESSURE,
+    _PATCH, _PATCH_X, _PATCH_Y, _PATCH_R, _FILM, _AIR, _LEAK, _PRESSURE, _HALF_X, _HALF_Y,
 ) = range(STRIDE)  # fmt: skip
 
 
@@ -114,7 +120,7 @@ def corner_points(half_x: float, half_y: float) -> np.ndarray:
 
 
 def _with_shape(x: np.ndarray, y: np.ndarray, w: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    # radius: 0 at the middle, 1 at the edge. A pressure 1 + s (2 r^2 - 1) has mean 1 over the square, as r^2 averages 1/2.
+    # radius: 0 at the middle, 1 at the edge. 2 r^2 - 1 has mean 0 over the square, as r^2 averages 1/2.
     shape = 2.0 * radius**2 - 1.0
     shape = shape - np.sum(w * shape)
     return np.column_stack([x, y, w, shape])
@@ -140,12 +146,14 @@ class LawView:
         self.model.body_user[self.body_id, COLUMN[name]] = value
 
 
-@intrinsic
-def _as_pointer(typingctx, address):  # noqa: ANN001, ANN202
-    def codegen(context, builder, signature, args):  # noqa: ANN001, ANN202
+def _cast(typing_context, address):
+    def codegen(context, builder, signature, args):
         return builder.inttoptr(args[0], cgutils.voidptr_t)
 
     return types.voidptr(types.uint64), codegen
+
+
+_as_pointer: Any = intrinsic(_cast)
 
 
 @njit(cache=True, error_model="numpy")
@@ -171,56 +179,56 @@ def _solve3(h00, h01, h02, h11, h12, h22, g0, g1, g2):
     return (a * g0 + b * g1 + c * g2) / det, (b * g0 + d * g1 + e * g2) / det, (c * g0 + e * g1 + f * g2) / det
 
 
+@njit(cache=True, error_model="numpy")
+def _solve3_any(a00, a01, a02, a10, a11, a12, a20, a21, a22, g0, g1, g2):
+    c00 = a11 * a22 - a12 * a21
+    c01 = a12 * a20 - a10 * a22
+    c02 = a10 * a21 - a11 * a20
+    det = a00 * c00 + a01 * c01 + a02 * c02
+    x0 = c00 * g0 + (a02 * a21 - a01 * a22) * g1 + (a01 * a12 - a02 * a11) * g2
+    x1 = c01 * g0 + (a00 * a22 - a02 * a20) * g1 + (a02 * a10 - a00 * a12) * g2
+    x2 = c02 * g0 + (a01 * a20 - a00 * a21) * g1 + (a00 * a11 - a01 * a10) * g2
+    return x0 / det, x1 / det, x2 / det
+
+
 @njit(cache=True, error_model="numpy", fastmath={"nnan", "ninf", "contract", "reassoc", "arcp", "nsz"})
-def _cost(x0, x1, x2, n, rx, ry, k1, ux_m, uy_m, cr, sr, film_h, eps2):
-    """Friction part of the objective at velocity x (rates of the frictional potential)."""
+def _cost(x0, x1, x2, n, rx, ry, k, along, across):
+    """Frictional potential at velocity x."""
     total = 0.0
     for i in range(n):
-        ux = x0 - x2 * ry[i]
-        uy = x1 + x2 * rx[i]
-        p = ux_m * (cr * ux + sr * uy)
-        q = uy_m * (cr * uy - sr * ux)
-        total += k1[i] * math.sqrt(p * p + q * q + eps2)
-        total += 0.5 * film_h[i] * (ux * ux + uy * uy)
+        p = along * (x0 - x2 * ry[i])
+        q = across * (x1 + x2 * rx[i])
+        total += k[i] * math.sqrt(p * p + q * q + SLIP_EPS * SLIP_EPS)
     return total
 
 
 @njit(cache=True, error_model="numpy", fastmath={"nnan", "ninf", "contract", "reassoc", "arcp", "nsz"})
-def _terms(x0, x1, x2, n, rx, ry, k1, am, bm, cr, sr, film_h, eps2, out):
-    """Gradient (3) and Hessian (6) of the friction part, into `out`."""
+def _terms(x0, x1, x2, n, rx, ry, k, along, across, out):
+    """Gradient (3) and Hessian (6, row-major upper) of the frictional potential, into `out`."""
     g0 = g1 = g2 = 0.0
     h00 = h01 = h02 = h11 = h12 = h22 = 0.0
     for i in range(n):
         x = rx[i]
         y = ry[i]
-        ux = x0 - x2 * y
-        uy = x1 + x2 * x
-        p = am * (cr * ux + sr * uy)
-        q = bm * (cr * uy - sr * ux)
-        s = 1.0 / math.sqrt(p * p + q * q + eps2)
+        p = along * (x0 - x2 * y)
+        q = across * (x1 + x2 * x)
+        s = 1.0 / math.sqrt(p * p + q * q + SLIP_EPS * SLIP_EPS)
         p *= s
         q *= s
-        k = k1[i]
-        # gradient and Hessian of |D R u| in the friction axes, then back to the world
-        gp = k * am * p
-        gq = k * bm * q
-        gx = cr * gp - sr * gq + film_h[i] * ux
-        gy = sr * gp + cr * gq + film_h[i] * uy
+        gx = k[i] * along * p
+        gy = k[i] * across * q
         g0 += gx
         g1 += gy
         g2 += x * gy - y * gx
-        ks = k * s
-        hpp = ks * am * am * (1.0 - p * p)
-        hqq = ks * bm * bm * (1.0 - q * q)
-        hpq = -ks * am * bm * p * q
-        a = cr * cr * hpp - 2.0 * cr * sr * hpq + sr * sr * hqq + film_h[i]
-        d = sr * sr * hpp + 2.0 * cr * sr * hpq + cr * cr * hqq + film_h[i]
-        b = cr * sr * (hpp - hqq) + (cr * cr - sr * sr) * hpq
+        s *= k[i]
+        a = s * along * along * (1.0 - p * p)
+        d = s * across * across * (1.0 - q * q)
+        b = -s * along * across * p * q
+        jx = b * x - a * y
+        jy = d * x - b * y
         h00 += a
         h01 += b
         h11 += d
-        jx = -a * y + b * x
-        jy = -b * y + d * x
         h02 += jx
         h12 += jy
         h22 += x * jy - y * jx
@@ -235,120 +243,330 @@ def _terms(x0, x1, x2, n, rx, ry, k1, am, bm, cr, sr, film_h, eps2, out):
     out[8] = h22
 
 
-@njit(cache=True, error_model="numpy")
-def _share_load(n, bx, by, w, cx, cy, load, weight):
-    """Fill `load` with N_k = weight * w_k (a + b x_k + c y_k), clipped at zero, with its centre at (cx, cy).
+@njit(cache=True, error_model="numpy", fastmath={"nnan", "ninf", "contract", "reassoc", "arcp", "nsz"})
+def _coupling(x0, x1, x2, n, rx, ry, w, mu, load, along, across, out):
+    """How the gradient of the potential changes with a, b, c of the load, 3 x 3 by columns, into `out`."""
+    a0 = a1 = a2 = b0 = b1 = b2 = c0 = c1 = c2 = 0.0
+    for i in range(n):
+        x = rx[i]
+        y = ry[i]
+        p = along * (x0 - x2 * y)
+        q = across * (x1 + x2 * x)
+        s = (mu[i] * w[i] if load[i] > 0.0 else 0.0) / math.sqrt(p * p + q * q + SLIP_EPS * SLIP_EPS)
+        gx = s * along * p
+        gy = s * across * q
+        gz = x * gy - y * gx
+        a0 += gx
+        a1 += gy
+        a2 += gz
+        b0 += x * gx
+        b1 += x * gy
+        b2 += x * gz
+        c0 += y * gx
+        c1 += y * gy
+        c2 += y * gz
+    out[0], out[1], out[2] = a0, a1, a2
+    out[3], out[4], out[5] = b0, b1, b2
+    out[6], out[7], out[8] = c0, c1, c2
 
-    Returns how much of the base (by weight w) is lifted. Newton on a, b, c over the points that bear.
+
+@njit(cache=True, error_model="numpy")
+def _moments(n, rx, ry, w, a, b, c, out):
+    """Zeroth to second moments of the weights where a + b x + c y > 0 (6), and of the load there (3)."""
+    s0 = sx = sy = sxx = sxy = syy = 0.0
+    for i in range(n):
+        x, y = rx[i], ry[i]
+        if a + b * x + c * y > 0.0:
+            wx, wy = w[i] * x, w[i] * y
+            s0 += w[i]
+            sx += wx
+            sy += wy
+            sxx += wx * x
+            sxy += wx * y
+            syy += wy * y
+    out[0], out[1], out[2], out[3], out[4], out[5] = s0, sx, sy, sxx, sxy, syy
+    out[6] = a * s0 + b * sx + c * sy
+    out[7] = a * sx + b * sxx + c * sxy
+    out[8] = a * sy + b * sxy + c * syy
+
+
+@njit(cache=True, error_model="numpy")
+def _share_load(n, rx, ry, w, cx, cy, weight, whole, load, share):
+    """Fill `load` with N_k = weight * w_k max(a + b x_k + c y_k, 0) whose centre is (cx, cy).
+
+    `whole` holds the moments of all weights, `share` receives a, b, c and the moments of those that bear. Where part
+    of the base is lifted, a, b, c minimise the convex 1/2 sum_k w_k max(p_k, 0)^2 - (a + b cx + c cy), by Newton.
+    (cx, cy) must lie inside the base.
     """
-    a, b, c = 1.0, 0.0, 0.0
-    lifted = 0.0
-    for _ in range(30):
-        s0 = sx = sy = sxx = sxy = syy = 0.0
-        lifted = 0.0
-        for i in range(n):
-            if a + b * bx[i] + c * by[i] > 0.0:
-                wi = w[i]
-                s0 += wi
-                sx += wi * bx[i]
-                sy += wi * by[i]
-                sxx += wi * bx[i] * bx[i]
-                sxy += wi * bx[i] * by[i]
-                syy += wi * by[i] * by[i]
-            else:
-                lifted += w[i]
-        if s0 * sxx * syy < 1e-12 * (sxx + syy) * (sxx + syy):
-            break  # bears on an edge or less: keep the last distribution
-        na, nb, nc = _solve3(s0, sx, sy, sxx, sxy, syy, 1.0, cx, cy)
-        done = abs(na - a) + abs(nb - b) + abs(nc - c) < 1e-12
-        a, b, c = na, nb, nc
-        clipped = 0.0
-        for i in range(n):
-            if a + b * bx[i] + c * by[i] <= 0.0:
-                clipped += w[i]
-        if done or clipped == lifted:
+    a, b, c = _solve3(whole[0], whole[1], whole[2], whole[3], whole[4], whole[5], 1.0, cx, cy)
+    lowest = 1.0
+    for i in range(n):
+        p = a + b * rx[i] + c * ry[i]
+        load[i] = weight * w[i] * p
+        lowest = min(lowest, p)
+    if lowest > 0.0:
+        share[0], share[1], share[2] = a, b, c
+        for i in range(6):
+            share[3 + i] = whole[i]
+        return
+    s = share[3:12]
+    _moments(n, rx, ry, w, a, b, c, s)
+    size = whole[3] + whole[5]
+    for _ in range(60):
+        g0, g1, g2 = s[6] - 1.0, s[7] - cx, s[8] - cy
+        if abs(g0) + (abs(g1) + abs(g2)) / math.sqrt(size) < 1e-13:
             break
+        # the ridge matters only where no more than a line of points bears
+        ridge = 1e-13
+        d0, d1, d2 = _solve3(s[0] + ridge, s[1], s[2], s[3] + ridge * size, s[4], s[5] + ridge * size, g0, g1, g2)
+        slope = g0 * d0 + g1 * d1 + g2 * d2
+        step = 1.0
+        for _ls in range(30):
+            na, nb, nc = a - step * d0, b - step * d1, c - step * d2
+            _moments(n, rx, ry, w, na, nb, nc, s)
+            past = -((s[6] - 1.0) * d0 + (s[7] - cx) * d1 + (s[8] - cy) * d2)
+            if past <= 0.5 * slope:
+                break
+            step *= max(slope / (slope + past), 0.1)
+        a, b, c = na, nb, nc
     total = 0.0
-    lifted = 0.0
     for i in range(n):
-        p = a + b * bx[i] + c * by[i]
-        if p <= 0.0:
-            lifted += w[i]
-            p = 0.0
-        load[i] = w[i] * p
+        load[i] = w[i] * max(a + b * rx[i] + c * ry[i], 0.0)
         total += load[i]
-    scale = weight / total if total > 0.0 else 0.0
     for i in range(n):
-        load[i] *= scale
-    return lifted
+        load[i] *= weight / total
+    share[0], share[1], share[2] = a, b, c
+
+
+@njit(cache=True, error_model="numpy")
+def _lifted_share(a, b, c, hx, hy):
+    """Share of the base |x| <= hx, |y| <= hy where a + b x + c y < 0: above zero as soon as a corner lifts."""
+    b, c = abs(b) * hx, abs(c) * hy
+    b, c = max(b, c), min(b, c)
+    if a >= b + c:
+        return 0.0
+    if c < 1e-9 * b:
+        return min(max(0.5 * (1.0 - a / b), 0.0), 1.0)
+    area = max(b + c - a, 0.0) ** 2 - max(b - c - a, 0.0) ** 2 - max(c - b - a, 0.0) ** 2 + max(-b - c - a, 0.0) ** 2
+    return area / (8.0 * b * c)
+
+
+@njit(cache=True, error_model="numpy")
+def _friction(num, r, n, h, v, f, m, weight, com_height, free_cx, free_cy, px, py, yaw, turn):
+    """Solve for the velocity at the end of a step together with the load over the base; both implicit.
+
+    All in the axes of the law, at `yaw` + `turn` in the world and `turn` in the body. The body's record starts at
+    `num[r]`, n base points follow it. v and f are the velocities (x, y, yaw) at the start of the step and at its end
+    without friction, m the mass matrix (row-major upper) with joint damping, `weight` what the base carries, at
+    (free_cx, free_cy) without friction, (px, py) the world position of the body frame.
+
+    The load is affine in its centre, and its centre in the friction. For a given load the velocity is a minimum: it is
+    found by Newton with a line search. In between, one Newton step goes in velocity and centre together.
+
+    Returns velocity (3), centre of the load that balances the moments (2), and the share of the base that is lifted.
+    """
+    record = r + STRIDE
+    cr, sr = math.cos(turn), math.sin(turn)
+    rx = np.empty(n)
+    ry = np.empty(n)
+    w = np.empty(n)
+    mu = np.empty(n)
+    load = np.empty(n)
+    k = np.empty(n)
+    out = np.empty(9)
+    whole = np.empty(9)
+    share = np.empty(12)
+
+    film = h * num[r + _FILM]
+    f00 = f02 = f12 = f22 = 0.0  # the film's impulse is linear in the velocity
+    pressure = num[r + _PRESSURE]
+    reach_x = reach_y = 0.0
+    total = 0.0
+    for i in range(n):
+        j = record + POINT_STRIDE * i
+        bx, by = num[j], num[j + 1]
+        rx[i] = cr * bx + sr * by
+        ry[i] = cr * by - sr * bx
+        w[i] = num[j + 2] * max(1.0 + pressure * num[j + 3], 0.0)
+        total += w[i]
+        if w[i] > 0.0:
+            reach_x = max(reach_x, abs(bx))
+            reach_y = max(reach_y, abs(by))
+        if film > 0.0:
+            z = film * num[j + 2]
+            f00 += z
+            f02 -= z * ry[i]
+            f12 += z * rx[i]
+            f22 += z * (rx[i] * rx[i] + ry[i] * ry[i])
+    for i in range(n):
+        w[i] /= total
+    _moments(n, rx, ry, w, 1.0, 0.0, 0.0, whole)
+
+    base_mu = num[r + _MU]
+    for i in range(n):
+        mu[i] = base_mu
+    stribeck, stiction, patch = num[r + _STRIBECK], num[r + _STICTION], num[r + _PATCH]
+    if stribeck != 0.0 or stiction != 0.0:
+        stribeck_2 = num[r + _STRIBECK_V] * num[r + _STRIBECK_V]
+        stiction_2 = num[r + _STICTION_V] * num[r + _STICTION_V]
+        for i in range(n):
+            ux = v[0] - v[2] * ry[i]
+            uy = v[1] + v[2] * rx[i]
+            u2 = ux * ux + uy * uy
+            mu[i] *= 1.0 + stribeck * math.exp(-u2 / stribeck_2) + stiction * math.exp(-u2 / stiction_2)
+    if patch != 0.0:
+        c, s = math.cos(yaw + turn), math.sin(yaw + turn)
+        radius = num[r + _PATCH_R]
+        for i in range(n):
+            dx = px + c * rx[i] - s * ry[i] - num[r + _PATCH_X]
+            dy = py + s * rx[i] + c * ry[i] - num[r + _PATCH_Y]
+            z = (math.sqrt(dx * dx + dy * dy) - radius) / (0.08 * radius)
+            if z < 30.0:
+                mu[i] *= 1.0 + patch / (1.0 + math.exp(z))
+
+    along, across = num[r + _ALONG], num[r + _ACROSS]
+    m00, m01, m02, m11, m12, m22 = m
+    f0, f1, f2 = f
+    b0, b1, b2 = m00 * f0 + m01 * f1 + m02 * f2, m01 * f0 + m11 * f1 + m12 * f2, m02 * f0 + m12 * f1 + m22 * f2
+    # friction shifts the load by this much per impulse
+    lever = com_height / (weight * h)
+
+    # first guess of the friction: full slip along the free velocity, or what brings the body to rest
+    speed = math.sqrt(f0 * f0 + f1 * f1)
+    guess = min(base_mu * weight * h, m00 * speed) / speed if speed > 0.0 else 0.0
+    y0, y1 = free_cx + lever * guess * f0, free_cy + lever * guess * f1
+    x0, x1, x2 = v
+    cx, cy = y0, y1
+    for outer in range(20):
+        # the base can't carry a load whose centre lies outside of it
+        body_x, body_y = cr * y0 - sr * y1, sr * y0 + cr * y1
+        free_x, free_y = 1.0, 1.0
+        if abs(body_x) > EDGE * reach_x:
+            body_x, free_x = math.copysign(EDGE * reach_x, body_x), 0.0
+        if abs(body_y) > EDGE * reach_y:
+            body_y, free_y = math.copysign(EDGE * reach_y, body_y), 0.0
+        cx, cy = cr * body_x + sr * body_y, cr * body_y - sr * body_x
+        _share_load(n, rx, ry, w, cx, cy, weight, whole, load, share)
+        for i in range(n):
+            k[i] = h * mu[i] * load[i]
+        if outer == 0:
+            # start from rest if that is the better guess
+            reach = math.sqrt(whole[3] + whole[5])
+            if m00 * (abs(x0) + abs(x1) + reach * abs(x2)) < 4.0 * h * base_mu * weight:
+                d0, d1, d2 = f0 - x0, f1 - x1, f2 - x2
+                cost = 0.5 * (m00 * d0 * d0 + m11 * d1 * d1 + m22 * d2 * d2)
+                cost += m01 * d0 * d1 + m02 * d0 * d2 + m12 * d1 * d2
+                cost += _cost(x0, x1, x2, n, rx, ry, k, along, across)
+                rest = 0.5 * (b0 * f0 + b1 * f1 + b2 * f2) + _cost(0.0, 0.0, 0.0, n, rx, ry, k, along, across)
+                if rest < cost:
+                    x0 = x1 = x2 = 0.0
+        _terms(x0, x1, x2, n, rx, ry, k, along, across, out)
+        g0 = (m00 + f00) * x0 + m01 * x1 + (m02 + f02) * x2 - b0 + out[0]
+        g1 = m01 * x0 + (m11 + f00) * x1 + (m12 + f12) * x2 - b1 + out[1]
+        g2 = (m02 + f02) * x0 + (m12 + f12) * x1 + (m22 + f22) * x2 - b2 + out[2]
+        tolerance = (1e-4 if outer == 0 else 1e-7 if outer == 1 else 1e-11) * (m00 + m22)
+        for _ in range(40):
+            if abs(g0) + abs(g1) + abs(g2) < tolerance:
+                break
+            p0, p1, p2 = _solve3(
+                m00 + f00 + out[3], m01 + out[4], m02 + f02 + out[5], m11 + f00 + out[6], m12 + f12 + out[7],
+                m22 + f22 + out[8], g0, g1, g2,
+            )  # fmt: skip
+            slope = g0 * p0 + g1 * p1 + g2 * p2
+            step = 1.0
+            z0, z1, z2 = x0, x1, x2
+            # convex: shorten by the secant rule until the slope along the step is small
+            for _ls in range(30):
+                x0, x1, x2 = z0 - step * p0, z1 - step * p1, z2 - step * p2
+                _terms(x0, x1, x2, n, rx, ry, k, along, across, out)
+                g0 = (m00 + f00) * x0 + m01 * x1 + (m02 + f02) * x2 - b0 + out[0]
+                g1 = m01 * x0 + (m11 + f00) * x1 + (m12 + f12) * x2 - b1 + out[1]
+                g2 = (m02 + f02) * x0 + (m12 + f12) * x1 + (m22 + f22) * x2 - b2 + out[2]
+                past = -(g0 * p0 + g1 * p1 + g2 * p2)
+                if past <= 0.5 * slope:
+                    break
+                step *= max(slope / (slope + past), 0.1)
+        # where the load's centre must be under this friction
+        e0 = free_cx - lever * (m00 * x0 + m01 * x1 + m02 * x2 - b0) - y0
+        e1 = free_cy - lever * (m01 * x0 + m11 * x1 + m12 * x2 - b1) - y1
+        if abs(e0) + abs(e1) < 1e-8:
+            break
+        q00, q01, q02 = m00 + f00 + out[3], m01 + out[4], m02 + f02 + out[5]
+        q10, q11, q12 = q01, m11 + f00 + out[6], m12 + f12 + out[7]
+        q20, q21, q22 = q02, q12, m22 + f22 + out[8]
+        _coupling(x0, x1, x2, n, rx, ry, w, mu, load, along, across, out)
+        # d(a, b, c) by the centre, held where the centre is at the edge; times h * weight for the impulse
+        da0, da1, da2 = _solve3(share[3], share[4], share[5], share[6], share[7], share[8], 0.0, h * weight, 0.0)
+        db0, db1, db2 = _solve3(share[3], share[4], share[5], share[6], share[7], share[8], 0.0, 0.0, h * weight)
+        t00 = cr * cr * free_x + sr * sr * free_y
+        t01 = cr * sr * (free_y - free_x)
+        t11 = sr * sr * free_x + cr * cr * free_y
+        u0, u1, u2 = da0 * t00 + db0 * t01, da1 * t00 + db1 * t01, da2 * t00 + db2 * t01
+        w0, w1, w2 = da0 * t01 + db0 * t11, da1 * t01 + db1 * t11, da2 * t01 + db2 * t11
+        c00 = out[0] * u0 + out[3] * u1 + out[6] * u2
+        c10 = out[1] * u0 + out[4] * u1 + out[7] * u2
+        c20 = out[2] * u0 + out[5] * u1 + out[8] * u2
+        c01 = out[0] * w0 + out[3] * w1 + out[6] * w2
+        c11 = out[1] * w0 + out[4] * w1 + out[7] * w2
+        c21 = out[2] * w0 + out[5] * w1 + out[8] * w2
+        l0, l1, l2 = -lever * m00, -lever * m01, -lever * m02
+        n0, n1, n2 = -lever * m01, -lever * m11, -lever * m12
+        d0, d1, d2 = _solve3_any(
+            q00 + c00 * l0 + c01 * n0, q01 + c00 * l1 + c01 * n1, q02 + c00 * l2 + c01 * n2,
+            q10 + c10 * l0 + c11 * n0, q11 + c10 * l1 + c11 * n1, q12 + c10 * l2 + c11 * n2,
+            q20 + c20 * l0 + c21 * n0, q21 + c20 * l1 + c21 * n1, q22 + c20 * l2 + c21 * n2,
+            -g0 - c00 * e0 - c01 * e1, -g1 - c10 * e0 - c11 * e1, -g2 - c20 * e0 - c21 * e1,
+        )  # fmt: skip
+        x0 += d0
+        x1 += d1
+        x2 += d2
+        y0 += e0 + l0 * d0 + l1 * d1 + l2 * d2
+        y1 += e1 + n0 * d0 + n1 * d1 + n2 * d2
+    lifted = _lifted_share(
+        share[0], cr * share[1] - sr * share[2], sr * share[1] + cr * share[2],
+        max(num[r + _HALF_X], reach_x), max(num[r + _HALF_Y], reach_y),
+    )  # fmt: skip
+    return x0, x1, x2, cr * y0 - sr * y1, sr * y0 + cr * y1, lifted
 
 
 @njit(cache=True, error_model="numpy")
 def _step_body(
-    num,
-    r,
-    body,
-    dof,
-    qadr,
-    gravity,
-    h,
-    t,
-    mass_a,
-    inertia_a,
-    ipos_a,
-    iquat_a,
-    qpos,
-    qvel,
-    xfrc,
-    user,
-    applied,
-    passive,
-    damping,
-):
+    num, r, body, dof, qadr, gravity, h, t, mass_a, inertia_a, ipos_a, iquat_a, qpos, qvel, xfrc, user, applied,
+    passive, damping,
+):  # fmt: skip
     push = int(num[r + _PUSH])
     n = int(num[r + _PNUM])
-    padr = r + STRIDE
     yaw = qpos[qadr + 2]
     c, s = math.cos(yaw), math.sin(yaw)
     v0, v1, v2 = qvel[dof], qvel[dof + 1], qvel[dof + 2]
+    o = 6 * body
+    out0, out1, out2, out3, out4, out5 = xfrc[o], xfrc[o + 1], xfrc[o + 2], xfrc[o + 3], xfrc[o + 4], xfrc[o + 5]
 
-    # inertia about the centre of mass and the vertical
-    scale = 1.0 - num[r + _LEAK] * t
-    if scale < 0.05:
-        scale = 0.05
-    mass = mass_a[body] * scale
+    # inertia about the vertical through the body frame
+    full = mass_a[body]
+    scale = max(1.0 - num[r + _LEAK] * t, 0.05)
+    mass = full * scale
     qw, qx, qy, qz = iquat_a[4 * body], iquat_a[4 * body + 1], iquat_a[4 * body + 2], iquat_a[4 * body + 3]
     zx, zy, zz = 2.0 * (qx * qz - qw * qy), 2.0 * (qy * qz + qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy)
     izz = inertia_a[3 * body] * zx * zx + inertia_a[3 * body + 1] * zy * zy + inertia_a[3 * body + 2] * zz * zz
     comx, comy, comz = ipos_a[3 * body], ipos_a[3 * body + 1], ipos_a[3 * body + 2]
     lx, ly = c * comx - s * comy, s * comx + c * comy
-    full = mass_a[body]
     i_origin = izz + full * (comx * comx + comy * comy)
 
     # push: force and moment about the body frame
     fx, fy, fz = user[push], user[push + 1], user[push + 2]
-    sxx, sxy = user[push + 3], user[push + 4]
-    syx, syy = user[push + 6], user[push + 7]
+    sxx, sxy, sxz = user[push + 3], user[push + 4], user[push + 5]
+    syx, syy, syz = user[push + 6], user[push + 7], user[push + 8]
     szx, szy = user[push + 9], user[push + 10]
     tz = (c * sxy - s * sxx) - (s * syy + c * syx)
-    speed = math.sqrt(v0 * v0 + v1 * v1)
-    air = num[r + _AIR] * speed
+    air = num[r + _AIR] * math.sqrt(v0 * v0 + v1 * v1)
 
-    # all that acts on the body but friction
-    e0 = passive[dof] + applied[dof] + xfrc[6 * body] + mass_a[body] * scale * gravity[0] + fx - air * v0
-    e1 = passive[dof + 1] + applied[dof + 1] + xfrc[6 * body + 1] + mass_a[body] * scale * gravity[1] + fy - air * v1
-    mgx, mgy = mass * gravity[0], mass * gravity[1]
-    e2 = (
-        passive[dof + 2]
-        + applied[dof + 2]
-        + xfrc[6 * body + 5]
-        + tz
-        + lx * (xfrc[6 * body + 1] + mgy)
-        - ly * (xfrc[6 * body] + mgx)
-    )
-    # centrifugal force of the centre of mass (the yaw term cancels)
-    e0 += mass * v2 * v2 * lx
-    e1 += mass * v2 * v2 * ly
+    # all that acts but friction: on the joints (through the body frame), and at the centre of mass, where inertia acts
+    joint0, joint1 = passive[dof] + applied[dof] - air * v0, passive[dof + 1] + applied[dof + 1] - air * v1
+    com0, com1 = out0 + mass * gravity[0], out1 + mass * gravity[1]
+    e0 = joint0 + com0 + fx + mass * v2 * v2 * lx
+    e1 = joint1 + com1 + fy + mass * v2 * v2 * ly
+    e2 = passive[dof + 2] + applied[dof + 2] + out5 + tz + lx * com1 - ly * com0
 
     # MuJoCo's Euler step treats joint damping implicitly; so must the mass matrix here
     m00 = mass + h * damping[dof]
@@ -360,138 +578,31 @@ def _step_body(
     f0, f1, f2 = v0 + h * a0, v1 + h * a1, v2 + h * a2
 
     x0, x1, x2 = f0, f1, f2
-    lifted = 0.0
-    cpx, cpy = 0.0, 0.0
-    weight = 0.0
-    fr0 = fr1 = fr2 = 0.0
-    if n > 0:
-        bx = np.empty(n)
-        by = np.empty(n)
-        rx = np.empty(n)
-        ry = np.empty(n)
-        w = np.empty(n)
-        mu = np.empty(n)
-        load = np.empty(n)
-        k1 = np.empty(n)
-        film_h = np.empty(n)
-        out = np.empty(9)
-        film = num[r + _FILM]
-        st, sv = num[r + _STRIBECK], num[r + _STRIBECK_V]
-        sk, skv = num[r + _STICTION], num[r + _STICTION_V]
-        pt, px, py, pr = num[r + _PATCH], num[r + _PATCH_X], num[r + _PATCH_Y], num[r + _PATCH_R]
-        pressure = num[r + _PRESSURE]
-        wsum = 0.0
-        for i in range(n):
-            j = padr + POINT_STRIDE * i
-            bx[i] = num[j]
-            by[i] = num[j + 1]
-            w[i] = num[j + 2] * max(1.0 + pressure * num[j + 3], 0.0)
-            wsum += w[i]
-            rx[i] = c * bx[i] - s * by[i]
-            ry[i] = s * bx[i] + c * by[i]
-            film_h[i] = h * film * num[j + 2]
-            m_i = num[r + _MU]
-            if st != 0.0 or sk != 0.0:
-                ux = v0 - v2 * ry[i]
-                uy = v1 + v2 * rx[i]
-                u2 = ux * ux + uy * uy
-                m_i *= 1.0 + st * math.exp(-u2 / (sv * sv)) + sk * math.exp(-u2 / (skv * skv))
-            if pt != 0.0:
-                dx = qpos[qadr] + rx[i] - px
-                dy = qpos[qadr + 1] + ry[i] - py
-                d = math.sqrt(dx * dx + dy * dy)
-                z = (d - pr) / (0.08 * pr)
-                if z < 30.0:
-                    m_i *= 1.0 + pt / (1.0 + math.exp(z))
-            mu[i] = m_i
-        for i in range(n):
-            w[i] /= wsum
-        am, bm = num[r + _ALONG], num[r + _ACROSS]
-        cr, sr = 1.0, 0.0
-        if am != bm:
-            cr, sr = math.cos(yaw + num[r + _ANGLE]), math.sin(yaw + num[r + _ANGLE])
-        eps2 = SLIP_EPS * SLIP_EPS
-        weight = mass * -gravity[2] - fz
-        if weight < 0.0:
-            weight = 0.0
-        zf = num[r + _BASEZ]
-        # moments about the base's centre, world axes, that do not depend on the solution
-        push_mx = szx - fx * zf  # height above the floor times force
-        push_my = szy - fy * zf
-        # a vertical push at a body point moves the load too
-        sxz, syz = user[push + 5], user[push + 8]
-        vx_m, vy_m = c * sxz - s * syz, s * sxz + c * syz
-        zc = comz - zf
-        other0, other1 = e0 - fx - mass * v2 * v2 * lx, e1 - fy - mass * v2 * v2 * ly
-
-        # friction of the last iterate; first guess: full slip along the free velocity, or what holds it at rest
-        sp = math.sqrt(f0 * f0 + f1 * f1)
-        guess = num[r + _MU] * weight
-        stop = mass * sp / h
-        if stop < guess:
-            guess = stop
-        if sp > 0.0:
-            fr0, fr1 = -guess * f0 / sp, -guess * f1 / sp
-        # start at rest or at the current velocity, whichever is lower; fast motion needs no look at rest
-        x0, x1, x2 = v0, v1, v2
-        old_cx, old_cy = 1e9, 1e9
-        for outer in range(12):
-            # mass times the acceleration of the centre of mass = all horizontal forces
-            tot0 = other0 + fx + fr0
-            tot1 = other1 + fy + fr1
-            if weight > 0.0:
-                wx = (mass * -gravity[2] * lx - vx_m + push_mx + zc * (other0 - tot0)) / weight
-                wy = (mass * -gravity[2] * ly - vy_m + push_my + zc * (other1 - tot1)) / weight
-            else:
-                wx, wy = 0.0, 0.0
-            cpx, cpy = c * wx + s * wy, -s * wx + c * wy
-            if outer > 1 and abs(cpx - old_cx) + abs(cpy - old_cy) < 1e-7:
-                break
-            old_cx, old_cy = cpx, cpy
-            lifted = _share_load(n, bx, by, w, cpx, cpy, load, weight)
-            for i in range(n):
-                k1[i] = h * mu[i] * load[i]
-            if outer == 0:
-                cost_rest = 0.5 * (m00 * f0 * f0 + m11 * f1 * f1 + m22 * f2 * f2) + m02 * f0 * f2 + m12 * f1 * f2
-                cost_rest += _cost(0.0, 0.0, 0.0, n, rx, ry, k1, am, bm, cr, sr, film_h, eps2)
-                d0, d1, d2 = v0 - f0, v1 - f1, v2 - f2
-                cost = 0.5 * (m00 * d0 * d0 + m11 * d1 * d1 + m22 * d2 * d2) + m02 * d0 * d2 + m12 * d1 * d2
-                cost += _cost(v0, v1, v2, n, rx, ry, k1, am, bm, cr, sr, film_h, eps2)
-                if cost_rest < cost:
-                    x0, x1, x2 = 0.0, 0.0, 0.0
-            _terms(x0, x1, x2, n, rx, ry, k1, am, bm, cr, sr, film_h, eps2, out)
-            d0, d1, d2 = x0 - f0, x1 - f1, x2 - f2
-            g0 = m00 * d0 + m02 * d2 + out[0]
-            g1 = m11 * d1 + m12 * d2 + out[1]
-            g2 = m02 * d0 + m12 * d1 + m22 * d2 + out[2]
-            tolerance = (1e-11 if outer > 3 else 1e-5 * 0.01**outer) * (mass + i_origin)
-            for _ in range(40):
-                if abs(g0) + abs(g1) + abs(g2) < tolerance:
-                    break
-                p0, p1, p2 = _solve3(
-                    m00 + out[3], out[4], m02 + out[5], m11 + out[6], m12 + out[7], m22 + out[8], g0, g1, g2
-                )
-                slope = g0 * p0 + g1 * p1 + g2 * p2
-                step = 1.0
-                # the objective is convex: shorten by the secant rule until its slope along the step is small
-                for _ls in range(30):
-                    y0, y1, y2 = x0 - step * p0, x1 - step * p1, x2 - step * p2
-                    _terms(y0, y1, y2, n, rx, ry, k1, am, bm, cr, sr, film_h, eps2, out)
-                    d0, d1, d2 = y0 - f0, y1 - f1, y2 - f2
-                    g0 = m00 * d0 + m02 * d2 + out[0]
-                    g1 = m11 * d1 + m12 * d2 + out[1]
-                    g2 = m02 * d0 + m12 * d1 + m22 * d2 + out[2]
-                    past = -(g0 * p0 + g1 * p1 + g2 * p2)
-                    if past <= 0.5 * slope:
-                        break
-                    step *= max(slope / (slope + past), 0.1)
-                x0, x1, x2 = y0, y1, y2
-            fr0, fr1, fr2 = -out[0] / h, -out[1] / h, -out[2] / h
-        # from the balance of momentum: exact also where the regularised law is stiff
-        d0, d1, d2 = x0 - f0, x1 - f1, x2 - f2
-        fr0 = (m00 * d0 + m02 * d2) / h
-        fr1 = (m11 * d1 + m12 * d2) / h
-        fr2 = (m02 * d0 + m12 * d1 + m22 * d2) / h
+    cop_x = cop_y = 0.0
+    weight = -mass * gravity[2] - fz - out2
+    lifted = 1.0
+    if n > 0 and weight > 0.0:
+        # where the load must be without friction, from the moments about the centre of mass
+        mx = (weight + fz) * lx - (c * sxz - s * syz) + szx - comz * (joint0 + fx) + out4
+        my = (weight + fz) * ly - (s * sxz + c * syz) + szy - comz * (joint1 + fy) - out3
+        turn = num[r + _ANGLE] if num[r + _ALONG] != num[r + _ACROSS] else 0.0
+        ca, sa = math.cos(yaw + turn), math.sin(yaw + turn)
+        d0, d1 = h * damping[dof], h * damping[dof + 1]
+        inertia = (
+            mass + d0 * ca * ca + d1 * sa * sa, ca * sa * (d1 - d0), ca * m02 + sa * m12,
+            mass + d0 * sa * sa + d1 * ca * ca, ca * m12 - sa * m02, m22,
+        )  # fmt: skip
+        x0, x1, x2, cop_x, cop_y, lifted = _friction(
+            num, r, n, h, (ca * v0 + sa * v1, ca * v1 - sa * v0, v2), (ca * f0 + sa * f1, ca * f1 - sa * f0, f2),
+            inertia, weight, comz - num[r + _BASEZ], (ca * mx + sa * my) / weight, (ca * my - sa * mx) / weight,
+            qpos[qadr], qpos[qadr + 1], yaw, turn,
+        )  # fmt: skip
+        x0, x1 = ca * x0 - sa * x1, sa * x0 + ca * x1
+    # friction from the balance of momentum: exact also where the regularised law is stiff
+    d0, d1, d2 = x0 - f0, x1 - f1, x2 - f2
+    fr0 = (m00 * d0 + m02 * d2) / h
+    fr1 = (m11 * d1 + m12 * d2) / h
+    fr2 = (m02 * d0 + m12 * d1 + m22 * d2) / h
 
     # what MuJoCo must be given so that its step, with its own mass, ends at x
     d0, d1, d2 = (x0 - v0) / h, (x1 - v1) / h, (x2 - v2) / h
@@ -500,20 +611,20 @@ def _step_body(
     want0 = n00 * d0 + n02 * d2 - full * v2 * v2 * lx - full * gravity[0]
     want1 = n11 * d1 + n12 * d2 - full * v2 * v2 * ly - full * gravity[1]
     want2 = n02 * d0 + n12 * d1 + n22 * d2 - full * (lx * gravity[1] - ly * gravity[0])
-    passive[dof] = want0 - applied[dof] - xfrc[6 * body]
-    passive[dof + 1] = want1 - applied[dof + 1] - xfrc[6 * body + 1]
-    passive[dof + 2] = want2 - applied[dof + 2] - xfrc[6 * body + 5] - lx * xfrc[6 * body + 1] + ly * xfrc[6 * body]
+    passive[dof] = want0 - applied[dof] - out0
+    passive[dof + 1] = want1 - applied[dof + 1] - out1
+    passive[dof + 2] = want2 - applied[dof + 2] - out5 - lx * out1 + ly * out0
 
     o = push + PUSH_SIZE
     user[o] = fr0
     user[o + 1] = fr1
     user[o + 2] = fr2
-    user[o + 3] = cpx
-    user[o + 4] = cpy
+    user[o + 3] = cop_x
+    user[o + 4] = cop_y
     user[o + 5] = lifted
     user[o + 6] = math.sqrt(x0 * x0 + x1 * x1)
     user[o + 7] = 0.5 * (fr0 * (x0 + v0) + fr1 * (x1 + v1) + fr2 * (x2 + v2))
-    user[o + 8] = weight
+    user[o + 8] = max(weight, 0.0)
     user[o + 9] = x2
 
 
@@ -605,8 +716,8 @@ def _ints(base, offset, size):
 
 
 def _compile(
-    o_nuser, o_nbody, o_dt, o_gravity, o_time, o_user, o_mass, o_inertia, o_ipos, o_iquat, o_damping, o_dofadr, o_jntadr,
-    o_qposadr, o_qpos, o_qvel, o_xfrc, o_userdata, o_applied, o_passive,
+    o_nuser, o_nbody, o_dt, o_gravity, o_time, o_user, o_mass, o_inertia, o_ipos, o_iquat, o_damping, o_dofadr,
+    o_jntadr, o_qposadr, o_qpos, o_qvel, o_xfrc, o_userdata, o_applied, o_passive,
 ):  # fmt: skip
     """Compile the callback for these offsets. They are closure cells, so that numba's cache tells builds apart."""
 

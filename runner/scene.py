@@ -224,7 +224,7 @@ def _add_body(root: mjcf.RootElement, scene: SceneConfig, name: str, body: BodyC
     points = np.empty((0, law.POINT_STRIDE))
     if scene.contact is Contact.patch:
         points = law.base_points(hx, hy, scene.grid) if body.base is Base.even else law.corner_points(hx, hy)
-    record = law.LawBody(joints=joints, push_adr=push_adr, base_z=-hz, mu=body.friction)
+    record = law.LawBody(joints=joints, push_adr=push_adr, base_z=-hz, mu=body.friction, half_x=hx, half_y=hy)
     z = hz if joints == law.PLANAR else hz - _penetration_m(scene)
     # simple="false": MuJoCo must not take the CoM for fixed at the frame, as it may move at run time
     element = root.worldbody.add("body", name=name, pos=(0, 0, z), simple="false", user=law.pack(record, points))
