@@ -32,7 +32,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, TypeVar
 
-from runner.errors import ConfigError, RunnerError
+from runner.errors import ConfigError, RunnerError, nearest
 
 T = TypeVar("T")
 TARGET = "_target_"
@@ -51,6 +51,7 @@ def registered(group: str, name: str | None = None) -> Callable[[type[T]], type[
 
     def decorate(cls: type[T]) -> type[T]:
         _REGISTERED[group, name or snake_case(cls.__name__)] = cls
+        _TARGETS[target_of(cls)] = cls
         return cls
 
     return decorate
@@ -59,6 +60,11 @@ def registered(group: str, name: str | None = None) -> Callable[[type[T]], type[
 def snake_case(name: str) -> str:
     """Return a class's name as it is written in YAML: `HalfCosine` is `half_cosine`."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+
+
+def target_of(cls: type) -> str:
+    """Return what `_target_` is for a class."""
+    return f"{cls.__module__}.{cls.__qualname__}"
 
 
 def options(group: str) -> tuple[str, ...]:
@@ -76,7 +82,7 @@ def schema(cls: type) -> type:
     Raises:
         TypeError: If a field has a type that OmegaConf can't check (a `Literal`: use an Enum).
     """
-    target = f"{cls.__module__}.{cls.__qualname__}"
+    target = target_of(cls)
     _TARGETS[target] = cls
     hints = typing.get_type_hints(cls)
     fields: list[tuple[str, Any, Any]] = [(TARGET, str, dataclasses.field(default=target))]
@@ -198,6 +204,12 @@ def _build_section(value: dict[str, Any], hint: Any, key: str) -> Any:
         raise ConfigError(f"{key + '.' if key else ''}{TARGET}: no class '{target}' is registered.")
     hints = typing.get_type_hints(cls)
     start = f"{key}." if key else ""
+    own = {f.name: f for f in dataclasses.fields(cls) if f.init}
+    for name in value.keys() - own.keys() - {TARGET}:
+        raise ConfigError(f"{start}{name}: no such key. {nearest(str(name), own)}")
+    for name, field in own.items():
+        if name not in value and field.default is field.default_factory is dataclasses.MISSING:
+            raise ConfigError(f"{start}{name}: a value is needed.")
     fields = {k: _build(v, hints.get(k, Any), start + str(k)) for k, v in value.items() if k != TARGET}
     try:
         return cls(**fields)

@@ -71,8 +71,11 @@ class Command(Generic[C]):
 
 def names() -> tuple[str, ...]:
     """Return the names of all commands, the default one first."""
-    found = (p.stem.replace("_", " ") for p in Path(__file__).parent.glob("[a-z]*.py"))
-    return tuple(sorted(found, key=lambda name: (name != DEFAULT, name)))
+    return tuple(sorted(_sources(), key=lambda name: (name != DEFAULT, name)))
+
+
+def _sources() -> dict[str, Path]:
+    return {p.stem.replace("_", " "): p for folder in __path__ for p in Path(folder).glob("[a-z]*.py")}
 
 
 def load(name: str) -> Command[Any]:
@@ -87,5 +90,4 @@ def module(name: str) -> str:
 
 def description(name: str) -> str:
     """Return the docstring of a command's module, without importing it."""
-    source = Path(__file__).with_name(f"{module(name)}.py").read_text(encoding="utf-8")
-    return ast.get_docstring(ast.parse(source)) or ""
+    return ast.get_docstring(ast.parse(_sources()[name].read_text(encoding="utf-8"))) or ""
