@@ -291,7 +291,7 @@ def test_a_wandering_force_has_its_standard_deviation_and_is_slow() -> None:
 
 
 def test_the_texture_has_its_standard_deviation_and_length() -> None:
-    grid = physics.floor_texture(3, 0.3, 0.125)
+    grid = physics.floor_texture(replace(BOX, texture_seed=3))
     assert grid.mean() == pytest.approx(0.0, abs=1e-12)
     assert grid.std() == pytest.approx(1.0)
     near = np.mean(grid * np.roll(grid, 1, axis=0))

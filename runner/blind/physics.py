@@ -37,6 +37,7 @@ from runner.errors import RunnerError, check_range
 SLIP_EPS = 5e-6  # m/s
 BASE_POINTS = 16  # per side
 TEXTURE_CELLS = 64  # per side of the periodic floor texture
+TEXTURE_CELL_M = 0.125
 WANDER_TERMS = 12  # sinusoids of the wandering force
 
 STATE_NAMES = ("x", "y", "yaw", "vx", "vy", "wz")
@@ -76,6 +77,7 @@ class World:
     texture: float = 0.0  # standard deviation of friction over the floor, relative
     texture_seed: int = 0
     texture_length: float = 0.3  # correlation length, m
+    texture_mean: float = 0.0  # taken from the field, so that friction is right on average where the box goes
     # forces
     viscous_drag: float = 0.0  # N s/m, through the geometric centre
     film: float = 0.0  # N s/m, spread over the base
@@ -555,14 +557,17 @@ def base_points(world: World, points: int = BASE_POINTS) -> tuple[np.ndarray, np
     return x * hx, y * hy, load, area
 
 
-def floor_texture(seed: int, length_m: float, cell_m: float) -> np.ndarray:
-    """Return a periodic random field of mean 0 and standard deviation 1, shape (TEXTURE_CELLS, TEXTURE_CELLS)."""
-    white = np.random.default_rng(seed).standard_normal((TEXTURE_CELLS, TEXTURE_CELLS))
-    k = 2.0 * math.pi * np.fft.fftfreq(TEXTURE_CELLS, cell_m)
-    spectrum = np.exp(-0.25 * (k[:, None] ** 2 + k[None, :] ** 2) * length_m**2)
+def floor_texture(world: World) -> np.ndarray:
+    """Return the texture at the nodes of its periodic grid, shape (TEXTURE_CELLS, TEXTURE_CELLS): x, then y.
+
+    A Gaussian random field of standard deviation 1 and mean `-texture_mean`, to be multiplied by `texture`.
+    """
+    white = np.random.default_rng(world.texture_seed).standard_normal((TEXTURE_CELLS, TEXTURE_CELLS))
+    k = 2.0 * math.pi * np.fft.fftfreq(TEXTURE_CELLS, TEXTURE_CELL_M)
+    spectrum = np.exp(-0.25 * (k[:, None] ** 2 + k[None, :] ** 2) * world.texture_length**2)
     smooth = np.fft.ifft2(np.fft.fft2(white) * spectrum).real
     smooth -= smooth.mean()
-    return smooth / smooth.std()
+    return smooth / smooth.std() - world.texture_mean
 
 
 def wander_terms(seed: int, number: int) -> np.ndarray:
@@ -603,7 +608,7 @@ def pack(world: World, *, points: int = BASE_POINTS, slip_eps: float = SLIP_EPS)
         stribeck=world.stribeck, stribeck_v=world.stribeck_speed,
         stiction=world.stiction, stiction_v=world.stiction_speed,
         patch=world.patch, patch_x=world.patch_place[0], patch_y=world.patch_place[1], patch_r=world.patch_radius,
-        patch_disc=float(world.patch_shape == "disc"), texture=world.texture, cell=0.125,
+        patch_disc=float(world.patch_shape == "disc"), texture=world.texture, cell=TEXTURE_CELL_M,
         drag=world.viscous_drag, film=world.film, film_xx=float(area @ (x * x + y * y)), air=world.air_drag,
         spin=world.rotational_damping, fx=world.wind[0], fy=world.wind[1],
         gx=world.gravity * math.sin(world.tilt) * math.cos(world.downhill),
@@ -624,7 +629,7 @@ def pack(world: World, *, points: int = BASE_POINTS, slip_eps: float = SLIP_EPS)
     n = len(x)
     p[_POINTS_AT : _POINTS_AT + 3 * n] = np.concatenate([x, y, w])
     if world.texture != 0.0:
-        p[_POINTS_AT + 3 * n :] = floor_texture(world.texture_seed, world.texture_length, 0.125).ravel()
+        p[_POINTS_AT + 3 * n :] = floor_texture(world).ravel()
     return p
 
 
@@ -667,7 +672,8 @@ def simulate(
     """Return the state that the sensor shows at every sample, without noise, shape (n, 6).
 
     With an observation delay the first sample shows the start state, which the body then had one delay earlier; no
-    force acts before the first sample. So it equals a delay of the actuator by as much.
+    force acts before the first sample. So it equals a delay of the actuator by as much. A scaled sensor shows the start
+    state too: the true one is that over the scale.
 
     Args:
         world: The box and all around it.

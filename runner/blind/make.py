@@ -1,0 +1,484 @@
+"""Make cases whose answers are withheld: recordings of the second physics, and what was planted in them elsewhere.
+
+How large an effect is follows from how far it moves the recording, not from its parameter: `error_ratio` is the rms
+difference between the recording and a simulation of what the owner believes, started from the true state, over all
+samples and channels, in units of the noise. With nothing but noise it is 1. The parameter is found by bracketing and
+regula falsi on that ratio.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import yaml
+from joblib import Parallel, delayed
+from rich.progress import Progress
+from scipy.ndimage import map_coordinates
+
+from runner.blind.excite import Drive, draw_episodes
+from runner.blind.physics import (
+    TEXTURE_CELL_M,
+    Episode,
+    IntegrationError,
+    World,
+    base_points,
+    floor_texture,
+    simulate_all,
+)
+from runner.blind.plants import OUTSIDE, TOGETHER_ALIKE, VOCABULARY, Plant, Scene, draw
+from runner.errors import ConfigError, check_range
+
+BANDS: dict[str, tuple[float, float]] = {"subtle": (1.6, 3.0), "moderate": (4.0, 7.0), "strong": (10.0, 30.0)}
+PAIR_BANDS: dict[str, tuple[float, float]] = {"moderate": (4.0, 7.0), "strong": (10.0, 16.0)}
+KINDS = ("position", "position", "yaw", "velocity", "velocity", "rate")  # of the six channels
+COLUMNS = ("x", "y", "yaw", "vx", "vy", "wz")
+HASH_FILE = "answers.sha256"
+SMALLEST = 1e-4  # of the largest size: below, an effect is not looked for
+ATTEMPTS = 40
+COARSE = {"points": 8, "rtol": 1e-5, "atol": 1e-7}  # for finding sizes: a quarter of the time
+
+
+@dataclass(frozen=True)
+class Mix:
+    """Shares of the kinds of cases; they are normalised by their sum."""
+
+    singles: float = 0.62
+    pairs: float = 0.14
+    nulls: float = 0.12
+    unknowns: float = 0.12
+
+    def __post_init__(self) -> None:
+        for name, share in asdict(self).items():
+            check_range(f"blind.mix.{name}", share, 0.0)
+        if sum(asdict(self).values()) <= 0.0:
+            raise ConfigError("blind.mix: at least one share must be above 0.")
+
+
+@dataclass(frozen=True)
+class Reality:
+    """How a case departs from the textbook besides its effect. Each can be switched off by zero.
+
+    Args:
+        texture: Range of the standard deviation of friction over the floor, relative.
+        wrong_size: Range of the relative error of the nominal half size.
+        mismatch_limit: The rms of both on the trajectories, in units of the noise; both are shrunk to stay below.
+        coloured: Share of cases whose noise is a first-order autoregression.
+        outliers: Share of cases in which one sample in 200 is far off.
+        noise_unknown, noise_partly: Shares of cases whose noise is not stated, or only in part.
+        heights: Share of cases with pushes above and below the centre.
+        boxes: Share of cases with a box instead of a cube.
+        corners: Share of cases whose object bears on its corners and is believed to.
+    """
+
+    texture: tuple[float, float] = (0.005, 0.01)
+    wrong_size: tuple[float, float] = (0.002, 0.005)
+    mismatch_limit: float = 0.3
+    coloured: float = 0.12
+    outliers: float = 0.08
+    noise_unknown: float = 0.25
+    noise_partly: float = 0.15
+    heights: float = 0.2
+    boxes: float = 0.35
+    corners: float = 0.04
+
+
+@dataclass(frozen=True)
+class Job:
+    """One case to make: what kind, which effects at which severity (drawn beforehand, so that a set is balanced)."""
+
+    kind: str  # single, pair, null, unknown
+    wanted: tuple[tuple[str, str], ...]  # (effect, severity)
+    seed: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class MadeCases:
+    """What `make_cases` made.
+
+    Args:
+        folder: One folder for each case, and the hash of the answers.
+        answers: File of the answers.
+        sha256: Of that file.
+        cases: Names of the cases.
+        seconds: Wall time.
+    """
+
+    folder: Path
+    answers: Path
+    sha256: str
+    cases: tuple[str, ...] = field(repr=False)
+    seconds: float
+
+
+def make_cases(
+    n: int,
+    seed: int,
+    out_dir: Path | str,
+    answers_path: Path | str,
+    *,
+    mix: Mix | None = None,
+    reality: Reality | None = None,
+    workers: int | None = None,
+    progress: Callable[[], Progress] | None = None,
+) -> MadeCases:
+    """Make n cases; the same seed makes the same cases, whatever the number of workers.
+
+    Args:
+        n: Number of cases.
+        seed: Of everything that is drawn.
+        out_dir: Folder for the cases: must not exist or be empty.
+        answers_path: File for the answers, outside `out_dir`.
+        mix: Shares of singles, pairs, nulls and unknowns.
+        reality: Departures from the textbook.
+        workers: Processes; none: one for each core.
+        progress: Makes the progress bar; none: rich's own, silent where there is no terminal.
+
+    Raises:
+        ConfigError: If the folder is in use, or the answers would lie inside it.
+    """
+    check_range("blind.n", n, 1, 100000)
+    folder, answers = Path(out_dir), Path(answers_path)
+    if folder.resolve() == answers.resolve().parent or folder.resolve() in answers.resolve().parents:
+        raise ConfigError(f"blind.answers: must lie outside the folder of the cases '{folder}', got '{answers}'.")
+    if folder.exists() and any(folder.iterdir()):
+        raise ConfigError(f"blind.out: the folder '{folder}' is not empty; give one that is new.")
+    folder.mkdir(parents=True, exist_ok=True)
+    answers.parent.mkdir(parents=True, exist_ok=True)
+    begun = time.perf_counter()
+    jobs = plan_jobs(n, seed, mix or Mix())
+    names = _names(n, seed)
+    bar = (progress or (lambda: Progress(transient=True)))()
+    found: dict[str, dict] = {}
+    with bar:
+        task = bar.add_task("Making cases", total=n)
+        calls = (
+            delayed(make_case)(job, reality or Reality(), folder / name) for job, name in zip(jobs, names, strict=True)
+        )
+        results = Parallel(n_jobs=workers or os.cpu_count() or 1, return_as="generator_unordered")(calls)
+        for name, answer in results:  # pyright: ignore[reportGeneralTypeIssues]
+            found[name] = answer
+            bar.advance(task)
+    text = json.dumps({name: found[name] for name in sorted(found)}, indent=1) + "\n"
+    answers.write_text(text)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    (folder / HASH_FILE).write_text(f"{digest}  {answers.name}\n")
+    return MadeCases(folder, answers, digest, tuple(sorted(found)), time.perf_counter() - begun)
+
+
+def _names(n: int, seed: int) -> list[str]:
+    generator = np.random.default_rng([seed, 99])
+    names: dict[str, None] = {}
+    while len(names) < n:
+        names["r" + generator.bytes(5).hex()] = None
+    return list(names)
+
+
+def plan_jobs(n: int, seed: int, mix: Mix) -> list[Job]:
+    """Return what each case is to hold: counts by largest remainder, effects and severities from shuffled decks."""
+    generator = np.random.default_rng([seed, 1])
+    shares = asdict(mix)
+    exact = {kind: n * share / sum(shares.values()) for kind, share in shares.items()}
+    counts = {kind: math.floor(value) for kind, value in exact.items()}
+    for kind in sorted(exact, key=lambda k: counts[k] - exact[k])[: n - sum(counts.values())]:
+        counts[kind] += 1
+    wanted: list[tuple[str, tuple[tuple[str, str], ...]]] = []
+    wanted += [("single", (card,)) for card in _deal(counts["singles"], list(VOCABULARY), list(BANDS), generator)]
+    wanted += [
+        ("unknown", (card,)) for card in _deal(counts["unknowns"], list(OUTSIDE), ["moderate", "strong"], generator)
+    ]
+    wanted += [("null", ())] * counts["nulls"]
+    names = list(VOCABULARY)
+    for _ in range(counts["pairs"]):
+        pair: list[str] = []
+        while len(pair) < 2 or set(pair) in TOGETHER_ALIKE:
+            pair = [names[int(i)] for i in generator.choice(len(names), 2, replace=False)]
+        pair.sort(key=lambda name: name != "mass")  # its inertia comes before one of its own
+        severities = generator.choice(list(PAIR_BANDS), 2)
+        wanted.append(("pair", tuple((name, str(s)) for name, s in zip(pair, severities, strict=True))))
+    order = generator.permutation(n)
+    return [Job(*wanted[int(i)], seed=(seed, 2, number)) for number, i in enumerate(order)]
+
+
+def _deal(count: int, names: list[str], severities: list[str], generator: np.random.Generator) -> list[tuple[str, str]]:
+    # every name once before any twice, and every severity equally often
+    cards: list[tuple[str, str]] = []
+    shift = generator.permutation(len(names))
+    round_number = 0
+    while len(cards) < count:
+        order = generator.permutation(len(names))
+        cards += [(names[int(i)], severities[int(shift[i] + round_number) % len(severities)]) for i in order]
+        round_number += 1
+    return cards[:count]
+
+
+def make_case(job: Job, reality: Reality, folder: Path) -> tuple[str, dict]:
+    """Write one case into its folder and return its name and its answer.
+
+    Where a severity can't be reached with a sensible size, the next lower one is tried, then everything is drawn anew.
+    """
+    generator = np.random.default_rng(job.seed)
+    for _ in range(ATTEMPTS):
+        made = _try_case(job, reality, generator)
+        if made is not None:
+            nominal, table, answer = made
+            folder.mkdir(parents=True)
+            (folder / "nominal.yaml").write_text(yaml.safe_dump(nominal, sort_keys=False))
+            table.to_parquet(folder / "recording.parquet", index=False)
+            return folder.name, answer
+    raise ConfigError(f"blind.effect: no sensible size of {job.wanted} reaches its severity in {ATTEMPTS} tries.")
+
+
+def _try_case(job: Job, reality: Reality, g: np.random.Generator) -> tuple[dict, pd.DataFrame, dict] | None:
+    believed = _draw_world(reality, g)
+    rate_hz = float(g.choice([60, 60, 60, 100, 120, 240, 240]))
+    drive = Drive(believed, rate_hz, heights=bool(g.random() < reality.heights))
+    episodes = draw_episodes(drive, g)
+    noise = _draw_noise(believed, g)
+    sigma = np.array([noise[kind] for kind in KINDS])
+    coarse, nominal_paths = simulate_or_none(believed, episodes, **COARSE), simulate_or_none(believed, episodes)
+    if coarse is None or nominal_paths is None:
+        return None
+    scene = Scene(believed, episodes, coarse)
+    real, mismatch = _mismatched(scene, reality, sigma, g)
+
+    world, effects, accept = real, [], set()
+    for name, severity in job.wanted:
+        plant = draw(name, replace(scene, world=real), g)
+        bands = PAIR_BANDS if job.kind == "pair" else BANDS
+        sized = _size_for(
+            plant, severity, bands, real, scene, sigma, g, lowest="moderate" if job.kind != "single" else "subtle"
+        )
+        if sized is None:
+            return None
+        size, reached = sized
+        true = {k: v if isinstance(v, str) else float(v) for k, v in plant.true(world, size).items()}
+        if job.kind == "unknown":
+            effects.append({"name": "unknown", "severity": reached, "true": {"what": name, **true}})
+        else:
+            effects.append({"name": name, "severity": reached, "true": true})
+        world = plant.edit(world, size)
+        accept |= set(plant.accept)
+    paths = simulate_or_none(world, episodes)
+    if paths is None:
+        return None
+    colour = float(g.uniform(0.5, 0.9)) if g.random() < reality.coloured else 0.0
+    outliers = 0.005 if g.random() < reality.outliers else 0.0
+    measured = [path + _noise(len(path), sigma, colour, outliers, g) for path in paths]
+    difference = np.concatenate([(m - p) / sigma for m, p in zip(measured, nominal_paths, strict=True)])
+    answer = {
+        "effects": effects,
+        "error_ratio": round(float(np.sqrt(np.mean(difference**2))), 3),
+        "accept": sorted(accept) or ["none"],
+        "made": {
+            "kind": job.kind,
+            "mismatch_ratio": round(_ratio(simulate_or_none(real, episodes), nominal_paths, sigma), 4),
+            "mismatch": mismatch,
+            "noise": noise,
+            "noise_autocorrelation": round(colour, 3),
+            "outlier_share": outliers,
+            "starts": [[round(float(v), 6) for v in e.start] for e in episodes],
+        },
+    }
+    table = _table(episodes, measured, heights=drive.heights)
+    return _nominal(believed, rate_hz, noise, reality, g), table, answer
+
+
+def simulate_or_none(world: World, episodes: Sequence[Episode], **options: float) -> list[np.ndarray] | None:
+    """Return the motion, or none where the world can't be integrated (it tips, or it runs away)."""
+    try:
+        return simulate_all(world, list(episodes), **options)
+    except IntegrationError:
+        return None
+
+
+def _ratio(paths: list[np.ndarray] | None, nominal: list[np.ndarray], sigma: np.ndarray) -> float:
+    if paths is None:
+        return math.inf
+    difference = np.concatenate([(a - b) / sigma for a, b in zip(paths, nominal, strict=True)])
+    return float(np.sqrt(np.mean(difference**2)))
+
+
+def _size_for(
+    plant: Plant,
+    severity: str,
+    bands: dict[str, tuple[float, float]],
+    real: World,
+    scene: Scene,
+    sigma: np.ndarray,
+    g: np.random.Generator,
+    *,
+    lowest: str,
+) -> tuple[float, str] | None:
+    """Return the size that reaches a severity, or the next lower one, and its name; none where none can be reached."""
+
+    def excess(size: float) -> float:
+        # the ratio without noise, which adds 1 in squares
+        return _ratio(simulate_or_none(plant.edit(real, size), scene.episodes, **COARSE), scene.paths, sigma)
+
+    names = [name for name in ("strong", "moderate", "subtle") if name in bands]
+    names = names[names.index(severity) : names.index(lowest) + 1] if severity in names else []
+    top = excess(plant.largest)
+    for name in names:
+        low, high = bands[name]
+        target = math.sqrt(float(np.exp(g.uniform(math.log(1.02 * low), math.log(0.98 * high)))) ** 2 - 1.0)
+        if top < target:
+            least = math.sqrt(low * low - 1.0)
+            if top < least:
+                continue
+            target = least * (top / least) ** float(g.uniform(0.1, 0.9))
+        size = find_size(excess, plant.largest, target, top)
+        if size is not None:
+            return size, name
+    return None
+
+
+def find_size(excess: Callable[[float], float], largest: float, target: float, top: float) -> float | None:
+    """Return a size with an excess within 4 % of the target, or none: regula falsi in logarithms, inside a bracket.
+
+    Args:
+        excess: Excess at a size; rises with it, at least on the whole.
+        largest: Largest size.
+        target: Excess to reach, at most `top`.
+        top: Excess at the largest size.
+    """
+    low, high = math.log(largest * SMALLEST), math.log(largest)
+    at_high = min(math.log(max(top / target, 1e-12)), 8.0)
+    at_low = -8.0
+    guess = high - min(max(at_high, 0.0), high - low)  # the excess is about proportional to the size
+    for step in range(24):
+        if not low < guess < high or step % 4 == 3:
+            guess = 0.5 * (low + high)
+        value = excess(math.exp(guess))
+        error = min(max(math.log(max(value, 1e-12) / target), -8.0), 8.0)
+        if abs(error) < 0.04:
+            return math.exp(guess)
+        if error > 0:
+            high, at_high = guess, error
+        else:
+            low, at_low = guess, error
+        if high - low < 1e-6:
+            return None  # the excess jumps over the target
+        guess -= error if step < 3 else (guess - (low * at_high - high * at_low) / (at_high - at_low))
+    return None
+
+
+def _draw_world(reality: Reality, g: np.random.Generator) -> World:
+    """Draw what the owner believes: in a quarter of the cases the cube of half a metre, 3 kg and friction 0.3."""
+    if g.random() < 0.25:
+        return World(half_size=(0.5, 0.5, 0.5), mass=3.0, friction=0.3)
+    half = round(float(g.uniform(0.2, 0.6)), 3)
+    sizes = (half, half, half)
+    if g.random() < reality.boxes:
+        sizes = (half, round(half * float(g.uniform(0.55, 1.5)), 3), round(half * float(g.uniform(0.4, 1.2)), 3))
+    mass = round(float(np.exp(g.uniform(math.log(0.5), math.log(6.0)))), 3)
+    tips = min(sizes[:2]) / sizes[2]
+    friction = round(float(g.uniform(0.1, min(0.6, 0.65 * tips))), 3)
+    contact = "corners" if g.random() < reality.corners else "patch"
+    return World(half_size=sizes, mass=mass, friction=friction, contact=contact)
+
+
+def _draw_noise(world: World, g: np.random.Generator) -> dict[str, float]:
+    """Draw standard deviations with two digits. Mostly some millimetres, in one case of seven less than two."""
+    fine = g.random() < 0.15
+    position = float(np.exp(g.uniform(*np.log((0.0005, 0.002) if fine else (0.003, 0.013)))))
+    half = max(world.half_size[:2])
+    velocity = position * float(g.uniform(2.5, 5.0))
+    drawn = {
+        "position": position,
+        "yaw": position / half * float(g.uniform(0.35, 0.95)),
+        "velocity": velocity,
+        "rate": velocity / half * float(g.uniform(0.45, 1.15)),
+    }
+    return {kind: float(f"{value:.2g}") for kind, value in drawn.items()}
+
+
+def _mismatched(
+    scene: Scene, reality: Reality, sigma: np.ndarray, g: np.random.Generator
+) -> tuple[World, dict[str, float]]:
+    """Return the real world without any effect: an uneven floor and a slightly other size, and by how much."""
+    texture = float(g.uniform(*reality.texture))
+    wrong = float(g.choice([-1.0, 1.0]) * g.uniform(*reality.wrong_size))
+    seed, length = int(g.integers(2**31)), float(g.uniform(0.25, 0.6))
+    real = scene.world
+    if texture > 0.0:
+        real = replace(real, texture=texture, texture_seed=seed, texture_length=length)
+        real = replace(real, texture_mean=_mean_texture(real, scene.paths))
+    for _ in range(6):
+        sizes = tuple(h * (1.0 + wrong) for h in scene.world.half_size)
+        real = replace(real, half_size=sizes, texture=texture)
+        ratio = _ratio(simulate_or_none(real, scene.episodes, **COARSE), scene.paths, sigma)
+        if ratio <= reality.mismatch_limit:
+            break
+        shrink = max(0.9 * reality.mismatch_limit / ratio, 0.05)
+        texture, wrong = texture * shrink, wrong * shrink
+    return real, {"texture": round(texture, 6), "texture_length_m": round(length, 3), "half_size": round(wrong, 6)}
+
+
+def _mean_texture(world: World, paths: list[np.ndarray]) -> float:
+    """Return the mean of the texture under the moving box, in units of its standard deviation."""
+    x, y, share, _ = base_points(world, 6)
+    path = np.concatenate(paths)
+    path = path[np.hypot(path[:, 3], path[:, 4]) + abs(path[:, 5]) * world.half_size[0] > 0.02]
+    if not len(path):
+        return 0.0
+    c, s = np.cos(path[:, 2])[:, None], np.sin(path[:, 2])[:, None]
+    places = np.stack([path[:, :1] + c * x - s * y, path[:, 1:2] + s * x + c * y]) / TEXTURE_CELL_M
+    values = map_coordinates(floor_texture(world), places.reshape(2, -1), order=1, mode="grid-wrap")
+    return float(np.mean(values.reshape(len(path), -1) @ share))
+
+
+def _noise(n: int, sigma: np.ndarray, colour: float, outliers: float, g: np.random.Generator) -> np.ndarray:
+    """Return noise (n, 6): white, or autoregressive with the same standard deviation, and some samples far off."""
+    white = g.standard_normal((n, 6))
+    if colour > 0.0:
+        for k in range(1, n):
+            white[k] = colour * white[k - 1] + math.sqrt(1.0 - colour * colour) * white[k]
+    if outliers > 0.0:
+        far = g.random((n, 6)) < outliers
+        white[far] += (g.choice([-1.0, 1.0], far.sum())) * g.uniform(5.0, 15.0, far.sum())
+    return white * sigma
+
+
+def _table(episodes: list[Episode], measured: list[np.ndarray], *, heights: bool) -> pd.DataFrame:
+    rows = []
+    for e, m in zip(episodes, measured, strict=True):
+        n = len(m)
+        row = {"episode": np.full(n, e.number, np.int32), "t": np.arange(n) / e.rate_hz}
+        row |= dict(zip(COLUMNS, m.T, strict=True))
+        row |= dict(zip(("fx", "fy", "px", "py", "pz"), e.command.T, strict=True))
+        rows.append(pd.DataFrame(row))
+    table = pd.concat(rows, ignore_index=True)
+    if not heights:
+        table = table.drop(columns="pz")
+    return table.astype({name: np.float32 for name in table.columns if name != "episode"})
+
+
+def _nominal(world: World, rate_hz: float, noise: dict[str, float], reality: Reality, g: np.random.Generator) -> dict:
+    sizes = world.half_size
+    drawn = g.random()
+    stated: dict[str, float | None] | None = dict(noise)
+    if drawn < reality.noise_unknown:
+        stated = None
+    elif drawn < reality.noise_unknown + reality.noise_partly:
+        hidden = g.choice(list(noise), size=int(g.integers(1, len(noise))), replace=False)
+        stated = {kind: None if kind in hidden else value for kind, value in noise.items()}
+    nominal: dict = {
+        "half_size": sizes[0] if sizes[0] == sizes[1] == sizes[2] else list(sizes),
+        "mass": world.mass,
+        "friction": world.friction,
+        "gravity": world.gravity,
+        "rate_hz": int(rate_hz),
+        "noise": stated,
+    }
+    if world.contact != "patch":
+        nominal["contact"] = world.contact
+    return nominal

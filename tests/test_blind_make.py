@@ -1,0 +1,186 @@
+"""Cases are made as planned: sizes by how far they move the recording, answers outside, the same for the same seed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from runner.blind import make, plants
+from runner.blind.excite import FAMILIES, Drive, draw_episodes
+from runner.blind.make import BANDS, Job, Mix, Reality, find_size, make_case, make_cases, plan_jobs
+from runner.blind.physics import World, simulate, simulate_all
+from runner.errors import ConfigError
+
+CUBE = World(half_size=(0.5, 0.5, 0.5), mass=3.0, friction=0.3)
+PLAIN = Reality(
+    texture=(0.0, 0.0), wrong_size=(0.0, 0.0), coloured=0.0, outliers=0.0, noise_unknown=0.0, noise_partly=0.0,
+    heights=0.0, boxes=0.0, corners=0.0,
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> make.MadeCases:
+    folder = tmp_path_factory.mktemp("blind")
+    return make_cases(6, 3, folder / "cases", folder / "answers.json", workers=2)
+
+
+def scene_of(world: World = CUBE, seed: int = 0) -> plants.Scene:
+    episodes = draw_episodes(Drive(world, 60.0, heights=False), np.random.default_rng(seed))[:3]
+    return plants.Scene(world, episodes, simulate_all(world, episodes))
+
+
+def test_the_answers_lie_outside_and_their_hash_with_the_cases(made: make.MadeCases) -> None:
+    digest = hashlib.sha256(made.answers.read_bytes()).hexdigest()
+    assert made.sha256 == digest
+    assert (made.folder / "answers.sha256").read_text().split()[0] == digest
+    assert made.folder not in made.answers.parents
+    answers = json.loads(made.answers.read_text())
+    assert set(answers) == set(made.cases) == {p.name for p in made.folder.iterdir() if p.is_dir()}
+    for answer in answers.values():
+        assert set(answer["accept"]) <= {*plants.VOCABULARY, "none", "unknown"}
+        assert all({"name", "severity", "true"} == set(e) for e in answer["effects"])
+
+
+def test_nothing_beside_the_recording_speaks_of_the_answer(made: make.MadeCases) -> None:
+    for name in made.cases:
+        assert {p.name for p in (made.folder / name).iterdir()} == {"recording.parquet", "nominal.yaml"}
+        nominal = yaml.safe_load((made.folder / name / "nominal.yaml").read_text())
+        assert set(nominal) <= {"half_size", "mass", "friction", "gravity", "rate_hz", "noise", "contact"}
+
+
+def test_a_recording_has_the_columns_rates_and_lengths_of_the_format(made: make.MadeCases) -> None:
+    for name in made.cases:
+        table = pd.read_parquet(made.folder / name / "recording.parquet")
+        nominal = yaml.safe_load((made.folder / name / "nominal.yaml").read_text())
+        assert list(table.columns[:12]) == ["episode", "t", "x", "y", "yaw", "vx", "vy", "wz", "fx", "fy", "px", "py"]
+        assert np.all(np.isfinite(table.to_numpy(float)))
+        episodes = [g for _, g in table.groupby("episode")]
+        assert 7 <= len(episodes) <= 10
+        for e in episodes:
+            np.testing.assert_allclose(np.diff(e.t), 1 / nominal["rate_hz"], atol=2e-6)
+            assert 4.0 <= e.t.max() <= 8.0
+            still = (e.fx == 0) & (e.fy == 0)
+            assert np.all(e.loc[still, ["px", "py"]] == 0.0)
+
+
+def test_the_same_seed_makes_the_same_case_and_another_seed_another(tmp_path: Path) -> None:
+    job = Job("single", (("friction", "moderate"),), (5, 2, 0))
+    a, b = (make_case(job, Reality(), tmp_path / name) for name in "ab")
+    assert a[1] == b[1]
+    pd.testing.assert_frame_equal(*(pd.read_parquet(tmp_path / n / "recording.parquet") for n in "ab"))
+    other = make_case(replace(job, seed=(6, 2, 0)), Reality(), tmp_path / "c")
+    assert other[1]["made"]["starts"] != a[1]["made"]["starts"]
+
+
+@pytest.mark.parametrize("severity", ["subtle", "strong"])
+def test_a_severity_is_met_by_the_ratio_to_the_noise(severity: str, tmp_path: Path) -> None:
+    _, answer = make_case(Job("single", (("viscous_drag", severity),), (1, 2, 3)), PLAIN, tmp_path / "case")
+    low, high = BANDS[severity]
+    assert answer["effects"][0]["severity"] == severity
+    assert 0.97 * low <= answer["error_ratio"] <= 1.03 * high
+
+
+def test_a_null_case_without_mismatch_has_the_ratio_one(tmp_path: Path) -> None:
+    _, answer = make_case(Job("null", (), (1, 2, 4)), PLAIN, tmp_path / "case")
+    assert answer["effects"] == []
+    assert answer["accept"] == ["none"]
+    assert answer["error_ratio"] == pytest.approx(1.0, abs=0.03)
+    assert answer["made"]["mismatch_ratio"] == 0.0
+
+
+def test_the_mismatch_is_real_and_below_its_limit(tmp_path: Path) -> None:
+    _, answer = make_case(Job("null", (), (1, 2, 5)), Reality(), tmp_path / "case")
+    assert 0.02 < answer["made"]["mismatch_ratio"] < 0.36
+    assert answer["made"]["mismatch"]["texture"] > 0.0
+    assert answer["made"]["mismatch"]["half_size"] != 0.0
+
+
+def test_every_effect_is_neutral_at_no_size_and_moves_the_box_at_its_largest() -> None:
+    scene = scene_of()
+    for name in [*plants.VOCABULARY, *plants.OUTSIDE]:
+        plant = plants.draw(name, scene, np.random.default_rng(2))
+        nothing = [simulate(plant.edit(CUBE, 1e-12), e) for e in scene.episodes]
+        largest = [simulate(plant.edit(CUBE, plant.largest), e) for e in scene.episodes]
+        near = 2e-3 if name == "contact_pressure" else 2e-5  # its base points are laid out in panels
+        for path, reference in zip(nothing, scene.paths, strict=True):
+            np.testing.assert_allclose(path, reference, atol=near, err_msg=name)
+        moved = max(np.abs(a[:, :2] - b[:, :2]).max() for a, b in zip(largest, scene.paths, strict=True))
+        turned = max(np.abs(a[:, 2] - b[:, 2]).max() for a, b in zip(largest, scene.paths, strict=True))
+        assert moved > 0.01 or turned > 0.01, name
+
+
+def test_the_true_values_are_those_of_the_world() -> None:
+    scene, g = scene_of(), np.random.default_rng(0)
+    mass = plants.draw("mass", scene, g)
+    assert mass.true(CUBE, 0.1)["mass_kg"] == pytest.approx(mass.edit(CUBE, 0.1).mass)
+    offset = plants.draw("com_offset", scene, g)
+    assert (offset.true(CUBE, 0.1)["x_m"], offset.true(CUBE, 0.1)["y_m"]) == pytest.approx(offset.edit(CUBE, 0.1).com)
+    heavier = mass.edit(CUBE, 0.1)
+    assert heavier.yaw_inertia / CUBE.yaw_inertia == pytest.approx(heavier.mass / CUBE.mass)
+
+
+def test_sets_are_balanced_over_effects_and_severities() -> None:
+    jobs = plan_jobs(240, 1, Mix())
+    singles = [j.wanted[0] for j in jobs if j.kind == "single"]
+    counts = pd.Series([name for name, _ in singles]).value_counts()
+    assert set(counts.index) == set(plants.VOCABULARY)
+    assert counts.max() - counts.min() <= 1
+    severities = pd.Series([severity for _, severity in singles]).value_counts()
+    assert severities.max() - severities.min() <= 12
+    assert all({a, b} not in plants.TOGETHER_ALIKE for j in jobs if j.kind == "pair" for (a, _), (b, _) in [j.wanted])
+    assert len([j for j in jobs if j.kind == "null"]) == round(240 * 0.12)
+
+
+@settings(max_examples=30, deadline=None)
+@given(power=st.floats(0.5, 2.5), target=st.floats(1.3, 30.0), floor=st.floats(0.0, 0.3))
+def test_a_size_is_found_for_any_rising_excess(power: float, target: float, floor: float) -> None:
+    def excess(size: float) -> float:
+        return math.hypot(floor, 60.0 * size**power)
+
+    size = find_size(excess, 1.0, target, excess(1.0))
+    assert size is not None
+    assert excess(size) == pytest.approx(target, rel=0.045)
+
+
+def test_an_excess_that_jumps_over_the_target_has_no_size() -> None:
+    assert find_size(lambda size: 0.1 if size < 0.37 else 50.0, 1.0, 5.0, 50.0) is None
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda f: f.__name__)
+def test_excitations_push_hard_enough_to_slide_and_not_beyond_reason(family) -> None:
+    drive = Drive(CUBE, 60.0, heights=False)
+    sizes = []
+    for seed in range(5):
+        command = family(drive, np.random.default_rng(seed), np.arange(421) / 60.0)
+        sizes.append(np.hypot(command[:, 0], command[:, 1]).max() / drive.friction_n)
+        assert np.all(abs(command[:, 2:4]) <= 0.5)
+    assert max(sizes) > 1.1
+    assert max(sizes) < 2.6
+
+
+def test_pushes_at_a_height_do_not_tip_the_box() -> None:
+    drive = Drive(CUBE, 60.0, heights=True)
+    for e in draw_episodes(drive, np.random.default_rng(4)):
+        force = np.hypot(e.command[:, 0], e.command[:, 1])
+        lever = force * abs(e.command[:, 4]) + CUBE.friction * CUBE.mass * CUBE.gravity * 0.5
+        assert lever.max() <= 0.76 * 0.5 * CUBE.mass * CUBE.gravity
+
+
+def test_a_folder_in_use_and_answers_inside_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigError, match=r"blind\.out: the folder .* is not empty"):
+        make_cases(1, 0, tmp_path, tmp_path.parent / "answers.json")
+    with pytest.raises(ConfigError, match=r"blind\.answers: must lie outside"):
+        make_cases(1, 0, tmp_path / "new", tmp_path / "new" / "answers.json")
+    with pytest.raises(ConfigError, match="Did you mean 'friction'"):
+        plants.draw("fricton", scene_of(), np.random.default_rng(0))
