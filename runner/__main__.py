@@ -24,20 +24,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         return _dispatch(_arguments.split(arguments))
     except RunnerError as error:
-        line, code = " ".join(str(error).split()), 2
-    except KeyboardInterrupt:
-        line, code = "Interrupted.", 130
+        shown, line, code = error, str(error), 2
+    except KeyboardInterrupt as error:
+        shown, line, code = error, f"Interrupted. {error}", 130
     except BrokenPipeError:  # the reader of our output has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except Exception as error:
-        line, code = (
-            f"runner: a bug: {type(error).__name__}: {' '.join(str(error).split())} (--traceback shows where)",
-            1,
-        )
+        shown, line, code = error, f"runner: a bug: {type(error).__name__}: {error} (--traceback shows where)", 1
     if show_stack:
-        traceback.print_exc()
-    print(line, file=sys.stderr)
+        traceback.print_exception(shown)
+    print(" ".join(line.split()), file=sys.stderr)
     return code
 
 

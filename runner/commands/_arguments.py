@@ -76,6 +76,8 @@ def overrides(name: str, command: commands.Command[Any], rest: Sequence[str]) ->
             found.append(f"{key.replace('-', '_')}={quoted(value)}")
         elif word.startswith("-"):
             raise ConfigError(f"runner {name}: no option '{word}'. {nearest(word, FLAGS)}")
+        elif word.startswith("="):
+            raise ConfigError(f"'{word}': a key is missing before '='.")
         elif "=" in word or word.startswith("~"):
             found.append(word)
         else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import fcntl
 import functools
 import os
@@ -45,18 +46,20 @@ def execute(name: str, overrides: Sequence[str], *, multirun: bool) -> int:
         out, resume = None, None
     else:
         out, overrides = take("out", overrides)
-        resume, overrides = take("resume", overrides)
+        own = {f.name for f in dataclasses.fields(command.config)}
+        resume, overrides = (None, overrides) if "resume" in own else take("resume", overrides)
     with composer(name, command) as hydra:
         if resume is not None:
             return _resume(name, command, hydra, Path(resume), overrides)
-        if multirun or _is_sweep(hydra, overrides):
-            if command.keeps is None:
-                raise ConfigError(f"runner {name}: keeps no results, so it can't be swept with -m.")
-            experiment = _swept_name(hydra, overrides) or command.keeps
-            with _folder(out, experiment, empty=True) as folder:
-                _remember(folder, name, overrides)
-                return _sweep(name, hydra, folder, overrides)
-        return _once(name, command, hydra, out, overrides)
+        composed = None if multirun else composed_for(hydra, overrides)
+        if composed is not None and composed.hydra.mode is not RunMode.MULTIRUN:
+            return _once(name, command, hydra, composed, out, overrides)
+        if command.keeps is None:
+            raise ConfigError(f"runner {name}: keeps no results, so it can't be swept with -m.")
+        experiment = _swept_name(hydra, overrides) or command.keeps
+        with _folder(out, experiment, empty=True) as folder:
+            _remember(folder, name, overrides)
+            return _sweep(name, hydra, folder, overrides)
 
 
 def shown(name: str, overrides: Sequence[str]) -> str:
@@ -67,7 +70,8 @@ def shown(name: str, overrides: Sequence[str]) -> str:
     """
     command = commands.load(name)
     with composer(name, command) as hydra:
-        composed, _ = compose(command, hydra, overrides)
+        composed = composed_for(hydra, overrides)
+        built(command, without_hydra(composed), hydra.groups())
         return OmegaConf.to_yaml(OmegaConf.create(_untargeted(without_hydra(composed))))
 
 
@@ -78,17 +82,16 @@ def _untargeted(node: Any) -> Any:
     return plain
 
 
-def compose(command: Command[Any], hydra: Composer, overrides: Sequence[str]) -> tuple[DictConfig, Any]:
-    """Return the composed config and the dataclass built from it.
+def composed_for(hydra: Composer, overrides: Sequence[str]) -> DictConfig:
+    """Return the composed config, types checked.
 
     Raises:
         ConfigError: If a setting is wrong.
     """
     try:
-        composed = hydra.compose(overrides)
+        return hydra.compose(overrides)
     except Exception as error:
         raise explain(error, overrides, hydra) from error
-    return composed, built(command, without_hydra(composed), hydra.groups())
 
 
 def built(command: Command[Any], own: DictConfig, groups: dict[str, tuple[str, ...]]) -> Any:
@@ -103,8 +106,10 @@ def built(command: Command[Any], own: DictConfig, groups: dict[str, tuple[str, .
         raise explain_value(error, own, groups) from error
 
 
-def _once(name: str, command: Command[Any], hydra: Composer, out: str | None, overrides: Sequence[str]) -> int:
-    composed, value = compose(command, hydra, overrides)
+def _once(
+    name: str, command: Command[Any], hydra: Composer, composed: DictConfig, out: str | None, overrides: Sequence[str]
+) -> int:
+    value = built(command, without_hydra(composed), hydra.groups())
     if command.keeps is None:
         HydraConfig.instance().set_config(composed)
         return command.main(value, _job(None, composed, number=None)) or 0
@@ -171,6 +176,8 @@ def _sweep(name: str, hydra: Composer, folder: Path, overrides: Sequence[str]) -
             task_function=functools.partial(_swept_task, name),
             overrides=[*QUIET, *overrides, *place],
         )
+    except KeyboardInterrupt as interrupt:
+        raise KeyboardInterrupt(f"Go on with: runner {name} resume={folder}") from interrupt
     except Exception as error:
         raise _explain_sweep(error, hydra, overrides) from error
     (folder / "multirun.yaml").unlink(missing_ok=True)  # Hydra's; ours is sweep.txt
@@ -193,14 +200,6 @@ def _explain_sweep(error: Exception, hydra: Composer, overrides: Sequence[str]) 
         except Exception as found:
             return explain(found, job, hydra)
     return explain(error, [], hydra)
-
-
-def _is_sweep(hydra: Composer, overrides: Sequence[str]) -> bool:
-    """Tell whether the config itself (an experiment, say) asks for a sweep."""
-    try:
-        return hydra.compose(overrides, mode=RunMode.MULTIRUN).hydra.mode is RunMode.MULTIRUN
-    except Exception:
-        return False  # what is wrong is said when it is composed for the run
 
 
 def _swept_name(hydra: Composer, overrides: Sequence[str]) -> str | None:

@@ -229,8 +229,6 @@ def _syntax(override: str) -> ConfigError:
     key, equals, value = override.partition("=")
     if not equals:
         return ConfigError(f"'{override}': settings are written key=value.")
-    if not key:
-        return ConfigError(f"'{override}': a key is missing before '='.")
     return ConfigError(
         f"{key}: can't read {value!r}; allowed are a number, a word, [a,b], {{a:1}}, or a text in quotes: "
         f"\"{key}='{value}'\"."

@@ -1,0 +1,100 @@
+"""Imports go one way, and configuration libraries stay at the edge, read from the syntax tree."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+import runner
+
+PACKAGE = Path(runner.__file__).parent
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+# a layer imports only from those above it; a package counts as one
+LAYERS = (
+    "errors",
+    "config progress",
+    "law",
+    "tape scene frames recording",
+    "forces effects estimators link",
+    "simulate experiment",
+    "loop gap",
+    "tables sinks",
+    "diagnose",
+    "blind",
+    "report figures",
+    "commands",
+    "__main__",
+)
+LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names.split()}
+
+
+def modules_imported(file: Path) -> list[str]:
+    """Return the full names of the modules that a file imports, wherever in the file."""
+    found = []
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            assert node.level == 0, f"{file}: relative import"
+            found += [f"runner.{a.name}" for a in node.names] if node.module == "runner" else [node.module]
+    return found
+
+
+def unit(file: Path) -> str:
+    """Return the module or package right below `runner` that a file belongs to."""
+    return file.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def own_imports() -> dict[str, set[str]]:
+    """Return which modules and packages below `runner` each of them imports."""
+    graph: dict[str, set[str]] = defaultdict(set)
+    for file in FILES:
+        wanted = {name.split(".")[1] for name in modules_imported(file) if name.startswith("runner.")}
+        graph[unit(file)] |= wanted - {unit(file)}
+    return graph
+
+
+def test_no_module_imports_in_a_circle() -> None:
+    """Modules and packages can be put in one order in which each imports only earlier ones."""
+    try:
+        order = list(TopologicalSorter(own_imports()).static_order())
+    except CycleError as error:
+        pytest.fail(f"imports in a circle: {' -> '.join(error.args[1])}")
+    assert order.index("errors") < order.index("__main__")
+
+
+def test_layers_import_only_from_above() -> None:
+    """The order is the one that is written down."""
+    wrong = [
+        f"{name} imports {other}"
+        for name, others in own_imports().items()
+        for other in others
+        if name in LEVEL and other in LEVEL and LEVEL[other] > LEVEL[name]
+    ]
+    assert not wrong
+
+
+def test_diagnosis_cannot_see_what_was_planted() -> None:
+    """Nothing that a diagnosis is made of imports the blind test, which knows the answers."""
+    graph = own_imports()
+    seen, todo = set(), ["diagnose"]
+    while todo:
+        name = todo.pop()
+        if name not in seen:
+            seen.add(name)
+            todo += graph[name]
+    assert "errors" in seen or "recording" in seen
+    assert "blind" not in seen
+
+
+@pytest.mark.parametrize("library", ["hydra", "omegaconf"])
+def test_configuration_libraries_stay_at_the_edge(library: str) -> None:
+    """Hydra and OmegaConf are imported by `config`, the commands and `__main__` alone."""
+    users = {unit(f) for f in FILES if any(m.split(".")[0] == library for m in modules_imported(f))}
+    assert "commands" in users
+    assert users <= {"config", "commands", "__main__"}
