@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import mujoco
 import numpy as np
 from dm_control import mjcf
+from dm_control.rl.control import PhysicsError
 
 from runner import law, tape
 from runner.config import registered, snake_case
@@ -156,6 +158,39 @@ def commands(experiment: Experiment) -> Commands:
     return Commands(force, point, pushes)
 
 
+class _Warnings:
+    """A context that raises PhysicsError when MuJoCo has warned within it."""
+
+    def __init__(self, data: Any) -> None:
+        self.data, self._count = data, data.warning.number
+
+    def __enter__(self) -> None:
+        self._before = self._count.tobytes()
+
+    def __exit__(self, *_: object) -> None:
+        if self._count.tobytes() != self._before:
+            before = np.frombuffer(self._before, self._count.dtype)
+            raise PhysicsError(warning_text(self._count > before))
+
+
+def warning_text(grown: np.ndarray) -> str:
+    """Name the warnings of MuJoCo whose counters have grown, in the order of `mjtWarning`."""
+    names = [name for name, g in zip(mujoco.mjtWarning.__members__, grown, strict=False) if g]
+    return f"MuJoCo warned of {', '.join(names)}"
+
+
+class Physics(mjcf.Physics):
+    """dm-control's physics with a cheaper check for warnings; the original takes as long as a physics step."""
+
+    _check: _Warnings | None = None
+
+    def check_invalid_state(self) -> Any:
+        """Return the context that `step` works in."""
+        if self._check is None or self._check.data is not self.data:
+            self._check = _Warnings(self.data)
+        return self._check
+
+
 @dataclass(frozen=True)
 class World:
     """A compiled experiment: dm-control's physics, the handles of the cubes, the tape, and the truth.
@@ -183,12 +218,14 @@ class World:
 
 def build_world(experiment: Experiment) -> World:
     """Compile an experiment; every call gives a physics of its own."""
-    physics = mjcf.Physics.from_mjcf_model(scene_of(experiment))
+    physics = Physics.from_mjcf_model(scene_of(experiment))
     physics.legacy_step = False
     model = physics.model.ptr
     scratch = mujoco.MjData(model)
     set_numbers(experiment, model, scratch)
-    return World(physics, scratch, handles_of(experiment, model), tape_of(experiment, model), truth_of(experiment, model))
+    return World(
+        physics, scratch, handles_of(experiment, model), tape_of(experiment, model), truth_of(experiment, model)
+    )
 
 
 def scene_of(experiment: Experiment) -> mjcf.RootElement:
@@ -216,12 +253,7 @@ def _capacity(experiment: Experiment) -> int:
 
 
 def set_numbers(experiment: Experiment, model: mujoco.MjModel, scratch: mujoco.MjData) -> None:
-    """Write the effects on the remote and the start values of the locals into a compiled model."""
-    body = experiment.local
-    for name in experiment.estimator:
-        index = model.body(name).id
-        model.body_mass[index] = body.mass_kg
-        model.body_inertia[index] = np.asarray(body.inertia) / body.mass_kg * body.mass_kg
+    """Write the effects on the remote, and the start values of the locals, into a compiled model that has neither."""
     shared = np.array([*model.opt.gravity, model.opt.density, model.opt.viscosity, *model.opt.wind])
     for key, effect in experiment.remote.effects.items():
         effect.edit_model(Target(model, model.body(REMOTE).id, scratch))
@@ -230,6 +262,16 @@ def set_numbers(experiment: Experiment, model: mujoco.MjModel, scratch: mujoco.M
                 f"remote.effects.{key}: '{effect.name}' changes what all cubes of a scene share, so it can't be planted "
                 "in the remote alone."
             )
+    set_start(experiment, model, scratch)
+
+
+def set_start(experiment: Experiment, model: mujoco.MjModel, scratch: mujoco.MjData) -> None:
+    """Write the start values of the locals."""
+    body = experiment.local
+    for name in experiment.estimator:
+        index = model.body(name).id
+        model.body_mass[index] = body.mass_kg
+        model.body_inertia[index] = np.asarray(body.inertia) / body.mass_kg * body.mass_kg
     mujoco.mj_setConst(model, scratch)
 
 

@@ -65,17 +65,21 @@ class Push:
 
 
 def push_means(pushes: list[Push], t_s: np.ndarray, timestep_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the means of a train of pushes over steps, see `AbstractForces.columns`; the overlaps are exact."""
+    """Return the means of a train of pushes over steps, see `AbstractForces.columns`; the overlaps are exact.
+
+    `t_s` must grow.
+    """
     force, point = np.zeros((len(t_s), 3)), np.zeros((len(t_s), 3))
     weight = np.zeros(len(t_s))
     for push in pushes:
-        overlap = np.minimum(t_s + timestep_s, push.end_s) - np.maximum(t_s, push.start_s)
+        near = slice(*np.searchsorted(t_s, [push.start_s - 2 * timestep_s, push.end_s + timestep_s]))
+        overlap = np.minimum(t_s[near] + timestep_s, push.end_s) - np.maximum(t_s[near], push.start_s)
         # a whole step is exactly one: the difference of two times is not
         share = np.clip(np.round(overlap / timestep_s, 9), 0.0, 1.0)
         size = share * math.sqrt(sum(f * f for f in push.force_n))
-        force += share[:, None] * push.force_n
-        point += size[:, None] * push.point_m
-        weight += size
+        force[near] += share[:, None] * push.force_n
+        point[near] += size[:, None] * push.point_m
+        weight[near] += size
     point /= np.where(weight > 0, weight, 1.0)[:, None]
     return force, point
 
@@ -105,11 +109,11 @@ class PaperForces(AbstractForces):
     pi, as here by default, a cube ends near where it started. `height_m` is the height of the point above the centre.
     """
 
-    force_n: float = 20.0
+    force_n: float = 15.0
     push_s: float = 0.5
-    rest_s: float = 1.25
-    pushes: int = 8
-    offset_m: float = 0.15
+    rest_s: float = 1.0
+    pushes: int = 10
+    offset_m: float = 0.1
     height_m: float = 0.0
     turn_rad: float = math.pi
     lead_s: float = 0.5

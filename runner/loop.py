@@ -8,10 +8,10 @@ in it: the loop keeps raw numbers, and makes frames of them when it is over.
 from __future__ import annotations
 
 import copy
+import math
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -24,14 +24,17 @@ from runner.experiment import (
     REMOTE,
     Commands,
     Experiment,
+    World,
     build_world,
     commands,
     compile_key,
     handles_of,
     scene_of,
     set_numbers,
+    set_start,
     tape_of,
     truth_of,
+    warning_text,
 )
 from runner.frames import Frames, RunResult, Status, Truth
 from runner.link import deliveries, update_steps
@@ -44,47 +47,70 @@ def _silent(_: int) -> None:
     """Report progress to nobody."""
 
 
-@dataclass
-class Tracker:
-    """The local side of one run: estimators with their memories, what has arrived, and the record of all updates.
+class _Tick(NamedTuple):
+    """What is known of a tick before the run: which message is taken in at it (-1: none), and since when."""
 
-    `update` is called once per tick with the state of all cubes before the locals take over the remote's.
+    message: int
+    now_s: float
+    sent_s: float
+    since_s: float
+    impulse_n_s: tuple[float, float, float]
+
+
+def _ticks(experiment: Experiment, given: Commands, ends: np.ndarray) -> list[_Tick]:
+    """Return all ticks. The link does not depend on what happens in the run, hence neither do they."""
+    h = experiment.scene.timestep_s
+    times: list[float] = (ends * h).tolist()
+    arrivals = deliveries(experiment.link, ends * h, np.random.default_rng([experiment.seed, 1]))
+    total: list[list[float]] = (np.cumsum(given.force_n, axis=0)[ends - 1] * h).tolist()
+    out = []
+    last, since, (x0, y0, z0) = -1, 0.0, (0.0, 0.0, 0.0)
+    for now, (x, y, z), arrived in zip(times, total, arrivals, strict=True):
+        newest = max(arrived, default=-1)
+        # a message that was overtaken by a newer one is of no use
+        if newest <= last:
+            out.append(_Tick(-1, now, math.nan, since, (0.0, 0.0, 0.0)))
+            continue
+        out.append(_Tick(newest, now, times[newest], since, (x - x0, y - y0, z - z0)))
+        last, since, (x0, y0, z0) = newest, now, (x, y, z)
+    return out
+
+
+class Tracker:
+    """The local side of one run: estimators with their memories, and the record of all updates.
+
+    `update` is called once per tick with the state of all cubes, before the locals take over the remote's.
+
+    Attributes:
+        ends: After how many steps each tick comes, (m,).
+        ticks: What is known of the ticks beforehand.
+        count: Ticks so far; the rows of the following that are filled.
+        states: qpos and qvel of all cubes at each tick, (m, nq + nv).
+        values: Estimates after each tick: per estimator, a tuple of its parameters.
+        outcomes: What each estimator did at each tick.
     """
 
-    experiment: Experiment
-    handles: Sequence[Handle]
-    commands: Commands
-    ends: np.ndarray = field(init=False)  # after how many steps each tick comes, (m,)
-    positions: list[list[float]] = field(init=False, default_factory=list)  # qpos at each tick
-    velocities: list[list[float]] = field(init=False, default_factory=list)
-    values: list[list[tuple[float, ...]]] = field(init=False, default_factory=list)  # after each tick, per estimator
-    outcomes: list[list[int]] = field(init=False, default_factory=list)
-    taken: list[int] = field(init=False, default_factory=list)  # message taken over at each tick, -1: none
-
-    def __post_init__(self) -> None:
-        e = self.experiment
-        h = e.scene.timestep_s
-        self.ends = update_steps(e.link, h, e.steps)
-        self.times_s: list[float] = (self.ends * h).tolist()
-        self._arrivals = deliveries(e.link, self.ends * h, np.random.default_rng([e.seed, 1]))
-        total = np.vstack([np.zeros(3), np.cumsum(self.commands.force_n, axis=0)]) * h
-        self._impulse: list[list[float]] = total[self.ends].tolist()
-        self._since_impulse: list[float] = [0.0, 0.0, 0.0]
-        self._since_s = 0.0
-        self._cuts = [_cuts(handle) for handle in self.handles]
+    def __init__(self, experiment: Experiment, handles: Sequence[Handle], given: Commands) -> None:
+        self.experiment, self.handles, self.commands = experiment, handles, given
+        self.ends = update_steps(experiment.link, experiment.scene.timestep_s, experiment.steps)
+        self.ticks = _ticks(experiment, given, self.ends)
+        self.count = 0
+        self.nq, self.nv = sum(h.nq for h in handles), sum(h.nv for h in handles)
+        self.states = np.empty((len(self.ticks), self.nq + self.nv))
+        self.values: list[list[tuple[float, ...]]] = []
+        self.outcomes: list[list[int]] = []
+        self._cuts = [_cuts(handle) for handle in handles]
         self._remote: list[State] = []
-        self._last = -1
-        self._common = State([], [], [])
-        self._rules = list(e.estimator.values())
-        self._memories: list[Any] = [rule.start(Setup(e.scene, e.local)) for rule in self._rules]
+        self._common = State((), (), ())
+        self._rules = list(experiment.estimator.values())
+        setup = Setup(experiment.scene, experiment.local)
+        self._memories: list[Any] = [rule.start(setup) for rule in self._rules]
+        self._silent: list[int] = [Outcome.no_message] * len(self._rules)
 
     def begin(self, q: list[float], v: list[float]) -> None:
         """Take the state at the start as the first common one."""
-        self._common = self._state(0, q, v)
-
-    def _state(self, body: int, q: list[float], v: list[float]) -> State:
-        pos, lin, ang = self._cuts[body]
-        return State(q[pos], v[lin], v[ang])
+        pos, lin, ang = self._cuts[0]
+        self._common = State(q[pos], v[lin], v[ang])
 
     def update(self, q: list[float], v: list[float]) -> int:
         """Take in what has arrived and estimate.
@@ -92,36 +118,26 @@ class Tracker:
         Returns:
             The message that the locals take over, by its tick, or -1.
         """
-        k = len(self.taken)
-        self.positions.append(q)
-        self.velocities.append(v)
-        self._remote.append(self._state(0, q, v))
-        # a message that was overtaken by a newer one is of no use
-        newest = max(self._arrivals[k], default=-1)
-        if newest <= self._last:
-            self.taken.append(-1)
-            self.values.append(self.values[-1] if self.values else self._current())
-            self.outcomes.append([Outcome.no_message] * len(self._rules))
-            return -1
-        now, remote = self.times_s[k], self._remote[newest]
-        x0, y0, z0 = self._since_impulse
-        x1, y1, z1 = self._impulse[k]
-        impulse = (x1 - x0, y1 - y0, z1 - z0)
-        outcomes, memories = [], self._memories
-        for j, rule in enumerate(self._rules):
-            seen = Seen(
-                now, self.times_s[newest], remote, self._state(j + 1, q, v), self._since_s, self._common, impulse
-            )
-            memories[j], outcome = rule.update(memories[j], seen)
-            outcomes.append(outcome)
-        self.taken.append(newest)
-        self.outcomes.append(outcomes)
-        self.values.append(self._current())
-        self._last, self._common, self._since_s, self._since_impulse = newest, remote, now, self._impulse[k]
-        return newest
-
-    def _current(self) -> list[tuple[float, ...]]:
-        return [rule.values(memory) for rule, memory in zip(self._rules, self._memories, strict=True)]
+        message, now, sent, since, impulse = self.ticks[self.count]
+        pos, lin, ang = self._cuts[0]
+        self._remote.append(State(q[pos], v[lin], v[ang]))
+        self.count += 1
+        memories = self._memories
+        if message < 0:
+            self.outcomes.append(self._silent)
+        else:
+            remote, common = self._remote[message], self._common
+            outcomes = []
+            for j, rule in enumerate(self._rules):
+                pos, lin, ang = self._cuts[j + 1]
+                local = State(q[pos], v[lin], v[ang])
+                seen = Seen(now, sent, remote, local, since, common, impulse)
+                memories[j], outcome = rule.update(memories[j], seen)
+                outcomes.append(outcome)
+            self.outcomes.append(outcomes)
+            self._common = remote
+        self.values.append([rule.values(memory) for rule, memory in zip(self._rules, memories)])  # noqa: B905 (hot)
+        return message
 
     def message(self, tick: int) -> State:
         """Return what was sent at a tick."""
@@ -139,49 +155,48 @@ def _cuts(handle: Handle) -> tuple[slice, slice, slice]:
     )
 
 
-@dataclass
 class _Cubes:
     """Writes to the local cubes of one run: live views of state, mass and inertia."""
 
-    qpos: np.ndarray
-    qvel: np.ndarray
-    mass: np.ndarray
-    inertia: np.ndarray
-    handles: Sequence[Handle]
-    tracker: Tracker
-
-    def __post_init__(self) -> None:
-        body = self.tracker.experiment.local
+    def __init__(
+        self, qpos: np.ndarray, qvel: np.ndarray, mass: np.ndarray, inertia: np.ndarray, tracker: Tracker
+    ) -> None:
+        handles, body = tracker.handles, tracker.experiment.local
+        self._qpos, self._qvel, self._mass, self._tracker = qpos, qvel, mass, tracker
         self._per_kg = np.asarray(body.inertia) / body.mass_kg
-        self._mass_kg = [body.mass_kg] * (len(self.handles) - 1)
-        q, v = zip(*((_span(h.qpos_adr, h.nq), _span(h.dof_adr, h.nv)) for h in self.handles), strict=True)
-        self._q, self._v = [self.qpos[s] for s in q], [self.qvel[s] for s in v]
-        self._inertia = [self.inertia[h.body_id] for h in self.handles]
-        self._ids = [h.body_id for h in self.handles]
+        self._mass_kg = [body.mass_kg] * (len(handles) - 1)
+        self._q = [qpos[h.qpos_adr : h.qpos_adr + h.nq] for h in handles]
+        self._v = [qvel[h.dof_adr : h.dof_adr + h.nv] for h in handles]
+        self._inertia = [inertia[h.body_id] for h in handles]
+        self._ids = [h.body_id for h in handles]
+        self._record_q, self._record_v = np.split(tracker.states, [tracker.nq], axis=1)
+        tracker.begin(qpos.tolist(), qvel.tolist())
 
     def update(self) -> bool:
         """Do one update; returns whether a mass has changed, so that MuJoCo must derive its constants anew."""
-        tracker = self.tracker
-        message = tracker.update(self.qpos.tolist(), self.qvel.tolist())
+        tracker, qpos, qvel = self._tracker, self._qpos, self._qvel
+        k = tracker.count
+        self._record_q[k] = qpos
+        self._record_v[k] = qvel
+        message = tracker.update(qpos.tolist(), qvel.tolist())
         if message < 0:
             return False
-        fresh = message == len(tracker.taken) - 1
-        q: Any = self._q[0] if fresh else tracker.message(message).position
-        v: Any = self._v[0] if fresh else [*tracker.message(message).linear, *tracker.message(message).angular]
+        if message == k:
+            q: Any = self._q[0]
+            v: Any = self._v[0]
+        else:
+            q, linear, angular = tracker.message(message)
+            v = [*linear, *angular]
         changed = False
-        for j, (mass_kg,) in enumerate(tracker.values[-1]):
-            if mass_kg != self._mass_kg[j]:
+        for j, (mass_kg,) in enumerate(tracker.values[k], start=1):
+            if mass_kg != self._mass_kg[j - 1]:
                 changed = True
-                self._mass_kg[j] = mass_kg
-                self.mass[self._ids[j + 1]] = mass_kg
-                np.multiply(self._per_kg, mass_kg, out=self._inertia[j + 1])
-            self._q[j + 1][:] = q
-            self._v[j + 1][:] = v
+                self._mass_kg[j - 1] = mass_kg
+                self._mass[self._ids[j]] = mass_kg
+                np.multiply(self._per_kg, mass_kg, out=self._inertia[j])
+            self._q[j][:] = q
+            self._v[j][:] = v
         return changed
-
-
-def _span(start: int, size: int) -> slice:
-    return slice(start, start + size)
 
 
 def run(experiment: Experiment, advance: Advance = _silent) -> RunResult:
@@ -191,26 +206,33 @@ def run(experiment: Experiment, advance: Advance = _silent) -> RunResult:
         experiment: What to run.
         advance: Called with the number of steps since its last call, now and then, for a progress bar.
     """
-    world = build_world(experiment)
+    return run_world(experiment, build_world(experiment), advance)
+
+
+def run_world(experiment: Experiment, world: World, advance: Advance = _silent) -> RunResult:
+    """Run an experiment on a world that was built for it; the world starts afresh, whatever was done with it."""
+    world.physics.reset()
+    set_start(experiment, world.model, world.scratch)
     given = commands(experiment)
     model, data, reel = world.model, world.data, world.tape
     tracker = Tracker(experiment, world.handles, given)
-    qpos, qvel, userdata = data.qpos, data.qvel, data.userdata
-    tracker.begin(qpos.tolist(), qvel.tolist())
-    cubes = _Cubes(qpos, qvel, model.body_mass, model.body_inertia, world.handles, tracker)
-    rows, strip, cursor = reel.commands(userdata), reel.frames(userdata), reel.cursor(userdata)
+    userdata = data.userdata
+    cubes = _Cubes(data.qpos, data.qvel, model.body_mass, model.body_inertia, tracker)
+    # one-dimensional views, which are cheaper to copy between
+    rows, strip, cursor = reel.commands(userdata).reshape(-1), reel.frames(userdata).reshape(-1), reel.cursor(userdata)
     frames = np.empty((experiment.steps, reel.frame_width))
+    flat, wide, narrow = frames.reshape(-1), reel.frame_width, reel.command_width
     reel.wind(userdata, given.pushes[0])
     done, reason = 0, ""
-    step, pushes, set_const, scratch = world.physics.step, given.pushes, mujoco.mj_setConst, world.scratch
+    step, pushes, set_const, scratch = world.physics.step, given.pushes.reshape(-1), mujoco.mj_setConst, world.scratch
     begin = time.perf_counter()
     try:
         for start, count, ticks in _strips(tracker.ends, experiment.steps, reel.capacity):
             end = start + count
-            rows[: count + 1] = pushes[start : end + 1]
+            rows[: (count + 1) * narrow] = pushes[start * narrow : (end + 1) * narrow]
             cursor[0] = 0
             step(count)
-            frames[start:end] = strip[:count]
+            flat[start * wide : end * wide] = strip[: count * wide]
             done = end
             if ticks and cubes.update():
                 set_const(model, scratch)
@@ -220,7 +242,7 @@ def run(experiment: Experiment, advance: Advance = _silent) -> RunResult:
         reason = f"{' '.join(str(error).split())} after {done * experiment.scene.timestep_s:g} s"
     wall_s = time.perf_counter() - begin
     tape.Tape.unwind(userdata)
-    return _result(tracker, truth_of(experiment, model), frames[:done], wall_s, reason)
+    return _result(tracker, world.truth, frames[:done], wall_s, reason)
 
 
 def _strips(ends: np.ndarray, steps: int, capacity: int) -> list[tuple[int, int, bool]]:
@@ -272,8 +294,7 @@ def _run_group(experiments: list[Experiment], threads: int, advance: Advance) ->
     for i, experiment in enumerate(experiments):
         handles = handles_of(experiment, models[i])
         trackers.append(Tracker(experiment, handles, given[i]))
-        trackers[i].begin(qpos[i].tolist(), qvel[i].tolist())
-        cubes.append(_Cubes(qpos[i], qvel[i], mass[i], inertia[i], handles, trackers[i]))
+        cubes.append(_Cubes(qpos[i], qvel[i], mass[i], inertia[i], trackers[i]))
     frames = [np.empty((e.steps, reel.frame_width)) for e in experiments]
     plans = [_strips(t.ends, e.steps, reel.capacity) for t, e in zip(trackers, experiments, strict=True)]
     done, reasons = [0] * len(experiments), [""] * len(experiments)
@@ -346,8 +367,7 @@ def _step(batch: Batch, ids: list[int], count: int) -> dict[int, str]:
         failed = {int(i): batch.error(int(i)) for i in error.ids}
     for i, grown in zip(ids, batch.warning[ids] > before, strict=True):
         if grown.any() and i not in failed:
-            names = [n for n, g in zip(mujoco.mjtWarning.__members__, grown, strict=False) if g]
-            failed[i] = f"MuJoCo warned of {', '.join(names)}"
+            failed[i] = warning_text(grown)
     return failed
 
 
@@ -374,18 +394,14 @@ VELOCITY = {
 }
 
 
-def _result(
-    tracker: Tracker, truth: dict[str, Truth], frames: np.ndarray, wall_s: float, reason: str
-) -> RunResult:
+def _result(tracker: Tracker, truth: dict[str, Truth], frames: np.ndarray, wall_s: float, reason: str) -> RunResult:
     experiment, names = tracker.experiment, (REMOTE, *tracker.experiment.estimator)
     updates = _update_columns(tracker, truth, names)
     return RunResult(
         steps=Frames(_step_columns(tracker, truth, names, frames)),
         updates=Frames(updates),
         estimators=tuple(experiment.estimator),
-        parameters={
-            name: {p: truth[p] for p in rule.names} for name, rule in experiment.estimator.items()
-        },
+        parameters={name: {p: truth[p] for p in rule.names} for name, rule in experiment.estimator.items()},
         half_size_m=experiment.remote.half_size_m,
         timestep_s=experiment.scene.timestep_s,
         wall_s=wall_s,
@@ -421,8 +437,7 @@ def _step_columns(
 ) -> dict[str, np.ndarray]:
     n = len(frames)
     raw = np.ascontiguousarray(frames.T)  # (width, n): columns in one piece
-    nq = sum(h.nq for h in tracker.handles)
-    nv = sum(h.nv for h in tracker.handles)
+    nq, nv = tracker.nq, tracker.nv
     out: dict[str, np.ndarray] = {
         "time_s": np.arange(n) * tracker.experiment.scene.timestep_s,
         "frame": np.arange(n),
@@ -437,9 +452,7 @@ def _step_columns(
             base = nq + nv + b * law.OUT_SIZE
             out |= {f"{name}_{column}": raw[base + offset] for column, offset in CONTACT}
     held = np.minimum(out["update"], len(tracker.values))
-    out |= {
-        name: np.concatenate([[start], column])[held] for name, start, column in _estimates(tracker, truth)
-    }
+    out |= {name: np.concatenate([[start], column])[held] for name, start, column in _estimates(tracker, truth)}
     return _read_only(out.items())
 
 
@@ -456,17 +469,14 @@ def _estimates(tracker: Tracker, truth: dict[str, Truth]) -> list[tuple[str, flo
 
 
 def _update_columns(tracker: Tracker, truth: dict[str, Truth], names: Sequence[str]) -> dict[str, np.ndarray]:
-    m = len(tracker.taken)
-    times = np.array(tracker.times_s[:m])
-    taken = np.array(tracker.taken, dtype=np.int64)
-    nq, nv = sum(h.nq for h in tracker.handles), sum(h.nv for h in tracker.handles)
-    qpos = np.array(tracker.positions).reshape(m, nq).T
-    qvel = np.array(tracker.velocities).reshape(m, nv).T
+    m = tracker.count
+    states = np.ascontiguousarray(tracker.states[:m].T)
+    qpos, qvel = states[: tracker.nq], states[tracker.nq :]
     out = {
-        "time_s": times,
+        "time_s": tracker.ends[:m] * tracker.experiment.scene.timestep_s,
         "update": np.arange(1, m + 1),
         "frame": tracker.ends[:m],
-        "sent_s": np.where(taken >= 0, times[taken], np.nan) if m else times,
+        "sent_s": np.array([tick.sent_s for tick in tracker.ticks[:m]]),
     }
     for name, handle in zip(names, tracker.handles, strict=True):
         out |= _state_columns(name, handle, qpos, qvel)

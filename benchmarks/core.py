@@ -1,0 +1,104 @@
+"""CPU time of a whole 20 s run in the closed loop, as a ratio to a bare replay of the same steps.
+
+    python -m benchmarks.core [repeats]
+
+The bare replay is `mujoco.rollout` of the same scene (without a tape) under the same commands, one call, one thread.
+The closed loop compiles nothing in the timed part that the replay does not: both start from a built world. It steps,
+estimates, changes the mass, takes over the remote's state, keeps every frame, and makes columns of them; with logging
+it also writes `frames.parquet`, `updates.parquet`, `summary.parquet` and a full `run.rrd`. The kinds of run take turns,
+so that a busy machine slows all of them; the figure is the median of the ratios within each round.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+
+from runner import law, loop
+from runner.estimators import Linear
+from runner.experiment import Experiment, RemoteConfig, StartConfig, build_world, commands
+from runner.forces import PaperForces
+from runner.link import LinkConfig
+from runner.scene import SceneConfig, build
+from runner.sinks import LogConfig, RrdDetail
+from runner.tables import summary_row, write_summary
+
+EXPERIMENT = Experiment(
+    seed=0,
+    scene=SceneConfig(),
+    forces=PaperForces(rest_s=1.45),  # ends after 20 s
+    remote=RemoteConfig(),
+    start=StartConfig(),
+    link=LinkConfig(),
+    estimator={"linear": Linear()},
+)
+USERDATA = mujoco.mjtState.mjSTATE_USERDATA.value
+FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS.value
+
+
+def replay() -> Callable[[], None]:
+    """Return a function that replays the run's steps without a loop around them."""
+    root = build(EXPERIMENT.scene, {"remote": EXPERIMENT.remote.body, "local": EXPERIMENT.remote.body})
+    model = mujoco.MjModel.from_xml_string(root.to_xml_string())
+    data = mujoco.MjData(model)
+    start = np.empty((1, mujoco.mj_stateSize(model, FULL)))
+    mujoco.mj_getState(model, data, start[0], FULL)
+    pushes = commands(EXPERIMENT).pushes[:-1].reshape(-1, 2, law.PUSH_SIZE)
+    control = np.zeros((1, len(pushes), model.nuserdata))
+    for body in range(2):
+        at = body * law.USERDATA_SIZE
+        control[0, :, at : at + law.PUSH_SIZE] = pushes[:, body]
+    return lambda: rollout.rollout(model, data, start, control, control_spec=USERDATA) and None
+
+
+def closed(log: LogConfig, folder: Path) -> Callable[[], None]:
+    """Return a function that does the run and writes what `log` asks for."""
+    config = {"seed": EXPERIMENT.seed, "scene": {"dof": "planar", "contact": "patch"}}
+
+    def once() -> None:
+        result = loop.run_world(EXPERIMENT, world)
+        for sink in log.sinks():
+            sink.write(result, folder, config)
+        if log.frames:
+            write_summary([summary_row(result)], folder)
+
+    world = build_world(EXPERIMENT)
+    return once
+
+
+def cpu_ms(work: Callable[[], None]) -> float:
+    """Return the CPU time of a call, all threads, ms."""
+    begin = time.process_time()
+    work()
+    return 1e3 * (time.process_time() - begin)
+
+
+def main(repeats: int = 15) -> None:
+    """Print the table."""
+    with tempfile.TemporaryDirectory() as folder:
+        kinds = {
+            "bare replay (mujoco.rollout)": replay(),
+            "closed loop, logging off": closed(LogConfig(rrd=RrdDetail.off, frames=False), Path(folder)),
+            "closed loop, every 8th frame in .rrd": closed(LogConfig(rrd=RrdDetail.every_n), Path(folder)),
+            "closed loop, logging full": closed(LogConfig(), Path(folder)),
+        }
+        for work in kinds.values():
+            work()
+        times = np.array([[cpu_ms(work) for work in kinds.values()] for _ in range(repeats)])
+    ratios = times / times[:, :1]
+    print(f"{EXPERIMENT.steps} steps, two cubes, {repeats} rounds")
+    print(f"{'':40s}{'CPU ms, median':>16s}{'ratio, median':>16s}{'quartiles':>16s}")
+    for i, name in enumerate(kinds):
+        low, high = np.quantile(ratios[:, i], [0.25, 0.75])
+        print(f"{name:40s}{np.median(times[:, i]):16.1f}{np.median(ratios[:, i]):16.3f}{low:9.3f}-{high:.3f}")
+
+
+if __name__ == "__main__":
+    main(*(int(a) for a in sys.argv[1:2]))

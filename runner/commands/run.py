@@ -1,0 +1,122 @@
+"""Run an experiment: a remote cube, a local cube that follows it, and an estimator of the mass.
+
+Both cubes get the same forces. At every update the local cube receives the remote's position, rotation, linear and
+angular velocity, the estimator compares the two, and the local cube takes over the remote's state. The results folder
+holds the resolved config, `versions.yaml`, every physics frame and every update as Parquet, `run.rrd` for the Rerun
+viewer, and `summary.parquet` with one row.
+
+    runner                                        the published experiment
+    runner run start.mass_kg=0.5 estimator=guard
+    runner run -m start.mass_kg=0.5,1,2,4         a sweep
+    runner run 'effect=[viscous_drag]' log.rrd=off
+"""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import yaml
+from rich.console import Console
+from rich.table import Table
+
+import runner.effects  # registers the effects with the estimators and forces below
+from runner.commands import Command, Job
+from runner.experiment import Experiment
+from runner.frames import RunResult, Status
+from runner.loop import run
+from runner.progress import progress
+from runner.sinks import LogConfig, RrdSink
+from runner.tables import failure_row, summary_row, write_summary
+
+PACKAGES = ("runner", "mujoco", "dm-control", "numba", "numpy", "pandas", "pyarrow", "rerun-sdk", "hydra-core")
+
+
+@dataclass(frozen=True)
+class RunConfig(Experiment):
+    """An experiment, and what is kept of it."""
+
+    log: LogConfig = field(default_factory=LogConfig)
+
+
+def about(job: Job) -> dict[str, Any]:
+    """Return what a row says of the job: its number in a sweep, and what was set."""
+    number = {} if job.number is None else {"job": job.number}
+    plain = {k: v if isinstance(v, bool | int | float | str) else str(v) for k, v in job.overrides.items()}
+    return number | plain
+
+
+def main(config: RunConfig, job: Job) -> int | None:
+    """Run, write, and print the row."""
+    folder = job.results
+    write_versions(folder)
+    with progress("Running", total=config.steps, unit="steps") as advance:
+        result = run(config, advance)
+    began = time.perf_counter()
+    for sink in config.log.sinks():
+        sink.write(result, folder, job.config)
+    row = summary_row(result, about(job) | {"seed": config.seed})
+    row["log_s"] = time.perf_counter() - began
+    write_summary([row], folder)
+    _print(result, row, folder)
+    return None if result.status is Status.done else 1
+
+
+def failed(job: Job, error: Exception) -> None:
+    """Leave a row behind for a run of a sweep that could not be done."""
+    write_summary([failure_row(error, about(job))], job.results)
+
+
+def versions() -> dict[str, str]:
+    """Return the versions that a result depends on."""
+    return {"python": platform.python_version(), "machine": platform.platform()} | {p: _version(p) for p in PACKAGES}
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"  # run from a checkout
+
+
+def write_versions(folder: Path) -> None:
+    """Write `versions.yaml`."""
+    (folder / "versions.yaml").write_text(yaml.safe_dump(versions(), sort_keys=False), encoding="utf-8")
+
+
+def _print(result: RunResult, row: Mapping[str, Any], folder: Path) -> None:
+    table = Table(title=f"{row['simulated_s']:g} s, {row['updates']} updates: {result.status.value}")
+    table.add_column("")
+    columns = []
+    for name in result.estimators:
+        prefix = f"{name}_" if len(result.estimators) > 1 else ""
+        for parameter in result.parameters[name]:
+            stem, _, unit = parameter.rpartition("_")
+            table.add_column(f"{name}: {stem}", justify="right")
+            columns.append((prefix + stem, unit))
+    for label, key in (("true", "true"), ("start", "start"), ("final", "final")):
+        table.add_row(label, *(f"{row[f'{at}_{key}_{unit}']:.9g} {unit}" for at, unit in columns))
+    table.add_row("final relative error", *(f"{row[f'{at}_final_error']:+.1e}" for at, _ in columns))
+    table.add_row("median", *(f"{row[f'{at}_median_error']:.1e}" for at, _ in columns))
+    table.add_row("peak", *(f"{row[f'{at}_peak_error']:.1e}" for at, _ in columns))
+    for label, key in (("within 1 % from", "1pct"), ("within 0.1 % from", "0p1pct"), ("within 0.01 % from", "0p01pct")):
+        table.add_row(label, *(_seconds(row[f"{at}_to_{key}_s"]) for at, _ in columns))
+    console = Console()
+    console.print(table)
+    if result.reason:
+        console.print(f"{result.status.value}: {result.reason}", highlight=False)
+    console.print(f"{row['steps_per_s']:,.0f} physics steps per second. Results: {folder}", highlight=False)
+    if (folder / RrdSink.FILE).is_file():
+        console.print(f"Look at it: rerun {folder / RrdSink.FILE}", highlight=False, soft_wrap=True)
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.2f} s" if value == value else "never"
+
+
+COMMAND = Command(config=RunConfig, main=main, keeps="run", failed=failed)

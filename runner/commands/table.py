@@ -1,0 +1,90 @@
+"""Collect any number of run folders into one table, a row for each run.
+
+`runner table PATH...` takes run folders, sweep folders, or folders of these. `--format csv`, `markdown` and `parquet`
+give the table in full; `text` is for reading. `out=FILE` writes it there, in the format of the file's ending unless a
+format is given.
+"""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+
+import pandas as pd
+
+from runner import tables
+from runner.commands import Command, Job
+from runner.errors import ConfigError, nearest
+
+
+class Format(Enum):
+    """How a table is written."""
+
+    text = "text"
+    csv = "csv"
+    markdown = "markdown"
+    parquet = "parquet"
+
+
+ENDINGS = {".txt": Format.text, ".csv": Format.csv, ".md": Format.markdown, ".parquet": Format.parquet}
+FEW = 4  # so many runs are printed side by side, one value a line
+
+
+@dataclass(frozen=True)
+class TableConfig:
+    """Which folders, and how to write their table."""
+
+    paths: tuple[Path, ...]
+    format: Format | None = None
+    out: Path | None = None
+
+    def __post_init__(self) -> None:
+        if not self.paths:
+            raise ConfigError("paths: at least one folder is needed, as in: runner table results.")
+        if self.chosen is Format.parquet and self.out is None:
+            raise ConfigError("out: a file is needed for format=parquet.")
+
+    @property
+    def chosen(self) -> Format:
+        """The format, by itself or by the file's ending."""
+        if self.format is not None:
+            return self.format
+        return ENDINGS.get(self.out.suffix, Format.text) if self.out else Format.text
+
+
+def main(config: TableConfig, job: Job) -> None:
+    """Print the table, or write it."""
+    table = tables.collect(config.paths)
+    if config.out is None:
+        print(written(table, config.chosen))
+        return
+    config.out.parent.mkdir(parents=True, exist_ok=True)
+    if config.chosen is Format.parquet:
+        table.to_parquet(config.out, index=False)
+    else:
+        config.out.write_text(written(table, config.chosen) + "\n", encoding="utf-8")
+    print(f"{len(table)} runs in {config.out}")
+
+
+def written(table: pd.DataFrame, style: Format) -> str:
+    """Return a table as text; CSV keeps every digit."""
+    if style is Format.csv:
+        return table.to_csv(index=False).rstrip("\n")
+    cells = table.map(_cell)
+    if style is Format.markdown:
+        rows = [list(cells.columns), ["---"] * cells.shape[1], *cells.to_numpy().tolist()]
+        return "\n".join("| " + " | ".join(str(c).replace("|", "\\|") for c in row) + " |" for row in rows)
+    if len(cells) < FEW:
+        return cells.T.to_string(header=False)
+    return cells.to_string(index=False, line_width=max(80, shutil.get_terminal_size((160, 24)).columns))
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, float):
+        return "" if value != value else f"{value:.6g}"
+    return "" if value is None else str(value)
+
+
+COMMAND = Command(config=TableConfig, main=main, positional="paths")
