@@ -87,11 +87,17 @@ def overrides(name: str, command: commands.Command[Any], rest: Sequence[str]) ->
     key = command.positional
     if key is None:
         raise ConfigError(f"runner {name}: '{bare[0]}' is no setting; settings are written key=value.")
-    if typing.get_origin(typing.get_type_hints(command.config)[key]) in (tuple, list):
+    if takes_many(command):
         return [f"{key}=[{','.join(map(quoted, bare))}]", *found]
     if len(bare) > 1:
         raise ConfigError(f"{key}: takes one value, got {', '.join(map(repr, bare))}.")
     return [f"{key}={quoted(bare[0])}", *found]
+
+
+def takes_many(command: commands.Command[Any]) -> bool:
+    """Tell whether the positional key of a command is a list."""
+    hints = typing.get_type_hints(command.config)
+    return typing.get_origin(hints.get(command.positional or "")) in (tuple, list)
 
 
 def quoted(text: str) -> str:

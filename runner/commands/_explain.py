@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -42,6 +43,12 @@ _KINDS = {
     StringNode: "a text",
     PathNode: "a path",
     BytesNode: "bytes",
+}
+_LISTS: dict[Any, str] = {
+    float: "a list of numbers, as in [1,2,3]",
+    int: "a list of whole numbers, as in [1,2,3]",
+    str: "a list of texts, as in [a,b]",
+    Path: "a list of paths, as in [a,b]",
 }
 
 
@@ -167,17 +174,13 @@ def describe(node: Node) -> str:
     if isinstance(kind, EnumNode):
         return "one of " + ", ".join(f"'{name}'" for name in kind.enum_type.__members__) + end
     if isinstance(kind, ListConfig):
-        return f"a list{_elements(kind._metadata.element_type)}, as in [1,2,3]" + end
+        return _LISTS.get(kind._metadata.element_type, "a list, as in [a,b]") + end
     if isinstance(kind, DictConfig):
         keys = _keys(kind)
         return "a section" + (f" with {', '.join(keys)}" if keys else "") + end
     if isinstance(kind, UnionNode):
         return str(kind._metadata.ref_type).replace("typing.", "") + end
     return "a value"
-
-
-def _elements(kind: Any) -> str:
-    return {float: " of numbers", int: " of whole numbers", str: " of texts"}.get(kind, "")
 
 
 def _unwrapped(node: Node) -> Node:

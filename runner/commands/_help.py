@@ -7,7 +7,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from runner import commands
-from runner.commands._arguments import part_of
+from runner.commands._arguments import part_of, takes_many
 from runner.commands._compose import composer
 from runner.commands._explain import describe, node_at
 from runner.config import TARGET
@@ -39,7 +39,8 @@ def of_command(name: str) -> str:
         below = part_of(name)
         return "\n".join(f"  runner {n:20} {commands.description(n).splitlines()[0]}" for n in below)
     command = commands.load(name)
-    bare = f" [{command.positional.upper()}]" if command.positional else ""
+    many = "..." if takes_many(command) else ""
+    bare = f" [{command.positional.upper()}{many}]" if command.positional else ""
     parts = [f"Usage: runner {name}{bare} [key=value ...]", commands.description(name).strip()]
     with composer(name, command) as hydra:
         composed = hydra.compose([])

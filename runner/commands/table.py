@@ -16,7 +16,7 @@ import pandas as pd
 
 from runner import tables
 from runner.commands import Command, Job
-from runner.errors import ConfigError, nearest
+from runner.errors import ConfigError
 
 
 class Format(Enum):
