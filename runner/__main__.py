@@ -14,6 +14,8 @@ from importlib.metadata import version
 from runner.commands import _arguments, load
 from runner.errors import RunnerError
 
+os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn; else GLFW warns where there is no display
+
 STACK = ("runner", "mujoco", "dm-control", "hydra-core", "rerun-sdk", "numpy", "pandas")
 
 

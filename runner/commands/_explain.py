@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -92,8 +92,8 @@ def explain_value(error: Exception, composed: DictConfig, groups: dict[str, tupl
         key = next(iter(sorted(OmegaConf.missing_keys(composed) - {"hydra"})), key)
         node = node_at(composed, key)
         if key in groups:
-            return ConfigError(f"{key}: one must be chosen. {nearest('', groups[key])}")
-        return ConfigError(f"{key}: a value is needed ({describe(node) if node else 'any'}).")
+            return ConfigError(f"{key}: one must be chosen. {_names('', groups[key])}")
+        return ConfigError(f"{key}: a value is needed ({describe(node) if node is not None else 'any'}).")
     if isinstance(error, (InterpolationResolutionError, GrammarParseError)):
         reason = _first_line(error)
         written = re.search(r"Interpolation key '([^']*)' not found", reason)
@@ -120,17 +120,17 @@ def _composition(
     key, value = culprit.key_or_group, culprit.get_value_string()
     if isinstance(error, MissingConfigException) and (key in groups or error.options):
         missing = (error.missing_cfg_file or value).removeprefix(f"{key}/")
-        return ConfigError(f"{key}: no '{missing}'. {nearest(missing, groups.get(key, error.options or ()))}")
+        return ConfigError(f"{key}: no '{missing}'. {_names(missing, groups.get(key, error.options or ()))}")
     node = node_at(base, key)
     if culprit.is_add() and node is not None:
         return ConfigError(f"{key}: is there already; write {key}={value} without '+'.")
     if key in groups and value.startswith("[") and key in base.hydra.runtime.choices:
-        return ConfigError(f"{key}: takes one name, got {value}. {nearest('', groups[key])}")
+        return ConfigError(f"{key}: takes one name, got {value}. {_names('', groups[key])}")
     in_file = _in_file(error, base)
     if in_file:
         return ConfigError(in_file)
     if key in groups and (node is None or key in base.hydra.runtime.choices):
-        return ConfigError(f"{key}: must be a name, got {value}. {nearest(value, groups[key])}")
+        return ConfigError(f"{key}: must be a name, got {value}. {_names(value, groups[key])}")
     if node is None:
         return unknown_key(key, base, groups)
     return ConfigError(f"{key}: {refused(node, value)}")
@@ -150,7 +150,7 @@ def unknown_key(key: str, base: DictConfig, groups: dict[str, tuple[str, ...]]) 
         valid = set(_keys(parent))
         if not path:
             valid |= set(groups)
-        return ConfigError(f"{path}{name}: no such key. {nearest(name, valid) if valid else 'There are none.'}")
+        return ConfigError(f"{path}{name}: no such key. {_names(name, valid)}")
     raise AssertionError(key)
 
 
@@ -186,6 +186,11 @@ def describe(node: Node) -> str:
 def _unwrapped(node: Node) -> Node:
     inner = node._value() if isinstance(node, UnionNode) else node
     return inner if isinstance(inner, Node) else node
+
+
+def _names(name: str, valid: Iterable[str]) -> str:
+    names = list(valid)
+    return nearest(name, names) if names else "There are none."
 
 
 def node_at(config: DictConfig, key: str) -> Node | None:
