@@ -42,6 +42,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from operator import mul
 from typing import Any, ClassVar, NamedTuple
 
 from runner.config import registered
@@ -211,12 +212,7 @@ _HELD = {_AT_REST: Outcome.at_rest, _OPPOSED: Outcome.opposed}
 
 def compare(local: Sequence[float], remote: Sequence[float], slowest: float) -> float:
     """Return |local| / |remote|; 0 where one is slower than `slowest`, -1 where they point in opposite directions."""
-    dot = u2 = v2 = 0.0
-    for u, v in zip(local, remote, strict=True):
-        dot += u * v
-        u2 += u * u
-        v2 += v * v
-    limit = slowest * slowest
-    if u2 < limit or v2 < limit:
+    u, v = math.hypot(*local), math.hypot(*remote)
+    if u < slowest or v < slowest:
         return _AT_REST
-    return math.sqrt(u2 / v2) if dot > 0 else _OPPOSED
+    return u / v if sum(map(mul, local, remote)) > 0 else _OPPOSED

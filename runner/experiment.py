@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -23,11 +22,10 @@ from runner.estimators import AbstractEstimator
 from runner.forces import AbstractForces
 from runner.frames import Truth
 from runner.link import LinkConfig, update_steps
-from runner.scene import BodyConfig, SceneConfig, build, check_inertia, handles, push_columns
 from runner.scene import Body as Handle
+from runner.scene import BodyConfig, SceneConfig, build, check_inertia, handles, push_columns
 
 REMOTE = "remote"
-TAPE_STEPS = 64  # at most so many physics steps in one call
 
 for _classes in EFFECTS.values():
     for _class in _classes:
@@ -158,21 +156,6 @@ def commands(experiment: Experiment) -> Commands:
     return Commands(force, point, pushes)
 
 
-class _Warnings:
-    """A context that raises PhysicsError when MuJoCo has warned within it."""
-
-    def __init__(self, data: Any) -> None:
-        self.data, self._count = data, data.warning.number
-
-    def __enter__(self) -> None:
-        self._before = self._count.tobytes()
-
-    def __exit__(self, *_: object) -> None:
-        if self._count.tobytes() != self._before:
-            before = np.frombuffer(self._before, self._count.dtype)
-            raise PhysicsError(warning_text(self._count > before))
-
-
 def warning_text(grown: np.ndarray) -> str:
     """Name the warnings of MuJoCo whose counters have grown, in the order of `mjtWarning`."""
     names = [name for name, g in zip(mujoco.mjtWarning.__members__, grown, strict=False) if g]
@@ -180,20 +163,22 @@ def warning_text(grown: np.ndarray) -> str:
 
 
 class Physics(mjcf.Physics):
-    """dm-control's physics with a cheaper check for warnings; the original takes as long as a physics step."""
+    """dm-control's physics, with a `step` that looks for warnings in less time than a physics step takes.
 
-    _check: _Warnings | None = None
+    The step is that of `legacy_step=False`: exactly MuJoCo's `mj_step`, then PhysicsError if it has warned.
+    """
 
-    def check_invalid_state(self) -> Any:
-        """Return the context that `step` works in."""
-        if self._check is None or self._check.data is not self.data:
-            self._check = _Warnings(self.data)
-        return self._check
+    def step(self, nstep: int = 1) -> None:
+        warnings = self._warnings
+        before = warnings.tobytes()
+        mujoco.mj_step(self.model.ptr, self.data.ptr, nstep)
+        if warnings.tobytes() != before:
+            raise PhysicsError(warning_text(warnings > np.frombuffer(before, warnings.dtype)))
 
 
 @dataclass(frozen=True)
 class World:
-    """A compiled experiment: dm-control's physics, the handles of the cubes, the tape, and the truth.
+    """A compiled experiment: physics, the handles of the cubes, the tape, and the truth.
 
     `handles[0]` is the remote's, then one for each estimator, in their order. `truth` has the true and start values of
     what may be estimated.
@@ -235,7 +220,7 @@ def scene_of(experiment: Experiment) -> mjcf.RootElement:
     root = build(experiment.scene, {REMOTE: remote.body} | dict.fromkeys(experiment.estimator, local))
     for effect in remote.effects.values():
         effect.edit_mjcf(root, REMOTE)
-    tape.add(root, bodies=1 + len(experiment.estimator), capacity=_capacity(experiment))
+    tape.add(root, bodies=1 + len(experiment.estimator))
     return root
 
 
@@ -244,12 +229,7 @@ def compile_key(experiment: Experiment) -> str:
     structural = [(key, effect) for key, effect in experiment.remote.effects.items() if effect.structural]
     remote = replace(experiment.remote, effects=dict(structural))
     local = replace(experiment.local, mass_kg=1.0, inertia_kg_m2=None)
-    return repr((experiment.scene, remote, local, tuple(experiment.estimator), _capacity(experiment)))
-
-
-def _capacity(experiment: Experiment) -> int:
-    every = update_steps(experiment.link, experiment.scene.timestep_s, experiment.steps)[:1]
-    return int(min(TAPE_STEPS, *every, experiment.steps))
+    return repr((experiment.scene, remote, local, tuple(experiment.estimator)))
 
 
 def set_numbers(experiment: Experiment, model: mujoco.MjModel, scratch: mujoco.MjData) -> None:
@@ -284,7 +264,7 @@ def handles_of(experiment: Experiment, model: mujoco.MjModel) -> tuple[Handle, .
 
 def tape_of(experiment: Experiment, model: mujoco.MjModel) -> tape.Tape:
     """Return the tape that `scene_of` made room for."""
-    return tape.Tape(1 + len(experiment.estimator), _capacity(experiment), model.nq, model.nv)
+    return tape.Tape(1 + len(experiment.estimator), model.nq, model.nv)
 
 
 def truth_of(experiment: Experiment, model: mujoco.MjModel) -> dict[str, Truth]:

@@ -1,8 +1,7 @@
 """The link: how often the remote's state is sent, and when, or whether, it arrives.
 
-The local side looks at what has arrived at each of its own ticks, which have the same rate. A `Delivery` is a
-message that is taken in at a tick: the number of the tick at which it was sent. The schedule depends on the seed
-alone, never on what happens in the run, so it is made before the first step.
+The local side looks at what has arrived at each of its own ticks, which have the same rate. The schedule depends on the
+seed alone, never on what happens in the run, so it is made before the first step.
 """
 
 from __future__ import annotations
@@ -52,22 +51,23 @@ def update_steps(link: LinkConfig, timestep_s: float, steps: int) -> np.ndarray:
     return np.arange(whole, steps + 1, whole)
 
 
-def deliveries(link: LinkConfig, times_s: np.ndarray, rng: np.random.Generator) -> list[tuple[int, ...]]:
-    """Return for each tick the messages that are taken in at it, by the tick at which each was sent.
+def received(link: LinkConfig, times_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return for each tick the message that is taken in at it, by the tick at which it was sent, (m,); -1: none.
 
-    Messages come in order of arrival. A tick may have none, or several; their order of sending may be broken.
+    A message is sent at each tick. Of those that have arrived since the last tick the newest is taken in, unless a
+    newer one was taken in before.
 
     Args:
         link: Delay, jitter, loss.
-        times_s: Times of the ticks, (m,), s. A message is sent at each.
+        times_s: Times of the ticks, (m,), s, growing.
         rng: The link's own generator.
     """
     lost = rng.random(len(times_s)) < link.loss
     arrival = times_s + link.delay_s + link.jitter_s * rng.random(len(times_s))
     # the tolerance is for a delay of a whole number of ticks, which rounding must not turn into one more
     tick = np.searchsorted(times_s, arrival - 1e-9)
-    out: list[list[int]] = [[] for _ in times_s]
-    for sent in np.argsort(arrival, kind="stable"):
-        if not lost[sent] and tick[sent] < len(times_s):
-            out[tick[sent]].append(int(sent))
-    return [tuple(sent) for sent in out]
+    arrives = ~lost & (tick < len(times_s))
+    newest = np.full(len(times_s), -1)
+    np.maximum.at(newest, tick[arrives], np.flatnonzero(arrives))
+    before = np.concatenate([[-1], np.maximum.accumulate(newest)[:-1]]) if len(newest) else newest
+    return np.where(newest > before, newest, -1)

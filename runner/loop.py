@@ -8,17 +8,16 @@ in it: the loop keeps raw numbers, and makes frames of them when it is over.
 from __future__ import annotations
 
 import copy
-import math
 import time
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
 from dm_control.rl.control import PhysicsError
 from mujoco.batch import MODEL_FIELDS, Batch, SimulationError
 
-from runner import law, tape
+from runner import law
 from runner.estimators import Outcome, Seen, Setup, State
 from runner.experiment import (
     REMOTE,
@@ -37,7 +36,7 @@ from runner.experiment import (
     warning_text,
 )
 from runner.frames import Frames, RunResult, Status, Truth
-from runner.link import deliveries, update_steps
+from runner.link import received, update_steps
 from runner.scene import Body as Handle
 
 Advance = Callable[[int], object]
@@ -47,33 +46,19 @@ def _silent(_: int) -> None:
     """Report progress to nobody."""
 
 
-class _Tick(NamedTuple):
-    """What is known of a tick before the run: which message is taken in at it (-1: none), and since when."""
+def _ticks(experiment: Experiment, given: Commands, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return what is known of each tick beforehand, as the link does not depend on what happens in the run.
 
-    message: int
-    now_s: float
-    sent_s: float
-    since_s: float
-    impulse_n_s: tuple[float, float, float]
-
-
-def _ticks(experiment: Experiment, given: Commands, ends: np.ndarray) -> list[_Tick]:
-    """Return all ticks. The link does not depend on what happens in the run, hence neither do they."""
+    Returns:
+        The message that is taken in, by its tick, -1: none, (m,); the tick before at which one was, -1: the start,
+        (m,); the impulse commanded since then, (m, 3), N s.
+    """
     h = experiment.scene.timestep_s
-    times: list[float] = (ends * h).tolist()
-    arrivals = deliveries(experiment.link, ends * h, np.random.default_rng([experiment.seed, 1]))
-    total: list[list[float]] = (np.cumsum(given.force_n, axis=0)[ends - 1] * h).tolist()
-    out = []
-    last, since, (x0, y0, z0) = -1, 0.0, (0.0, 0.0, 0.0)
-    for now, (x, y, z), arrived in zip(times, total, arrivals, strict=True):
-        newest = max(arrived, default=-1)
-        # a message that was overtaken by a newer one is of no use
-        if newest <= last:
-            out.append(_Tick(-1, now, math.nan, since, (0.0, 0.0, 0.0)))
-            continue
-        out.append(_Tick(newest, now, times[newest], since, (x - x0, y - y0, z - z0)))
-        last, since, (x0, y0, z0) = newest, now, (x, y, z)
-    return out
+    message = received(experiment.link, ends * h, np.random.default_rng([experiment.seed, 1]))
+    taken = np.maximum.accumulate(np.where(message >= 0, np.arange(len(ends)), -1))
+    since = np.concatenate([[-1], taken[:-1]]) if len(ends) else taken
+    total = np.vstack([np.cumsum(given.force_n, axis=0)[ends - 1] * h, np.zeros(3)])  # row -1: the start
+    return message, since, total[:-1] - total[since]
 
 
 class Tracker:
@@ -83,29 +68,33 @@ class Tracker:
 
     Attributes:
         ends: After how many steps each tick comes, (m,).
-        ticks: What is known of the ticks beforehand.
+        message: The message that is taken in at each tick, by the tick at which it was sent, -1: none, (m,).
         count: Ticks so far; the rows of the following that are filled.
         states: qpos and qvel of all cubes at each tick, (m, nq + nv).
-        values: Estimates after each tick: per estimator, a tuple of its parameters.
-        outcomes: What each estimator did at each tick.
+        values: Per estimator, its estimates after each tick.
+        outcomes: Per estimator, what it did at each tick.
     """
 
     def __init__(self, experiment: Experiment, handles: Sequence[Handle], given: Commands) -> None:
         self.experiment, self.handles, self.commands = experiment, handles, given
-        self.ends = update_steps(experiment.link, experiment.scene.timestep_s, experiment.steps)
-        self.ticks = _ticks(experiment, given, self.ends)
+        h = experiment.scene.timestep_s
+        self.ends = update_steps(experiment.link, h, experiment.steps)
+        self.message, since, impulse = _ticks(experiment, given, self.ends)
+        times = self.ends * h
+        since_s = np.where(since >= 0, times[since], 0.0).tolist() if len(since) else []
+        sent_s = np.where(self.message >= 0, times[self.message], np.nan).tolist() if len(since) else []
+        self._known = list(zip(self.message.tolist(), times.tolist(), sent_s, since_s, impulse.tolist(), strict=True))
         self.count = 0
         self.nq, self.nv = sum(h.nq for h in handles), sum(h.nv for h in handles)
-        self.states = np.empty((len(self.ticks), self.nq + self.nv))
-        self.values: list[list[tuple[float, ...]]] = []
-        self.outcomes: list[list[int]] = []
+        self.states = np.empty((len(self.ends), self.nq + self.nv))
+        self._rules = list(experiment.estimator.values())
+        self.values: list[list[tuple[float, ...]]] = [[] for _ in self._rules]
+        self.outcomes: list[list[int]] = [[] for _ in self._rules]
         self._cuts = [_cuts(handle) for handle in handles]
         self._remote: list[State] = []
         self._common = State((), (), ())
-        self._rules = list(experiment.estimator.values())
         setup = Setup(experiment.scene, experiment.local)
         self._memories: list[Any] = [rule.start(setup) for rule in self._rules]
-        self._silent: list[int] = [Outcome.no_message] * len(self._rules)
 
     def begin(self, q: list[float], v: list[float]) -> None:
         """Take the state at the start as the first common one."""
@@ -118,28 +107,25 @@ class Tracker:
         Returns:
             The message that the locals take over, by its tick, or -1.
         """
-        message, now, sent, since, impulse = self.ticks[self.count]
+        message, now, sent, since, impulse = self._known[self.count]
+        self.count += 1
         pos, lin, ang = self._cuts[0]
         self._remote.append(State(q[pos], v[lin], v[ang]))
-        self.count += 1
-        memories = self._memories
-        if message < 0:
-            self.outcomes.append(self._silent)
-        else:
-            remote, common = self._remote[message], self._common
-            outcomes = []
-            for j, rule in enumerate(self._rules):
+        remote, common, memories = self._remote[message], self._common, self._memories
+        for j, rule in enumerate(self._rules):
+            if message < 0:
+                outcome = Outcome.no_message
+            else:
                 pos, lin, ang = self._cuts[j + 1]
-                local = State(q[pos], v[lin], v[ang])
-                seen = Seen(now, sent, remote, local, since, common, impulse)
+                seen = Seen(now, sent, remote, State(q[pos], v[lin], v[ang]), since, common, impulse)
                 memories[j], outcome = rule.update(memories[j], seen)
-                outcomes.append(outcome)
-            self.outcomes.append(outcomes)
+            self.outcomes[j].append(outcome)
+            self.values[j].append(rule.values(memories[j]))
+        if message >= 0:
             self._common = remote
-        self.values.append([rule.values(memory) for rule, memory in zip(self._rules, memories)])  # noqa: B905 (hot)
         return message
 
-    def message(self, tick: int) -> State:
+    def sent(self, tick: int) -> State:
         """Return what was sent at a tick."""
         return self._remote[tick]
 
@@ -185,10 +171,11 @@ class _Cubes:
             q: Any = self._q[0]
             v: Any = self._v[0]
         else:
-            q, linear, angular = tracker.message(message)
+            q, linear, angular = tracker.sent(message)
             v = [*linear, *angular]
         changed = False
-        for j, (mass_kg,) in enumerate(tracker.values[k], start=1):
+        for j, values in enumerate(tracker.values, start=1):
+            (mass_kg,) = values[k]
             if mass_kg != self._mass_kg[j - 1]:
                 changed = True
                 self._mass_kg[j - 1] = mass_kg
@@ -214,47 +201,29 @@ def run_world(experiment: Experiment, world: World, advance: Advance = _silent) 
     world.physics.reset()
     set_start(experiment, world.model, world.scratch)
     given = commands(experiment)
-    model, data, reel = world.model, world.data, world.tape
+    model, data = world.model, world.data
     tracker = Tracker(experiment, world.handles, given)
-    userdata = data.userdata
     cubes = _Cubes(data.qpos, data.qvel, model.body_mass, model.body_inertia, tracker)
-    # one-dimensional views, which are cheaper to copy between
-    rows, strip, cursor = reel.commands(userdata).reshape(-1), reel.frames(userdata).reshape(-1), reel.cursor(userdata)
-    frames = np.empty((experiment.steps, reel.frame_width))
-    flat, wide, narrow = frames.reshape(-1), reel.frame_width, reel.command_width
-    reel.wind(userdata, given.pushes[0])
+    reel = world.tape.wind(data.userdata, given.pushes)
     done, reason = 0, ""
-    step, pushes, set_const, scratch = world.physics.step, given.pushes.reshape(-1), mujoco.mj_setConst, world.scratch
+    step, update, set_const, scratch = world.physics.step, cubes.update, mujoco.mj_setConst, world.scratch
     begin = time.perf_counter()
     try:
-        for start, count, ticks in _strips(tracker.ends, experiment.steps, reel.capacity):
-            end = start + count
-            rows[: (count + 1) * narrow] = pushes[start * narrow : (end + 1) * narrow]
-            cursor[0] = 0
-            step(count)
-            flat[start * wide : end * wide] = strip[: count * wide]
+        for end in tracker.ends.tolist():
+            step(end - done)
             done = end
-            if ticks and cubes.update():
+            if update():
                 set_const(model, scratch)
-            if not end % 512:
+            if not done % 512:
                 advance(512)
+        step(experiment.steps - done)
+        done = experiment.steps
     except PhysicsError as error:
         reason = f"{' '.join(str(error).split())} after {done * experiment.scene.timestep_s:g} s"
+    finally:
+        reel.unwind()
     wall_s = time.perf_counter() - begin
-    tape.Tape.unwind(userdata)
-    return _result(tracker, world.truth, frames[:done], wall_s, reason)
-
-
-def _strips(ends: np.ndarray, steps: int, capacity: int) -> list[tuple[int, int, bool]]:
-    """Cut a run into calls of at most `capacity` steps: start, count, and whether an update follows."""
-    out, start = [], 0
-    updates = set(ends.tolist())
-    for end in sorted(updates | {steps}):
-        while start < end:
-            count = min(capacity, end - start)
-            start += count
-            out.append((start - count, count, start == end and end in updates))
-    return out
+    return _result(tracker, world.truth, reel.frames[:done], wall_s, reason)
 
 
 def run_batch(experiments: Sequence[Experiment], *, threads: int = 0, advance: Advance = _silent) -> list[RunResult]:
@@ -286,43 +255,31 @@ def _run_group(experiments: list[Experiment], threads: int, advance: Advance) ->
         batch.expand(name)[...] = [_field(model, name) for model in models]
     qpos, qvel, userdata = batch.bind("qpos"), batch.bind("qvel"), batch.bind("userdata")
     mass, inertia = batch.expand("body_mass"), batch.expand("body_inertia")
-    reel = tape_of(experiments[0], models[0])
-    rows, strip, cursor = reel.commands(userdata), reel.frames(userdata), reel.cursor(userdata)
     given = [commands(e) for e in experiments]
-    reel.wind(userdata, np.array([c.pushes[0] for c in given]))
-    trackers, cubes = [], []
-    for i, experiment in enumerate(experiments):
-        handles = handles_of(experiment, models[i])
-        trackers.append(Tracker(experiment, handles, given[i]))
-        cubes.append(_Cubes(qpos[i], qvel[i], mass[i], inertia[i], trackers[i]))
-    frames = [np.empty((e.steps, reel.frame_width)) for e in experiments]
-    plans = [_strips(t.ends, e.steps, reel.capacity) for t, e in zip(trackers, experiments, strict=True)]
+    reels = [tape_of(e, m).wind(u, c.pushes) for e, m, u, c in zip(experiments, models, userdata, given, strict=True)]
+    trackers = [Tracker(e, handles_of(e, m), c) for e, m, c in zip(experiments, models, given, strict=True)]
+    cubes = [_Cubes(*one) for one in zip(qpos, qvel, mass, inertia, trackers, strict=True)]
+    # after each tick all go on to the next; a run that is shorter stops at its own end
+    stops = [[*t.ends.tolist(), e.steps] for t, e in zip(trackers, experiments, strict=True)]
     done, reasons = [0] * len(experiments), [""] * len(experiments)
     begin = time.perf_counter()
-    for turn in range(max(len(plan) for plan in plans)):
-        active = [i for i, plan in enumerate(plans) if turn < len(plan) and not reasons[i]]
-        for count in sorted({plans[i][turn][1] for i in active}):
-            ids = [i for i in active if plans[i][turn][1] == count]
-            for i in ids:
-                start = plans[i][turn][0]
-                rows[i, : count + 1] = given[i].pushes[start : start + count + 1]
-            cursor[ids] = 0
+    for turn in range(max(len(s) for s in stops)):
+        active = [i for i, s in enumerate(stops) if turn < len(s) and not reasons[i]]
+        for count in sorted({stops[i][turn] - done[i] for i in active} - {0}):
+            ids = [i for i in active if stops[i][turn] - done[i] == count]
             for i, reason in _step(batch, ids, count).items():
                 reasons[i] = f"{reason} after {done[i] * experiments[i].scene.timestep_s:g} s"
-            changed = []
+            ids = [i for i in ids if not reasons[i]]
             for i in ids:
-                start, _, ticks = plans[i][turn]
-                if not reasons[i]:
-                    frames[i][start : start + count] = strip[i, :count]
-                    done[i] = start + count
-                    if ticks and cubes[i].update():
-                        changed.append(i)
+                done[i] += count
+            ticking = [i for i in ids if turn < len(trackers[i].ends)]
+            changed = [i for i in ticking if cubes[i].update()]
             if changed:
                 batch.set_const(changed)
             advance(count * len(ids))
     wall_s = (time.perf_counter() - begin) / len(experiments)
     return [
-        _result(trackers[i], truth_of(e, models[i]), frames[i][: done[i]], wall_s, reasons[i])
+        _result(trackers[i], truth_of(e, models[i]), reels[i].frames[: done[i]], wall_s, reasons[i])
         for i, e in enumerate(experiments)
     ]
 
@@ -396,10 +353,10 @@ VELOCITY = {
 
 def _result(tracker: Tracker, truth: dict[str, Truth], frames: np.ndarray, wall_s: float, reason: str) -> RunResult:
     experiment, names = tracker.experiment, (REMOTE, *tracker.experiment.estimator)
-    updates = _update_columns(tracker, truth, names)
+    estimates = _estimates(tracker, truth)
     return RunResult(
-        steps=Frames(_step_columns(tracker, truth, names, frames)),
-        updates=Frames(updates),
+        steps=Frames(_step_columns(tracker, names, frames, estimates)),
+        updates=Frames(_update_columns(tracker, names, estimates)),
         estimators=tuple(experiment.estimator),
         parameters={name: {p: truth[p] for p in rule.names} for name, rule in experiment.estimator.items()},
         half_size_m=experiment.remote.half_size_m,
@@ -432,59 +389,67 @@ def _state_columns(name: str, handle: Handle, qpos: np.ndarray, qvel: np.ndarray
     return out
 
 
+Estimates = list[tuple[str, float, np.ndarray]]  # name, value at the start, values after each update
+
+
+def _estimates(tracker: Tracker, truth: dict[str, Truth]) -> Estimates:
+    """Return estimates and their relative errors."""
+    out = []
+    for (name, rule), rows in zip(tracker.experiment.estimator.items(), tracker.values, strict=True):
+        table = np.array(rows).reshape(len(rows), len(rule.names))
+        for p, parameter in enumerate(rule.names):
+            true, start = truth[parameter]
+            out.append((f"{name}_{parameter}", start, table[:, p]))
+            stem = parameter.rsplit("_", 1)[0]
+            out.append((f"{name}_{stem}_error", (start - true) / true, (table[:, p] - true) / true))
+    return out
+
+
 def _step_columns(
-    tracker: Tracker, truth: dict[str, Truth], names: Sequence[str], frames: np.ndarray
+    tracker: Tracker, names: Sequence[str], frames: np.ndarray, estimates: Estimates
 ) -> dict[str, np.ndarray]:
     n = len(frames)
     raw = np.ascontiguousarray(frames.T)  # (width, n): columns in one piece
     nq, nv = tracker.nq, tracker.nv
+    updates = np.zeros(n + 1, dtype=np.int64)
+    updates[tracker.ends[tracker.ends <= n]] = 1
+    updates = np.cumsum(updates)[:n]  # so many before this frame
     out: dict[str, np.ndarray] = {
         "time_s": np.arange(n) * tracker.experiment.scene.timestep_s,
         "frame": np.arange(n),
-        "update": np.searchsorted(tracker.ends, np.arange(n), side="right"),  # updates before this frame
+        "update": updates,
     }
     for j, axis in enumerate("xyz"):
         out[f"force_{axis}_n"] = tracker.commands.force_n[:n, j]
+    for j, axis in enumerate("xyz"):
         out[f"point_{axis}_m"] = tracker.commands.point_m[:n, j]
     for b, (name, handle) in enumerate(zip(names, tracker.handles, strict=True)):
         out |= _state_columns(name, handle, raw[:nq], raw[nq : nq + nv])
         if handle.joints == law.PLANAR:
             base = nq + nv + b * law.OUT_SIZE
             out |= {f"{name}_{column}": raw[base + offset] for column, offset in CONTACT}
-    held = np.minimum(out["update"], len(tracker.values))
-    out |= {name: np.concatenate([[start], column])[held] for name, start, column in _estimates(tracker, truth)}
+    held = np.minimum(updates, tracker.count)
+    out |= {name: np.concatenate([[start], column])[held] for name, start, column in estimates}
     return _read_only(out.items())
 
 
-def _estimates(tracker: Tracker, truth: dict[str, Truth]) -> list[tuple[str, float, np.ndarray]]:
-    """Columns of estimates and of their relative errors after each update, with their values at the start."""
-    out = []
-    for j, (name, rule) in enumerate(tracker.experiment.estimator.items()):
-        for p, parameter in enumerate(rule.names):
-            column = np.array([row[j][p] for row in tracker.values])
-            true, start = truth[parameter]
-            out.append((f"{name}_{parameter}", start, column))
-            out.append((f"{name}_{parameter.rsplit('_', 1)[0]}_error", (start - true) / true, (column - true) / true))
-    return out
-
-
-def _update_columns(tracker: Tracker, truth: dict[str, Truth], names: Sequence[str]) -> dict[str, np.ndarray]:
+def _update_columns(tracker: Tracker, names: Sequence[str], estimates: Estimates) -> dict[str, np.ndarray]:
     m = tracker.count
     states = np.ascontiguousarray(tracker.states[:m].T)
     qpos, qvel = states[: tracker.nq], states[tracker.nq :]
+    times, message = tracker.ends[:m] * tracker.experiment.scene.timestep_s, tracker.message[:m]
     out = {
-        "time_s": tracker.ends[:m] * tracker.experiment.scene.timestep_s,
+        "time_s": times,
         "update": np.arange(1, m + 1),
         "frame": tracker.ends[:m],
-        "sent_s": np.array([tick.sent_s for tick in tracker.ticks[:m]]),
+        "sent_s": np.where(message >= 0, times[message], np.nan) if m else times,
     }
     for name, handle in zip(names, tracker.handles, strict=True):
         out |= _state_columns(name, handle, qpos, qvel)
-    outcomes = np.array(tracker.outcomes, dtype=np.int8).reshape(m, len(names) - 1)
-    for j, name in enumerate(names[1:]):
+    for name, outcomes in zip(names[1:], tracker.outcomes, strict=True):
         out |= _jump(name, out)
-        out[f"{name}_outcome"] = outcomes[:, j]
-    out |= {name: column for name, _, column in _estimates(tracker, truth)}
+        out[f"{name}_outcome"] = np.array(outcomes, dtype=np.int8)
+    out |= {name: column for name, _, column in estimates}
     return _read_only(out.items())
 
 

@@ -1,18 +1,18 @@
 """The tape: commands played, and frames recorded, once per physics step, inside MuJoCo's step.
 
 `physics.step(n)` takes n steps without a return to Python. So that commands still change from step to step, and
-every step still leaves a frame, a numba function as MuJoCo's `mjcb_control` (called in each step after the law)
-plays and records on a strip at the end of `mjData.userdata`. All of its state is there: several models in one
-process, several threads, and `mujoco.batch.Batch` are safe, and models without a strip are left alone.
+every step still leaves a frame, a numba function as MuJoCo's `mjcb_control` (called in each step after the law) plays
+from one array and records into another. Which arrays, and how far it has come, stands at the end of
+`mjData.userdata`: several models in one process, several threads, and `mujoco.batch.Batch` are safe, and models
+without a tape are left alone.
 
-The strip, with b bodies, room for K steps, and frames of width w = nq + nv + b * law.OUT_SIZE:
+With b bodies and n steps, `commands` is (n + 1, b * PUSH_SIZE): row k holds the pushes of all bodies in step k, and
+the last is for a step that does not come. `frames` is (n, w), w = nq + nv + b * law.OUT_SIZE: row k holds qpos and qvel
+at the start of step k, then what the law said of each body in that step. The callback comes after the law has used
+command k, so it hands command k + 1 to the next step. After n steps it does nothing.
 
-    [(K + 1) * b * PUSH_SIZE commands | K * w frames | cursor, K, b, nq, nv, address of the strip, magic]
-
-Row k of the commands is the push of every body in step k; row k of the frames is qpos and qvel at the start of step
-k, then what the law said of each body in that step. The callback comes after the law has used command k, so it hands
-command k + 1 to the next step; the last row is for the first step of the next strip. `Tape.wind` hands over the very
-first command.
+The arrays are known by their addresses alone. `Tape.wind` gives a reel, which keeps them alive and must be unwound
+before the data is stepped for anything else.
 """
 
 from __future__ import annotations
@@ -28,122 +28,101 @@ from numba import carray, cfunc, types
 from runner import law
 
 MAGIC = 314159.2653
-CONTROL_SIZE = 7
-CURSOR, CAPACITY, BODIES, NQ, NV, ADDRESS, MAGIC_AT = range(-CONTROL_SIZE, 0)
+SIZE = 8  # of the tape in userdata: these, counted from the end
+_STEP, _STEPS, _BODIES, _NQ, _NV, _COMMANDS, _FRAMES, _MAGIC = range(-SIZE, 0)
 
 
 @dataclass(frozen=True)
 class Tape:
-    """Where the strip of one model stands in `mjData.userdata`, for `bodies` bodies and up to `capacity` steps."""
+    """The tape of a model with `bodies` bodies under the law."""
 
     bodies: int
-    capacity: int
     nq: int
     nv: int
 
     @property
     def command_width(self) -> int:
-        """Numbers per step of commands: the pushes of all bodies, in the order of their blocks."""
+        """Numbers per step of commands."""
         return self.bodies * law.PUSH_SIZE
 
     @property
     def frame_width(self) -> int:
-        """Numbers per step of frames: qpos, qvel, and the law's output of each body."""
+        """Numbers per step of frames."""
         return self.nq + self.nv + self.bodies * law.OUT_SIZE
 
-    @property
-    def address(self) -> int:
-        """Start of the strip in userdata: it follows the law's blocks."""
-        return self.bodies * law.USERDATA_SIZE
-
-    @property
-    def size(self) -> int:
-        """Numbers that the strip takes in userdata."""
-        return (self.capacity + 1) * self.command_width + self.capacity * self.frame_width + CONTROL_SIZE
-
-    def commands(self, userdata: np.ndarray) -> np.ndarray:
-        """Return the live view of the commands, (..., capacity + 1, command_width)."""
-        end = self.address + (self.capacity + 1) * self.command_width
-        return _rows(userdata[..., self.address : end], self.command_width)
-
-    def frames(self, userdata: np.ndarray) -> np.ndarray:
-        """Return the live view of the frames, (..., capacity, frame_width)."""
-        start = self.address + (self.capacity + 1) * self.command_width
-        return _rows(userdata[..., start : start + self.capacity * self.frame_width], self.frame_width)
-
-    def cursor(self, userdata: np.ndarray) -> np.ndarray:
-        """Return the live view of the cursor, (..., 1): set it to 0 before each strip."""
-        return userdata[..., CURSOR : CURSOR + 1]
-
-    def wind(self, userdata: np.ndarray, first: np.ndarray) -> None:
-        """Switch the strip on: from now on every step of this data plays and records.
+    def wind(self, userdata: np.ndarray, commands: np.ndarray) -> Reel:
+        """Switch the tape on: from now on every step of this data plays and records.
 
         Args:
-            userdata: Of one data, (nuserdata,), or of many, (n, nuserdata).
-            first: The command of the first step, (..., command_width).
+            userdata: Live, (nuserdata,).
+            commands: (n + 1, command_width), C-contiguous, float64.
         """
-        blocks = _rows(userdata[..., : self.address], law.USERDATA_SIZE)
-        blocks[..., : law.PUSH_SIZE] = first.reshape(*first.shape[:-1], self.bodies, law.PUSH_SIZE)
-        userdata[..., -CONTROL_SIZE:] = (0, self.capacity, self.bodies, self.nq, self.nv, self.address, MAGIC)
-
-    @staticmethod
-    def unwind(userdata: np.ndarray) -> None:
-        """Switch the strip off."""
-        userdata[..., MAGIC_AT] = 0.0
-
-
-def _rows(strip: np.ndarray, width: int) -> np.ndarray:
-    """Fold the last axis into rows without a copy: the result is a live view."""
-    shape = (*strip.shape[:-1], strip.shape[-1] // width, width)
-    strides = (*strip.strides[:-1], width * strip.itemsize, strip.itemsize)
-    return np.lib.stride_tricks.as_strided(strip, shape, strides)
+        steps = len(commands) - 1
+        if commands.shape[1] != self.command_width or commands.dtype != float or not commands.flags.c_contiguous:
+            raise ValueError(f"commands must be C-contiguous float64 of width {self.command_width}: {commands.shape}")
+        frames = np.empty((steps, self.frame_width))
+        for body in range(self.bodies):
+            at = body * law.USERDATA_SIZE
+            userdata[at : at + law.PUSH_SIZE] = commands[0, body * law.PUSH_SIZE : (body + 1) * law.PUSH_SIZE]
+        # an address is an integer below 2^53, which a float64 holds exactly
+        addresses = commands.ctypes.data, frames.ctypes.data
+        userdata[-SIZE:] = (0, steps, self.bodies, self.nq, self.nv, *addresses, MAGIC)
+        return Reel(userdata, commands, frames)
 
 
-def add(root: mjcf.RootElement, *, bodies: int, capacity: int) -> None:
-    """Make room for a strip in a scene that is about to be compiled, and whose joints are all there."""
+@dataclass(frozen=True)
+class Reel:
+    """A tape that is switched on. `frames` is filled as the steps are taken."""
+
+    userdata: np.ndarray
+    commands: np.ndarray
+    frames: np.ndarray
+
+    def unwind(self) -> None:
+        """Switch the tape off."""
+        self.userdata[-SIZE:] = 0.0
+
+
+def add(root: mjcf.RootElement, *, bodies: int) -> None:
+    """Make room for a tape in a scene that is about to be compiled."""
     install()
-    tags = [joint.tag for joint in root.find_all("joint")]
-    free, single = tags.count("freejoint"), tags.count("joint")
-    tape = Tape(bodies, capacity, 7 * free + single, 6 * free + single)
-    root.size.nuserdata = tape.address + tape.size
+    root.size.nuserdata = bodies * law.USERDATA_SIZE + SIZE
 
 
-def _compile(o_nuserdata: int, o_userdata: int, o_qpos: int, o_qvel: int):  # noqa: ANN202
+def _compile(o_nuserdata: int, o_userdata: int, o_qpos: int, o_qvel: int):
+    """Compile the callback for these offsets. They are closure cells, so that numba's cache tells builds apart."""
     push, out, stride = law.PUSH_SIZE, law.OUT_SIZE, law.USERDATA_SIZE
 
     @cfunc("void(uint64, uint64)", cache=True)
-    def tape(m, d):  # noqa: ANN001, ANN202
+    def tape(m, d):
         size = carray(law._as_pointer(types.uint64(m + o_nuserdata)), (1,), types.int64)[0]
-        if size < CONTROL_SIZE:
+        if size < SIZE:
             return
         user = law._load(d, o_userdata, size)
         if user[size - 1] != MAGIC:
             return
-        cursor = int(user[size - 7])
-        capacity = int(user[size - 6])
-        if cursor >= capacity:
+        step, steps = int(user[size - 8]), int(user[size - 7])
+        if step >= steps:
             return
-        bodies, nq, nv = int(user[size - 5]), int(user[size - 4]), int(user[size - 3])
-        commands = int(user[size - 2])
+        bodies, nq, nv = int(user[size - 6]), int(user[size - 5]), int(user[size - 4])
         width = nq + nv + bodies * out
-        frame = commands + (capacity + 1) * bodies * push + cursor * width
+        frame = carray(
+            law._as_pointer(types.uint64(user[size - 2]) + types.uint64(8 * width * step)), width, types.float64
+        )
+        next_row = types.uint64(8 * push * bodies * (step + 1))
+        command = carray(law._as_pointer(types.uint64(user[size - 3]) + next_row), push * bodies, types.float64)
         qpos = law._load(d, o_qpos, nq)
         qvel = law._load(d, o_qvel, nv)
         for i in range(nq):
-            user[frame + i] = qpos[i]
-        frame += nq
+            frame[i] = qpos[i]
         for i in range(nv):
-            user[frame + i] = qvel[i]
-        frame += nv
+            frame[nq + i] = qvel[i]
         for b in range(bodies):
             for i in range(out):
-                user[frame + b * out + i] = user[b * stride + push + i]
-        cursor += 1
-        user[size - 7] = cursor
-        row = commands + cursor * bodies * push
-        for b in range(bodies):
+                frame[nq + nv + b * out + i] = user[b * stride + push + i]
             for i in range(push):
-                user[b * stride + i] = user[row + b * push + i]
+                user[b * stride + i] = command[b * push + i]
+        user[size - 8] = step + 1
 
     return tape
 
