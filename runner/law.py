@@ -11,12 +11,15 @@ Both are linear in the command, so a mean over a step, a delay or a lag of the c
 angular impulse. The moment about the body frame is sum_ij (R e_i) x e_j S_ij.
 
 Friction. The base is a set of points with load w_k. Friction is dry (Coulomb), and it is solved implicitly: the
-velocity at the end of the step minimises
+velocity z at a fraction theta of the step h minimises
 
-    1/2 (v - v_free)^T M (v - v_free) + h sum_k mu_k N_k |u_k(v)|
+    1/2 (z - z_free)^T M (z - z_free) + theta h sum_k mu_k N_k |u_k(z)|
 
-with u_k the slip at point k (backward Euler on the friction potential: Moreau 1988; Acary & Brogliato 2008).
-Stick is then a true minimum. The only creep is that of the regularising speed `SLIP_EPS`.
+with u_k the slip at point k (the theta method on the friction potential: Moreau 1988; Acary & Brogliato 2008), and
+the velocity at the end is v + (z - v) / theta. While the body slides, theta is 1/2, which is of second order. Where it
+may come to rest within the step, theta is 1 (backward Euler): stick is then a true minimum, and the only creep is that
+of the regularising speed `SLIP_EPS`. MuJoCo adds h times the velocity at the end to the position, so positions lead by
+h (v - v_start) / 2, which a reader may subtract; angles that lead by half a step are right for the midpoint rule.
 
 Load. N_k = w_k (a + b x_k + c y_k), clipped at zero, with a, b, c from the balance of the vertical force and of
 the moments about the horizontal axes: the pushes at their height, inertia at the height of the centre of mass,
@@ -192,8 +195,9 @@ def _solve3_any(a00, a01, a02, a10, a11, a12, a20, a21, a22, g0, g1, g2):
 
 
 @njit(cache=True, error_model="numpy", fastmath={"nnan", "ninf", "contract", "reassoc", "arcp", "nsz"})
-def _cost(x0, x1, x2, n, rx, ry, k, along, across):
-    """Frictional potential at velocity x."""
+def _cost(v, n, rx, ry, k, along, across):
+    """Frictional potential at velocity v."""
+    x0, x1, x2 = v
     total = 0.0
     for i in range(n):
         p = along * (x0 - x2 * ry[i])
@@ -203,8 +207,9 @@ def _cost(x0, x1, x2, n, rx, ry, k, along, across):
 
 
 @njit(cache=True, error_model="numpy", fastmath={"nnan", "ninf", "contract", "reassoc", "arcp", "nsz"})
-def _terms(x0, x1, x2, n, rx, ry, k, along, across, out):
+def _terms(v, n, rx, ry, k, along, across, out):
     """Gradient (3) and Hessian (6, row-major upper) of the frictional potential, into `out`."""
+    x0, x1, x2 = v
     g0 = g1 = g2 = 0.0
     h00 = h01 = h02 = h11 = h12 = h22 = 0.0
     for i in range(n):
@@ -244,8 +249,10 @@ def _terms(x0, x1, x2, n, rx, ry, k, along, across, out):
 
 
 @njit(cache=True, error_model="numpy", fastmath={"nnan", "ninf", "contract", "reassoc", "arcp", "nsz"})
-def _coupling(x0, x1, x2, n, rx, ry, w, mu, load, along, across, out):
-    """How the gradient of the potential changes with a, b, c of the load, 3 x 3 by columns, into `out`."""
+def _coupling(v, n, rx, ry, w, mu, load, along, across, out):
+    """Gradient of the potential per a, b, c of the load, 3 x 3 by columns, and its stiffness, into `out`."""
+    x0, x1, x2 = v
+    stiff = 0.0
     a0 = a1 = a2 = b0 = b1 = b2 = c0 = c1 = c2 = 0.0
     for i in range(n):
         x = rx[i]
@@ -253,6 +260,7 @@ def _coupling(x0, x1, x2, n, rx, ry, w, mu, load, along, across, out):
         p = along * (x0 - x2 * y)
         q = across * (x1 + x2 * x)
         s = (mu[i] * w[i] if load[i] > 0.0 else 0.0) / math.sqrt(p * p + q * q + SLIP_EPS * SLIP_EPS)
+        stiff += s
         gx = s * along * p
         gy = s * across * q
         gz = x * gy - y * gx
@@ -268,6 +276,7 @@ def _coupling(x0, x1, x2, n, rx, ry, w, mu, load, along, across, out):
     out[0], out[1], out[2] = a0, a1, a2
     out[3], out[4], out[5] = b0, b1, b2
     out[6], out[7], out[8] = c0, c1, c2
+    out[9] = stiff
 
 
 @njit(cache=True, error_model="numpy")
@@ -352,36 +361,110 @@ def _lifted_share(a, b, c, hx, hy):
 
 
 @njit(cache=True, error_model="numpy")
-def _friction(num, r, n, h, v, f, m, weight, com_height, free_cx, free_cy, px, py, yaw, turn):
-    """Solve for the velocity at the end of a step together with the load over the base; both implicit.
+def _times(m, x):
+    """Product of a symmetric matrix (row-major upper) with a vector."""
+    m00, m01, m02, m11, m12, m22 = m
+    x0, x1, x2 = x
+    return m00 * x0 + m01 * x1 + m02 * x2, m01 * x0 + m11 * x1 + m12 * x2, m02 * x0 + m12 * x1 + m22 * x2
 
-    All in the axes of the law, at `yaw` + `turn` in the world and `turn` in the body. The body's record starts at
-    `num[r]`, n base points follow it. v and f are the velocities (x, y, yaw) at the start of the step and at its end
-    without friction, m the mass matrix (row-major upper) with joint damping, `weight` what the base carries, at
-    (free_cx, free_cy) without friction, (px, py) the world position of the body frame.
 
-    The load is affine in its centre, and its centre in the friction. For a given load the velocity is a minimum: it is
-    found by Newton with a line search. In between, one Newton step goes in velocity and centre together.
+@njit(cache=True, error_model="numpy")
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
-    Returns velocity (3), centre of the load that balances the moments (2), and the share of the base that is lifted.
+
+@njit(cache=True, error_model="numpy")
+def _along(x, step, p):
+    return x[0] + step * p[0], x[1] + step * p[1], x[2] + step * p[2]
+
+
+@njit(cache=True, error_model="numpy")
+def _plus(m, h, d):
+    """Sum m + h d of symmetric matrices."""
+    return m[0] + h * d[0], m[1] + h * d[1], m[2] + h * d[2], m[3] + h * d[3], m[4] + h * d[4], m[5] + h * d[5]
+
+
+@njit(cache=True, error_model="numpy")
+def _coefficients(num, r, n, rx, ry, v, place, mu):
+    """Fill `mu` with each point's friction coefficient at velocity v; tell whether it depends on v."""
+    for i in range(n):
+        mu[i] = num[r + _MU]
+    stribeck, stiction, patch = num[r + _STRIBECK], num[r + _STICTION], num[r + _PATCH]
+    if patch != 0.0:
+        px, py, angle = place
+        c, s = math.cos(angle), math.sin(angle)
+        radius = num[r + _PATCH_R]
+        for i in range(n):
+            dx = px + c * rx[i] - s * ry[i] - num[r + _PATCH_X]
+            dy = py + s * rx[i] + c * ry[i] - num[r + _PATCH_Y]
+            z = (math.sqrt(dx * dx + dy * dy) - radius) / (0.08 * radius)
+            if z < 30.0:
+                mu[i] *= 1.0 + patch / (1.0 + math.exp(z))
+    if stribeck == 0.0 and stiction == 0.0:
+        return False
+    stribeck_2 = num[r + _STRIBECK_V] * num[r + _STRIBECK_V]
+    stiction_2 = num[r + _STICTION_V] * num[r + _STICTION_V]
+    for i in range(n):
+        ux = v[0] - v[2] * ry[i]
+        uy = v[1] + v[2] * rx[i]
+        u2 = ux * ux + uy * uy
+        mu[i] *= 1.0 + stribeck * math.exp(-u2 / stribeck_2) + stiction * math.exp(-u2 / stiction_2)
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _bear(n, rx, ry, w, y, turn, reach, weight, whole, load, share):
+    """Share the load so that its centre is y, or as near as the base allows; tell how the centre follows y (3)."""
+    cr, sr = turn
+    x, z = cr * y[0] - sr * y[1], sr * y[0] + cr * y[1]
+    free_x = free_y = 1.0
+    if abs(x) > EDGE * reach[0]:
+        x, free_x = math.copysign(EDGE * reach[0], x), 0.0
+    if abs(z) > EDGE * reach[1]:
+        z, free_y = math.copysign(EDGE * reach[1], z), 0.0
+    _share_load(n, rx, ry, w, cr * x + sr * z, cr * z - sr * x, weight, whole, load, share)
+    return cr * cr * free_x + sr * sr * free_y, cr * sr * (free_y - free_x), sr * sr * free_x + cr * cr * free_y
+
+
+@njit(cache=True, error_model="numpy")
+def _advance(num, r, n, h, v, force, m, damping, com, weight, com_height, free, place, turn):
+    """Return the velocity at the end of a step, the friction, where the load is, and how much of the base is lifted.
+
+    All in the axes of the law, which are turned against the body. Velocity, load and friction are solved together:
+    the load is affine in its centre, and its centre in the friction. For a given load the velocity is the minimum of
+    a convex function, found by Newton with a line search. In between, one Newton step goes in velocity and centre.
+
+    Friction is that of the velocity at a fraction `theta` of the step: 1/2 (midpoint rule, of second order) while
+    the body slides, 1 (backward Euler, which can stop) where it may come to rest within the step.
+
+    Args:
+        num: The model's `user` data; the body's record starts at `r`, `n` base points follow it.
+        r: See `num`.
+        n: See `num`.
+        h: Step.
+        v: Velocity (x, y, yaw) at the start of the step.
+        force: Generalised force without friction, drag and centrifugal force (3).
+        m: Mass matrix (row-major upper).
+        damping: Joint damping (row-major upper).
+        com: Mass times the centre of mass (2).
+        weight: What the base carries.
+        com_height: Of the centre of mass above the base.
+        free: Centre of the load without friction (2).
+        place: World position of the body frame (2) and the angle of the axes in the world.
+        turn: cos, sin of the angle of the axes in the body.
+
+    Returns:
+        Velocity (3), friction (3), centre of the load that the moments ask for (2, body axes), lifted share.
     """
     record = r + STRIDE
-    cr, sr = math.cos(turn), math.sin(turn)
-    rx = np.empty(n)
-    ry = np.empty(n)
-    w = np.empty(n)
-    mu = np.empty(n)
-    load = np.empty(n)
-    k = np.empty(n)
-    out = np.empty(9)
-    whole = np.empty(9)
-    share = np.empty(12)
+    cr, sr = turn
+    rx, ry, w, mu, load, k = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    out, whole, share = np.empty(10), np.empty(9), np.empty(12)
+    bears = n > 0 and weight > 0.0
 
-    film = h * num[r + _FILM]
-    f00 = f02 = f12 = f22 = 0.0  # the film's impulse is linear in the velocity
-    pressure = num[r + _PRESSURE]
-    reach_x = reach_y = 0.0
-    total = 0.0
+    film, pressure = num[r + _FILM], num[r + _PRESSURE]
+    f0 = f2 = f4 = f5 = 0.0
+    reach_x = reach_y = total = 0.0
     for i in range(n):
         j = record + POINT_STRIDE * i
         bx, by = num[j], num[j + 1]
@@ -394,139 +477,162 @@ def _friction(num, r, n, h, v, f, m, weight, com_height, free_cx, free_cy, px, p
             reach_y = max(reach_y, abs(by))
         if film > 0.0:
             z = film * num[j + 2]
-            f00 += z
-            f02 -= z * ry[i]
-            f12 += z * rx[i]
-            f22 += z * (rx[i] * rx[i] + ry[i] * ry[i])
-    for i in range(n):
-        w[i] /= total
-    _moments(n, rx, ry, w, 1.0, 0.0, 0.0, whole)
-
-    base_mu = num[r + _MU]
-    for i in range(n):
-        mu[i] = base_mu
-    stribeck, stiction, patch = num[r + _STRIBECK], num[r + _STICTION], num[r + _PATCH]
-    if stribeck != 0.0 or stiction != 0.0:
-        stribeck_2 = num[r + _STRIBECK_V] * num[r + _STRIBECK_V]
-        stiction_2 = num[r + _STICTION_V] * num[r + _STICTION_V]
-        for i in range(n):
-            ux = v[0] - v[2] * ry[i]
-            uy = v[1] + v[2] * rx[i]
-            u2 = ux * ux + uy * uy
-            mu[i] *= 1.0 + stribeck * math.exp(-u2 / stribeck_2) + stiction * math.exp(-u2 / stiction_2)
-    if patch != 0.0:
-        c, s = math.cos(yaw + turn), math.sin(yaw + turn)
-        radius = num[r + _PATCH_R]
-        for i in range(n):
-            dx = px + c * rx[i] - s * ry[i] - num[r + _PATCH_X]
-            dy = py + s * rx[i] + c * ry[i] - num[r + _PATCH_Y]
-            z = (math.sqrt(dx * dx + dy * dy) - radius) / (0.08 * radius)
-            if z < 30.0:
-                mu[i] *= 1.0 + patch / (1.0 + math.exp(z))
-
+            f0 += z
+            f2 -= z * ry[i]
+            f4 += z * rx[i]
+            f5 += z * (rx[i] * rx[i] + ry[i] * ry[i])
+    films = (f0, 0.0, f2, f0, f4, f5)
+    reach = (reach_x, reach_y)
     along, across = num[r + _ALONG], num[r + _ACROSS]
-    m00, m01, m02, m11, m12, m22 = m
-    f0, f1, f2 = f
-    b0, b1, b2 = m00 * f0 + m01 * f1 + m02 * f2, m01 * f0 + m11 * f1 + m12 * f2, m02 * f0 + m12 * f1 + m22 * f2
-    # friction shifts the load by this much per impulse
-    lever = com_height / (weight * h)
+    speed_counts = _coefficients(num, r, n, rx, ry, v, place, mu)
 
-    # first guess of the friction: full slip along the free velocity, or what brings the body to rest
-    speed = math.sqrt(f0 * f0 + f1 * f1)
-    guess = min(base_mu * weight * h, m00 * speed) / speed if speed > 0.0 else 0.0
-    y0, y1 = free_cx + lever * guess * f0, free_cy + lever * guess * f1
-    x0, x1, x2 = v
-    cx, cy = y0, y1
-    for outer in range(20):
-        # the base can't carry a load whose centre lies outside of it
-        body_x, body_y = cr * y0 - sr * y1, sr * y0 + cr * y1
-        free_x, free_y = 1.0, 1.0
-        if abs(body_x) > EDGE * reach_x:
-            body_x, free_x = math.copysign(EDGE * reach_x, body_x), 0.0
-        if abs(body_y) > EDGE * reach_y:
-            body_y, free_y = math.copysign(EDGE * reach_y, body_y), 0.0
-        cx, cy = cr * body_x + sr * body_y, cr * body_y - sr * body_x
-        _share_load(n, rx, ry, w, cx, cy, weight, whole, load, share)
+    # forces and friction at the start of the step, for a first look ahead
+    air = num[r + _AIR] * math.sqrt(v[0] * v[0] + v[1] * v[1])
+    d0, d1, d2 = _times(_plus(damping, 1.0, films), v)
+    e = (
+        force[0] - d0 - air * v[0] + v[2] * v[2] * com[0],
+        force[1] - d1 - air * v[1] + v[2] * v[2] * com[1],
+        force[2] - d2,
+    )
+    y = free
+    follow = (1.0, 0.0, 1.0)
+    rub = (0.0, 0.0, 0.0)
+    stiff = 0.0
+    if bears:
+        for i in range(n):
+            w[i] /= total
+        _moments(n, rx, ry, w, 1.0, 0.0, 0.0, whole)
+        _coupling(v, n, rx, ry, w, mu, w, along, across, out)
+        stiff = 0.5 * h * weight * out[9] / m[0]
+        # friction is linear in a, b, c, so they follow from one system
+        a, b, c = _solve3_any(
+            whole[0], whole[1], whole[2],
+            whole[1] - com_height * out[0], whole[3] - com_height * out[3], whole[4] - com_height * out[6],
+            whole[2] - com_height * out[1], whole[4] - com_height * out[4], whole[5] - com_height * out[7],
+            1.0, free[0], free[1],
+        )  # fmt: skip
+        y = (a * whole[1] + b * whole[3] + c * whole[4], a * whole[2] + b * whole[4] + c * whole[5])
+        follow = _bear(n, rx, ry, w, y, turn, reach, weight, whole, load, share)
+        if share[3] == whole[0] and follow[0] == 1.0 and follow[2] == 1.0:
+            rub = (
+                weight * (a * out[0] + b * out[3] + c * out[6]),
+                weight * (a * out[1] + b * out[4] + c * out[7]),
+                weight * (a * out[2] + b * out[5] + c * out[8]),
+            )
+        else:
+            for i in range(n):
+                k[i] = mu[i] * load[i]
+            _terms(v, n, rx, ry, k, along, across, out)
+            rub = (out[0], out[1], out[2])
+
+    # theta by how much of the momentum a step may take, and by how stiff friction is across the slip
+    theta = 0.5
+    ae = _solve3(*m, *e)
+    ar = _solve3(*m, *rub)
+    if bears:
+        momentum = math.sqrt(_dot(v, _times(m, v)))
+        impulse = h * (math.sqrt(abs(_dot(ae, e))) + math.sqrt(abs(_dot(ar, rub))))
+        size = max(impulse, stiff * momentum)
+        theta = 1.0 if size >= momentum else 0.5 + 0.5 * (size / momentum) ** 2
+    acceleration = (ae[0] - ar[0], ae[1] - ar[1], ae[2] - ar[2])
+    p = _along(v, (1.0 - theta) * h, acceleration)
+    if speed_counts:
+        _coefficients(num, r, n, rx, ry, p, place, mu)
+
+    # drag, linear around p, belongs to the matrix
+    h *= theta
+    air = num[r + _AIR] * math.sqrt(p[0] * p[0] + p[1] * p[1])
+    own = damping
+    e = (force[0] + p[2] * p[2] * com[0], force[1] + p[2] * p[2] * com[1], force[2])
+    if air > 0.0:
+        speed_2 = p[0] * p[0] + p[1] * p[1]
+        xx, xy, yy = p[0] * p[0] / speed_2, p[0] * p[1] / speed_2, p[1] * p[1] / speed_2
+        own = _plus(damping, air, (1.0 + xx, xy, 0.0, 1.0 + yy, 0.0, 0.0))
+        e = (e[0] + air * p[0], e[1] + air * p[1], e[2])
+    dry = _plus(m, h, own)
+    q = _plus(dry, h, films)
+    b = _along(_times(m, v), h, e)
+
+    x = _along(v, h, acceleration)
+    if not bears:
+        x = _solve3(*q, *b)
+    lever = com_height / (weight * h) if bears else 0.0  # friction shifts the load by this much per impulse
+    for outer in range(20 if bears else 0):
+        if outer > 0:
+            follow = _bear(n, rx, ry, w, y, turn, reach, weight, whole, load, share)
         for i in range(n):
             k[i] = h * mu[i] * load[i]
-        if outer == 0:
-            # start from rest if that is the better guess
-            reach = math.sqrt(whole[3] + whole[5])
-            if m00 * (abs(x0) + abs(x1) + reach * abs(x2)) < 4.0 * h * base_mu * weight:
-                d0, d1, d2 = f0 - x0, f1 - x1, f2 - x2
-                cost = 0.5 * (m00 * d0 * d0 + m11 * d1 * d1 + m22 * d2 * d2)
-                cost += m01 * d0 * d1 + m02 * d0 * d2 + m12 * d1 * d2
-                cost += _cost(x0, x1, x2, n, rx, ry, k, along, across)
-                rest = 0.5 * (b0 * f0 + b1 * f1 + b2 * f2) + _cost(0.0, 0.0, 0.0, n, rx, ry, k, along, across)
-                if rest < cost:
-                    x0 = x1 = x2 = 0.0
-        _terms(x0, x1, x2, n, rx, ry, k, along, across, out)
-        g0 = (m00 + f00) * x0 + m01 * x1 + (m02 + f02) * x2 - b0 + out[0]
-        g1 = m01 * x0 + (m11 + f00) * x1 + (m12 + f12) * x2 - b1 + out[1]
-        g2 = (m02 + f02) * x0 + (m12 + f12) * x1 + (m22 + f22) * x2 - b2 + out[2]
-        tolerance = (1e-4 if outer == 0 else 1e-7 if outer == 1 else 1e-11) * (m00 + m22)
+        if outer == 0 and theta == 1.0:
+            # start from where it was or from rest, whichever is lower
+            x = v
+            cost = 0.5 * _dot(x, _times(q, x)) - _dot(b, x) + _cost(x, n, rx, ry, k, along, across)
+            if cost >= _cost((0.0, 0.0, 0.0), n, rx, ry, k, along, across):
+                x = (0.0, 0.0, 0.0)
+        _terms(x, n, rx, ry, k, along, across, out)
+        g = _residual(q, x, b, out)
+        tolerance = (1e-4 if outer == 0 else 1e-7 if outer == 1 else 1e-11) * (m[0] + m[5])
         for _ in range(40):
-            if abs(g0) + abs(g1) + abs(g2) < tolerance:
+            if abs(g[0]) + abs(g[1]) + abs(g[2]) < tolerance:
                 break
-            p0, p1, p2 = _solve3(
-                m00 + f00 + out[3], m01 + out[4], m02 + f02 + out[5], m11 + f00 + out[6], m12 + f12 + out[7],
-                m22 + f22 + out[8], g0, g1, g2,
+            d = _solve3(
+                q[0] + out[3], q[1] + out[4], q[2] + out[5], q[3] + out[6], q[4] + out[7], q[5] + out[8], *g
             )  # fmt: skip
-            slope = g0 * p0 + g1 * p1 + g2 * p2
+            slope = _dot(g, d)
             step = 1.0
-            z0, z1, z2 = x0, x1, x2
+            start = x
             # convex: shorten by the secant rule until the slope along the step is small
             for _ls in range(30):
-                x0, x1, x2 = z0 - step * p0, z1 - step * p1, z2 - step * p2
-                _terms(x0, x1, x2, n, rx, ry, k, along, across, out)
-                g0 = (m00 + f00) * x0 + m01 * x1 + (m02 + f02) * x2 - b0 + out[0]
-                g1 = m01 * x0 + (m11 + f00) * x1 + (m12 + f12) * x2 - b1 + out[1]
-                g2 = (m02 + f02) * x0 + (m12 + f12) * x1 + (m22 + f22) * x2 - b2 + out[2]
-                past = -(g0 * p0 + g1 * p1 + g2 * p2)
+                x = _along(start, -step, d)
+                _terms(x, n, rx, ry, k, along, across, out)
+                g = _residual(q, x, b, out)
+                past = -_dot(g, d)
                 if past <= 0.5 * slope:
                     break
                 step *= max(slope / (slope + past), 0.1)
-        # where the load's centre must be under this friction
-        e0 = free_cx - lever * (m00 * x0 + m01 * x1 + m02 * x2 - b0) - y0
-        e1 = free_cy - lever * (m01 * x0 + m11 * x1 + m12 * x2 - b1) - y1
+        # where the centre of the load must be under this friction
+        i0, i1, _i2 = _times(dry, x)
+        e0 = free[0] - lever * (i0 - b[0]) - y[0]
+        e1 = free[1] - lever * (i1 - b[1]) - y[1]
         if abs(e0) + abs(e1) < 1e-8:
             break
-        q00, q01, q02 = m00 + f00 + out[3], m01 + out[4], m02 + f02 + out[5]
-        q10, q11, q12 = q01, m11 + f00 + out[6], m12 + f12 + out[7]
-        q20, q21, q22 = q02, q12, m22 + f22 + out[8]
-        _coupling(x0, x1, x2, n, rx, ry, w, mu, load, along, across, out)
-        # d(a, b, c) by the centre, held where the centre is at the edge; times h * weight for the impulse
-        da0, da1, da2 = _solve3(share[3], share[4], share[5], share[6], share[7], share[8], 0.0, h * weight, 0.0)
-        db0, db1, db2 = _solve3(share[3], share[4], share[5], share[6], share[7], share[8], 0.0, 0.0, h * weight)
-        t00 = cr * cr * free_x + sr * sr * free_y
-        t01 = cr * sr * (free_y - free_x)
-        t11 = sr * sr * free_x + cr * cr * free_y
-        u0, u1, u2 = da0 * t00 + db0 * t01, da1 * t00 + db1 * t01, da2 * t00 + db2 * t01
-        w0, w1, w2 = da0 * t01 + db0 * t11, da1 * t01 + db1 * t11, da2 * t01 + db2 * t11
-        c00 = out[0] * u0 + out[3] * u1 + out[6] * u2
-        c10 = out[1] * u0 + out[4] * u1 + out[7] * u2
-        c20 = out[2] * u0 + out[5] * u1 + out[8] * u2
-        c01 = out[0] * w0 + out[3] * w1 + out[6] * w2
-        c11 = out[1] * w0 + out[4] * w1 + out[7] * w2
-        c21 = out[2] * w0 + out[5] * w1 + out[8] * w2
-        l0, l1, l2 = -lever * m00, -lever * m01, -lever * m02
-        n0, n1, n2 = -lever * m01, -lever * m11, -lever * m12
+        q00, q01, q02 = q[0] + out[3], q[1] + out[4], q[2] + out[5]
+        q11, q12, q22 = q[3] + out[6], q[4] + out[7], q[5] + out[8]
+        _coupling(x, n, rx, ry, w, mu, load, along, across, out)
+        # d(a, b, c) by the centre, where it may move; times h * weight for the impulse
+        sx = _solve3(share[3], share[4], share[5], share[6], share[7], share[8], 0.0, h * weight, 0.0)
+        sy = _solve3(share[3], share[4], share[5], share[6], share[7], share[8], 0.0, 0.0, h * weight)
+        u0, u1, u2 = _along((follow[0] * sx[0], follow[0] * sx[1], follow[0] * sx[2]), follow[1], sy)
+        w0, w1, w2 = _along((follow[1] * sx[0], follow[1] * sx[1], follow[1] * sx[2]), follow[2], sy)
+        c00, c01 = out[0] * u0 + out[3] * u1 + out[6] * u2, out[0] * w0 + out[3] * w1 + out[6] * w2
+        c10, c11 = out[1] * u0 + out[4] * u1 + out[7] * u2, out[1] * w0 + out[4] * w1 + out[7] * w2
+        c20, c21 = out[2] * u0 + out[5] * u1 + out[8] * u2, out[2] * w0 + out[5] * w1 + out[8] * w2
+        l0, l1, l2 = -lever * dry[0], -lever * dry[1], -lever * dry[2]
+        n0, n1, n2 = -lever * dry[1], -lever * dry[3], -lever * dry[4]
         d0, d1, d2 = _solve3_any(
             q00 + c00 * l0 + c01 * n0, q01 + c00 * l1 + c01 * n1, q02 + c00 * l2 + c01 * n2,
-            q10 + c10 * l0 + c11 * n0, q11 + c10 * l1 + c11 * n1, q12 + c10 * l2 + c11 * n2,
-            q20 + c20 * l0 + c21 * n0, q21 + c20 * l1 + c21 * n1, q22 + c20 * l2 + c21 * n2,
-            -g0 - c00 * e0 - c01 * e1, -g1 - c10 * e0 - c11 * e1, -g2 - c20 * e0 - c21 * e1,
+            q01 + c10 * l0 + c11 * n0, q11 + c10 * l1 + c11 * n1, q12 + c10 * l2 + c11 * n2,
+            q02 + c20 * l0 + c21 * n0, q12 + c20 * l1 + c21 * n1, q22 + c20 * l2 + c21 * n2,
+            -g[0] - c00 * e0 - c01 * e1, -g[1] - c10 * e0 - c11 * e1, -g[2] - c20 * e0 - c21 * e1,
         )  # fmt: skip
-        x0 += d0
-        x1 += d1
-        x2 += d2
-        y0 += e0 + l0 * d0 + l1 * d1 + l2 * d2
-        y1 += e1 + n0 * d0 + n1 * d1 + n2 * d2
-    lifted = _lifted_share(
-        share[0], cr * share[1] - sr * share[2], sr * share[1] + cr * share[2],
-        max(num[r + _HALF_X], reach_x), max(num[r + _HALF_Y], reach_y),
-    )  # fmt: skip
-    return x0, x1, x2, cr * y0 - sr * y1, sr * y0 + cr * y1, lifted
+        x = x[0] + d0, x[1] + d1, x[2] + d2
+        y = y[0] + e0 + l0 * d0 + l1 * d1 + l2 * d2, y[1] + e1 + n0 * d0 + n1 * d1 + n2 * d2
+    lifted = 1.0
+    if bears:
+        lifted = _lifted_share(
+            share[0], cr * share[1] - sr * share[2], sr * share[1] + cr * share[2],
+            max(num[r + _HALF_X], reach_x), max(num[r + _HALF_Y], reach_y),
+        )  # fmt: skip
+    # from the balance of momentum: exact also where the regularised law is stiff
+    i0, i1, i2 = _times(dry, x)
+    rub = ((i0 - b[0]) / h, (i1 - b[1]) / h, (i2 - b[2]) / h)
+    end = v[0] + (x[0] - v[0]) / theta, v[1] + (x[1] - v[1]) / theta, v[2] + (x[2] - v[2]) / theta
+    return end, rub, (cr * y[0] - sr * y[1], sr * y[0] + cr * y[1]), lifted
+
+
+@njit(cache=True, error_model="numpy")
+def _residual(q, x, b, out):
+    q0, q1, q2 = _times(q, x)
+    return q0 - b[0] + out[0], q1 - b[1] + out[1], q2 - b[2] + out[2]
 
 
 @njit(cache=True, error_model="numpy")
@@ -544,7 +650,7 @@ def _step_body(
 
     # inertia about the vertical through the body frame
     full = mass_a[body]
-    scale = max(1.0 - num[r + _LEAK] * t, 0.05)
+    scale = max(1.0 - num[r + _LEAK] * (t + 0.5 * h), 0.05)
     mass = full * scale
     qw, qx, qy, qz = iquat_a[4 * body], iquat_a[4 * body + 1], iquat_a[4 * body + 2], iquat_a[4 * body + 3]
     zx, zy, zz = 2.0 * (qx * qz - qw * qy), 2.0 * (qy * qz + qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy)
@@ -559,55 +665,41 @@ def _step_body(
     syx, syy, syz = user[push + 6], user[push + 7], user[push + 8]
     szx, szy = user[push + 9], user[push + 10]
     tz = (c * sxy - s * sxx) - (s * syy + c * syx)
-    air = num[r + _AIR] * math.sqrt(v0 * v0 + v1 * v1)
 
-    # all that acts but friction: on the joints (through the body frame), and at the centre of mass, where inertia acts
-    joint0, joint1 = passive[dof] + applied[dof] - air * v0, passive[dof + 1] + applied[dof + 1] - air * v1
+    # forces on the joints (through the body frame), and at the centre of mass, where inertia acts, too
+    k0, k1, k2 = damping[dof], damping[dof + 1], damping[dof + 2]
+    joint0, joint1 = passive[dof] + applied[dof] + fx, passive[dof + 1] + applied[dof + 1] + fy
     com0, com1 = out0 + mass * gravity[0], out1 + mass * gravity[1]
-    e0 = joint0 + com0 + fx + mass * v2 * v2 * lx
-    e1 = joint1 + com1 + fy + mass * v2 * v2 * ly
-    e2 = passive[dof + 2] + applied[dof + 2] + out5 + tz + lx * com1 - ly * com0
+    e0, e1 = joint0 + com0 + k0 * v0, joint1 + com1 + k1 * v1
+    e2 = passive[dof + 2] + k2 * v2 + applied[dof + 2] + out5 + tz + lx * com1 - ly * com0
 
-    # MuJoCo's Euler step treats joint damping implicitly; so must the mass matrix here
-    m00 = mass + h * damping[dof]
-    m11 = mass + h * damping[dof + 1]
-    m02 = -mass * ly
-    m12 = mass * lx
-    m22 = i_origin * scale + h * damping[dof + 2]
-    a0, a1, a2 = _solve3(m00, 0.0, m02, m11, m12, m22, e0, e1, e2)
-    f0, f1, f2 = v0 + h * a0, v1 + h * a1, v2 + h * a2
-
-    x0, x1, x2 = f0, f1, f2
-    cop_x = cop_y = 0.0
+    # where the load must be without friction, from the moments about the centre of mass
     weight = -mass * gravity[2] - fz - out2
-    lifted = 1.0
-    if n > 0 and weight > 0.0:
-        # where the load must be without friction, from the moments about the centre of mass
-        mx = (weight + fz) * lx - (c * sxz - s * syz) + szx - comz * (joint0 + fx) + out4
-        my = (weight + fz) * ly - (s * sxz + c * syz) + szy - comz * (joint1 + fy) - out3
-        turn = num[r + _ANGLE] if num[r + _ALONG] != num[r + _ACROSS] else 0.0
-        ca, sa = math.cos(yaw + turn), math.sin(yaw + turn)
-        d0, d1 = h * damping[dof], h * damping[dof + 1]
-        inertia = (
-            mass + d0 * ca * ca + d1 * sa * sa, ca * sa * (d1 - d0), ca * m02 + sa * m12,
-            mass + d0 * sa * sa + d1 * ca * ca, ca * m12 - sa * m02, m22,
-        )  # fmt: skip
-        x0, x1, x2, cop_x, cop_y, lifted = _friction(
-            num, r, n, h, (ca * v0 + sa * v1, ca * v1 - sa * v0, v2), (ca * f0 + sa * f1, ca * f1 - sa * f0, f2),
-            inertia, weight, comz - num[r + _BASEZ], (ca * mx + sa * my) / weight, (ca * my - sa * mx) / weight,
-            qpos[qadr], qpos[qadr + 1], yaw, turn,
-        )  # fmt: skip
-        x0, x1 = ca * x0 - sa * x1, sa * x0 + ca * x1
-    # friction from the balance of momentum: exact also where the regularised law is stiff
-    d0, d1, d2 = x0 - f0, x1 - f1, x2 - f2
-    fr0 = (m00 * d0 + m02 * d2) / h
-    fr1 = (m11 * d1 + m12 * d2) / h
-    fr2 = (m02 * d0 + m12 * d1 + m22 * d2) / h
+    mx = (weight + fz) * lx - (c * sxz - s * syz) + szx - comz * joint0 + out4
+    my = (weight + fz) * ly - (s * sxz + c * syz) + szy - comz * joint1 - out3
+    if weight > 0.0:
+        mx /= weight
+        my /= weight
 
-    # what MuJoCo must be given so that its step, with its own mass, ends at x
+    # into the axes of the law, and back
+    turn = num[r + _ANGLE] if num[r + _ALONG] != num[r + _ACROSS] else 0.0
+    cr, sr = math.cos(turn), math.sin(turn)
+    ca, sa = math.cos(yaw + turn), math.sin(yaw + turn)
+    px, py = cr * comx + sr * comy, cr * comy - sr * comx
+    end, rub, cop, lifted = _advance(
+        num, r, n, h, (ca * v0 + sa * v1, ca * v1 - sa * v0, v2), (ca * e0 + sa * e1, ca * e1 - sa * e0, e2),
+        (mass, 0.0, -mass * py, mass, mass * px, scale * i_origin),
+        (k0 * ca * ca + k1 * sa * sa, ca * sa * (k1 - k0), 0.0, k0 * sa * sa + k1 * ca * ca, 0.0, k2),
+        (mass * px, mass * py), weight, comz - num[r + _BASEZ], (ca * mx + sa * my, ca * my - sa * mx),
+        (qpos[qadr], qpos[qadr + 1], yaw + turn), (cr, sr),
+    )  # fmt: skip
+    x0, x1, x2 = ca * end[0] - sa * end[1], sa * end[0] + ca * end[1], end[2]
+    rub0, rub1, rub2 = ca * rub[0] - sa * rub[1], sa * rub[0] + ca * rub[1], rub[2]
+
+    # what MuJoCo must be given so that its step, with its own mass and implicit damping, ends at x
     d0, d1, d2 = (x0 - v0) / h, (x1 - v1) / h, (x2 - v2) / h
-    n00, n11 = full + h * damping[dof], full + h * damping[dof + 1]
-    n02, n12, n22 = -full * ly, full * lx, i_origin + h * damping[dof + 2]
+    n00, n11 = full + h * k0, full + h * k1
+    n02, n12, n22 = -full * ly, full * lx, i_origin + h * k2
     want0 = n00 * d0 + n02 * d2 - full * v2 * v2 * lx - full * gravity[0]
     want1 = n11 * d1 + n12 * d2 - full * v2 * v2 * ly - full * gravity[1]
     want2 = n02 * d0 + n12 * d1 + n22 * d2 - full * (lx * gravity[1] - ly * gravity[0])
@@ -616,14 +708,14 @@ def _step_body(
     passive[dof + 2] = want2 - applied[dof + 2] - out5 - lx * out1 + ly * out0
 
     o = push + PUSH_SIZE
-    user[o] = fr0
-    user[o + 1] = fr1
-    user[o + 2] = fr2
-    user[o + 3] = cop_x
-    user[o + 4] = cop_y
+    user[o] = rub0
+    user[o + 1] = rub1
+    user[o + 2] = rub2
+    user[o + 3] = cop[0]
+    user[o + 4] = cop[1]
     user[o + 5] = lifted
     user[o + 6] = math.sqrt(x0 * x0 + x1 * x1)
-    user[o + 7] = 0.5 * (fr0 * (x0 + v0) + fr1 * (x1 + v1) + fr2 * (x2 + v2))
+    user[o + 7] = 0.5 * (rub0 * (x0 + v0) + rub1 * (x1 + v1) + rub2 * (x2 + v2))
     user[o + 8] = max(weight, 0.0)
     user[o + 9] = x2
 
