@@ -180,14 +180,13 @@ class Simulator:
             models.append(model)
             control[i, :, : law.PUSH_SIZE] = columns
             start[i, 1:7] = run.start
-        state, _ = self._pool.rollout(
-            models, list(base.data), start, control, control_spec=USERDATA, chunk_size=1
-        )
+            # half a step ahead: MuJoCo's pose is then the one at the middle of each step (leapfrog), second order
+            start[i, 1:4] += 0.5 * self.step_s * run.start[3:]
+        state, _ = self._pool.rollout(models, list(base.data), start, control, control_spec=USERDATA, chunk_size=1)
         self.simulated_s += n * self.step_s * len(runs)
         sampled = state[:, self.steps_per_sample - 1 :: self.steps_per_sample, 1:7]
         motion = np.concatenate([start[:, None, 1:7], sampled], axis=1)
-        # MuJoCo's step is q += h v(end); the trapezoid of the same velocities is second order
-        motion[:, :, :3] -= 0.5 * self.step_s * (motion[:, :, 3:] - motion[:, :1, 3:])
+        motion[:, :, :3] -= 0.5 * self.step_s * motion[:, :, 3:]
         for effects in known:
             which = [i for i, run in enumerate(runs) if run.effects == effects]
             measured = Motion(t_s, motion[which, :, :3], motion[which, :, 3:])
