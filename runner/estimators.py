@@ -61,38 +61,83 @@ class Outcome(IntEnum):
     implausible = 5  # the result lies outside the allowed range
 
 
-class State(NamedTuple):
-    """A body's state as plain numbers: position and heading, velocity, angular velocity.
-
-    Planar: position (x, y, yaw), linear (vx, vy), angular (wz). Upright (on feet or corners): with z after y. Free:
-    position (x, y, z, qw, qx, qy, qz), linear (vx, vy, vz) in world axes, angular (wx, wy, wz) in body axes.
-    """
-
-    position: Sequence[float]
-    linear: Sequence[float]
-    angular: Sequence[float]
+Numbers = Sequence[float]
+Cuts = tuple[slice, slice, slice]  # where position, linear and angular velocity of a body stand in qpos, qvel, qvel
 
 
 class Seen(NamedTuple):
     """What the local side knows at an update.
 
+    States come as plain numbers. Planar: position (x, y, yaw), linear (vx, vy), angular (wz,). Upright (on feet or
+    corners): z after y, vz after vy. Free: position (x, y, z, qw, qx, qy, qz), linear (vx, vy, vz) in world axes,
+    angular (wx, wy, wz) in body axes.
+
     Attributes:
         now_s: Time of the update.
         sent_s: Time stamp of the message; older than `now_s` on a slow link.
-        remote: The state in the message.
-        local: The local body's state now, before it takes over the remote's.
         since_s: When the two were last made equal (on the local clock).
-        common: The state that both had then.
-        impulse_n_s: Integral of the commanded force since then, world axes.
+        impulse_n_s: Integral of the commanded force since then, (3,), world axes.
     """
 
     now_s: float
     sent_s: float
-    remote: State
-    local: State
     since_s: float
-    common: State
-    impulse_n_s: Sequence[float]
+    impulse_n_s: Numbers
+    # all numbers of the scene now, when the message was sent, and when the message before it was; sliced on demand,
+    # as most rules need few of them
+    q: Numbers
+    v: Numbers
+    sent_q: Numbers
+    sent_v: Numbers
+    common_q: Numbers
+    common_v: Numbers
+    local_cuts: Cuts
+    remote_cuts: Cuts
+
+    @property
+    def local_position(self) -> Numbers:
+        """The local body's position now, before it takes over the remote's."""
+        return self.q[self.local_cuts[0]]
+
+    @property
+    def local_linear(self) -> Numbers:
+        """The local body's velocity now."""
+        return self.v[self.local_cuts[1]]
+
+    @property
+    def local_angular(self) -> Numbers:
+        """The local body's angular velocity now."""
+        return self.v[self.local_cuts[2]]
+
+    @property
+    def remote_position(self) -> Numbers:
+        """The remote's position in the message."""
+        return self.sent_q[self.remote_cuts[0]]
+
+    @property
+    def remote_linear(self) -> Numbers:
+        """The remote's velocity in the message."""
+        return self.sent_v[self.remote_cuts[1]]
+
+    @property
+    def remote_angular(self) -> Numbers:
+        """The remote's angular velocity in the message."""
+        return self.sent_v[self.remote_cuts[2]]
+
+    @property
+    def common_position(self) -> Numbers:
+        """The position that both had at `since_s`."""
+        return self.common_q[self.remote_cuts[0]]
+
+    @property
+    def common_linear(self) -> Numbers:
+        """The velocity that both had at `since_s`."""
+        return self.common_v[self.remote_cuts[1]]
+
+    @property
+    def common_angular(self) -> Numbers:
+        """The angular velocity that both had at `since_s`."""
+        return self.common_v[self.remote_cuts[2]]
 
 
 @dataclass(frozen=True)
@@ -160,7 +205,7 @@ class Linear(MassRule):
         check_range("slowest_m_s", self.slowest_m_s, 0.0, 100.0, unit="m/s", lower_open=True)
 
     def update(self, memory: float, seen: Seen) -> tuple[float, Outcome]:
-        ratio = compare(seen.local.linear, seen.remote.linear, self.slowest_m_s)
+        ratio = compare(seen.local_linear, seen.remote_linear, self.slowest_m_s)
         return self._accept(memory, memory * ratio) if ratio > 0 else (memory, _HELD[ratio])
 
 
@@ -176,7 +221,7 @@ class Rotational(MassRule):
         check_range("slowest_rad_s", self.slowest_rad_s, 0.0, 100.0, unit="rad/s", lower_open=True)
 
     def update(self, memory: float, seen: Seen) -> tuple[float, Outcome]:
-        ratio = compare(seen.local.angular, seen.remote.angular, self.slowest_rad_s)
+        ratio = compare(seen.local_angular, seen.remote_angular, self.slowest_rad_s)
         return self._accept(memory, memory * ratio) if ratio > 0 else (memory, _HELD[ratio])
 
 
@@ -192,7 +237,7 @@ class LinearGuarded(MassRule):
         check_range("slowest_m_s", self.slowest_m_s, 0.0, 100.0, unit="m/s", lower_open=True)
 
     def update(self, memory: float, seen: Seen) -> tuple[float, Outcome]:
-        local, remote = seen.local.linear, seen.remote.linear
+        local, remote = seen.local_linear, seen.remote_linear
         ratio = compare(local, remote, self.slowest_m_s)
         if ratio <= 0:
             return memory, _HELD[ratio]

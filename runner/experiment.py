@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -146,14 +147,21 @@ def commands(experiment: Experiment) -> Commands:
     """Return the commands of an experiment. The remote's pass through its effects, the locals' are the nominal ones."""
     h, n = experiment.scene.timestep_s, experiment.steps
     force, point = experiment.sequence.columns(np.arange(n) * h, h)
-    nominal = push_columns(force, point)
-    real = nominal
-    for effect in experiment.remote.effects.values():
-        real = effect.edit_command(real, h)
-    pushes = np.zeros((n + 1, law.PUSH_SIZE * (1 + len(experiment.estimator))))
-    pushes[:n, : law.PUSH_SIZE] = real
-    pushes[:n, law.PUSH_SIZE :] = np.tile(nominal, len(experiment.estimator))
-    return Commands(force, point, pushes)
+    pushes = np.zeros((n + 1, 1 + len(experiment.estimator), law.PUSH_SIZE))
+    # most of a sequence is rest: zero already
+    pushed = np.flatnonzero(force.any(axis=1))
+    nominal = push_columns(force[pushed], point[pushed])
+    if experiment.remote.effects:
+        real = np.zeros((n, law.PUSH_SIZE))
+        real[pushed] = nominal
+        for effect in experiment.remote.effects.values():
+            real = effect.edit_command(real, h)
+        pushes[:n, 0] = real
+    else:
+        pushes[pushed, 0] = nominal
+    for j in range(1, pushes.shape[1]):
+        pushes[pushed, j] = nominal
+    return Commands(force, point, pushes.reshape(n + 1, -1))
 
 
 def warning_text(grown: np.ndarray) -> str:
@@ -168,12 +176,19 @@ class Physics(mjcf.Physics):
     The step is that of `legacy_step=False`: exactly MuJoCo's `mj_step`, then PhysicsError if it has warned.
     """
 
+    def _reload_from_data(self, data: Any) -> None:
+        super()._reload_from_data(data)
+        self._raw = self.model.ptr, self.data.ptr
+        self._quiet = self._warnings.tobytes()
+
     def step(self, nstep: int = 1) -> None:
-        warnings = self._warnings
-        before = warnings.tobytes()
-        mujoco.mj_step(self.model.ptr, self.data.ptr, nstep)
-        if warnings.tobytes() != before:
-            raise PhysicsError(warning_text(warnings > np.frombuffer(before, warnings.dtype)))
+        mujoco.mj_step(*self._raw, nstep)
+        if self._warnings.tobytes() != self._quiet:
+            grown = self._warnings > np.frombuffer(self._quiet, self._warnings.dtype)
+            self._quiet = self._warnings.tobytes()
+            # a reset sets the counters to zero, which is no warning
+            if grown.any():
+                raise PhysicsError(warning_text(grown))
 
 
 @dataclass(frozen=True)
@@ -239,8 +254,8 @@ def set_numbers(experiment: Experiment, model: mujoco.MjModel, scratch: mujoco.M
         effect.edit_model(Target(model, model.body(REMOTE).id, scratch))
         if not np.array_equal(shared, [*model.opt.gravity, model.opt.density, model.opt.viscosity, *model.opt.wind]):
             raise ConfigError(
-                f"remote.effects.{key}: '{effect.name}' changes what all cubes of a scene share, so it can't be planted "
-                "in the remote alone."
+                f"remote.effects.{key}: '{effect.name}' changes what all cubes of a scene share, so it can't be "
+                "planted in the remote alone."
             )
     set_start(experiment, model, scratch)
 

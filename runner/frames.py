@@ -1,8 +1,8 @@
 """Frames: immutable columns of what happened, with a view of each row.
 
 A run has two kinds. `steps` has a frame for every physics step: the state at its start, and the command and the
-contact over it. `updates` has a frame for every update: the state that was received, the local state just before it
-took that over, the estimates just after, and the errors.
+contact over it. `updates` has a frame for every update: the states just before the local cubes took over the remote's,
+the command and the contact over the last physics step, the estimates just after, and the errors.
 
 Names of columns end in their unit: `remote_x_m`, `linear_mass_kg`. Those of a local body begin with the name of its
 estimator.
@@ -10,9 +10,10 @@ estimator.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -118,8 +119,9 @@ class RunResult:
     """What a run leaves behind.
 
     Attributes:
-        steps: A frame for every physics step.
         updates: A frame for every update.
+        make_steps: Makes the frames of all physics steps, see `steps`.
+        step_count: Number of physics steps.
         estimators: Names of the estimators, each with a local body; the first is the one that summaries speak of.
         parameters: Estimated parameters by estimator, with true and start values: `parameters["linear"]["mass_kg"]`.
         half_size_m: Of the cubes, (3,).
@@ -129,8 +131,9 @@ class RunResult:
         reason: Why, where it did not end well.
     """
 
-    steps: Frames
     updates: Frames
+    make_steps: Callable[[], Frames]
+    step_count: int
     estimators: tuple[str, ...]
     parameters: Mapping[str, Mapping[str, Truth]]
     half_size_m: tuple[float, float, float]
@@ -138,3 +141,8 @@ class RunResult:
     wall_s: float
     status: Status = Status.done
     reason: str = ""
+
+    @cached_property
+    def steps(self) -> Frames:
+        """A frame for every physics step; the columns are made when they are first asked for."""
+        return self.make_steps()

@@ -18,7 +18,7 @@ from dm_control.rl.control import PhysicsError
 from mujoco.batch import MODEL_FIELDS, Batch, SimulationError
 
 from runner import law
-from runner.estimators import Outcome, Seen, Setup, State
+from runner.estimators import Cuts, Outcome, Seen, Setup
 from runner.experiment import (
     REMOTE,
     Commands,
@@ -38,6 +38,7 @@ from runner.experiment import (
 from runner.frames import Frames, RunResult, Status, Truth
 from runner.link import received, update_steps
 from runner.scene import Body as Handle
+from runner.scene import Contact
 
 Advance = Callable[[int], object]
 
@@ -70,7 +71,7 @@ class Tracker:
         ends: After how many steps each tick comes, (m,).
         message: The message that is taken in at each tick, by the tick at which it was sent, -1: none, (m,).
         count: Ticks so far; the rows of the following that are filled.
-        states: qpos and qvel of all cubes at each tick, (m, nq + nv).
+        states: qpos and qvel of all cubes at each tick.
         values: Per estimator, its estimates after each tick.
         outcomes: Per estimator, what it did at each tick.
     """
@@ -86,20 +87,18 @@ class Tracker:
         self._known = list(zip(self.message.tolist(), times.tolist(), sent_s, since_s, impulse.tolist(), strict=True))
         self.count = 0
         self.nq, self.nv = sum(h.nq for h in handles), sum(h.nv for h in handles)
-        self.states = np.empty((len(self.ends), self.nq + self.nv))
         self._rules = list(experiment.estimator.values())
         self.values: list[list[tuple[float, ...]]] = [[] for _ in self._rules]
         self.outcomes: list[list[int]] = [[] for _ in self._rules]
         self._cuts = [_cuts(handle) for handle in handles]
-        self._remote: list[State] = []
-        self._common = State((), (), ())
+        self.states: list[tuple[list[float], list[float]]] = []
+        self._common: tuple[list[float], list[float]] = ([], [])
         setup = Setup(experiment.scene, experiment.local)
         self._memories: list[Any] = [rule.start(setup) for rule in self._rules]
 
     def begin(self, q: list[float], v: list[float]) -> None:
         """Take the state at the start as the first common one."""
-        pos, lin, ang = self._cuts[0]
-        self._common = State(q[pos], v[lin], v[ang])
+        self._common = q, v
 
     def update(self, q: list[float], v: list[float]) -> int:
         """Take in what has arrived and estimate.
@@ -109,28 +108,31 @@ class Tracker:
         """
         message, now, sent, since, impulse = self._known[self.count]
         self.count += 1
-        pos, lin, ang = self._cuts[0]
-        self._remote.append(State(q[pos], v[lin], v[ang]))
-        remote, common, memories = self._remote[message], self._common, self._memories
+        self.states.append((q, v))
+        memories, cuts = self._memories, self._cuts
+        if message < 0:
+            for j, rule in enumerate(self._rules):
+                self.outcomes[j].append(Outcome.no_message)
+                self.values[j].append(rule.values(memories[j]))
+            return message
+        sent_q, sent_v = self.states[message]
+        common_q, common_v = self._common
         for j, rule in enumerate(self._rules):
-            if message < 0:
-                outcome = Outcome.no_message
-            else:
-                pos, lin, ang = self._cuts[j + 1]
-                seen = Seen(now, sent, remote, State(q[pos], v[lin], v[ang]), since, common, impulse)
-                memories[j], outcome = rule.update(memories[j], seen)
+            seen = Seen(now, sent, since, impulse, q, v, sent_q, sent_v, common_q, common_v, cuts[j + 1], cuts[0])
+            memories[j], outcome = rule.update(memories[j], seen)
             self.outcomes[j].append(outcome)
             self.values[j].append(rule.values(memories[j]))
-        if message >= 0:
-            self._common = remote
+        self._common = sent_q, sent_v
         return message
 
-    def sent(self, tick: int) -> State:
-        """Return what was sent at a tick."""
-        return self._remote[tick]
+    def sent(self, tick: int) -> tuple[list[float], list[float]]:
+        """Return position and velocity of the remote as it was sent at a tick."""
+        q, v = self.states[tick]
+        position, linear, angular = self._cuts[0]
+        return q[position], v[linear.start : angular.stop]
 
 
-def _cuts(handle: Handle) -> tuple[slice, slice, slice]:
+def _cuts(handle: Handle) -> Cuts:
     """Where a body's position, linear and angular velocity stand in qpos and qvel."""
     turning = 3 if handle.joints == law.FREE else 1
     v = handle.dof_adr
@@ -155,15 +157,12 @@ class _Cubes:
         self._v = [qvel[h.dof_adr : h.dof_adr + h.nv] for h in handles]
         self._inertia = [inertia[h.body_id] for h in handles]
         self._ids = [h.body_id for h in handles]
-        self._record_q, self._record_v = np.split(tracker.states, [tracker.nq], axis=1)
         tracker.begin(qpos.tolist(), qvel.tolist())
 
     def update(self) -> bool:
         """Do one update; returns whether a mass has changed, so that MuJoCo must derive its constants anew."""
         tracker, qpos, qvel = self._tracker, self._qpos, self._qvel
         k = tracker.count
-        self._record_q[k] = qpos
-        self._record_v[k] = qvel
         message = tracker.update(qpos.tolist(), qvel.tolist())
         if message < 0:
             return False
@@ -171,8 +170,7 @@ class _Cubes:
             q: Any = self._q[0]
             v: Any = self._v[0]
         else:
-            q, linear, angular = tracker.sent(message)
-            v = [*linear, *angular]
+            q, v = tracker.sent(message)
         changed = False
         for j, values in enumerate(tracker.values, start=1):
             (mass_kg,) = values[k]
@@ -184,6 +182,15 @@ class _Cubes:
             self._q[j][:] = q
             self._v[j][:] = v
         return changed
+
+
+def uses_constants(experiment: Experiment) -> bool:
+    """Whether the motion depends on what `mj_setConst` derives from a mass.
+
+    Those constants scale the softness of MuJoCo's own contacts. Under the compiled law there are none, and the bodies
+    are not `simple`, so that the mass matrix follows `body_mass` and `body_inertia` by itself.
+    """
+    return experiment.scene.contact is not Contact.patch
 
 
 def run(experiment: Experiment, advance: Advance = _silent) -> RunResult:
@@ -207,12 +214,13 @@ def run_world(experiment: Experiment, world: World, advance: Advance = _silent) 
     reel = world.tape.wind(data.userdata, given.pushes)
     done, reason = 0, ""
     step, update, set_const, scratch = world.physics.step, cubes.update, mujoco.mj_setConst, world.scratch
+    derived = uses_constants(experiment)
     begin = time.perf_counter()
     try:
         for end in tracker.ends.tolist():
             step(end - done)
             done = end
-            if update():
+            if update() and derived:
                 set_const(model, scratch)
             if not done % 512:
                 advance(512)
@@ -261,6 +269,7 @@ def _run_group(experiments: list[Experiment], threads: int, advance: Advance) ->
     cubes = [_Cubes(*one) for one in zip(qpos, qvel, mass, inertia, trackers, strict=True)]
     # after each tick all go on to the next; a run that is shorter stops at its own end
     stops = [[*t.ends.tolist(), e.steps] for t, e in zip(trackers, experiments, strict=True)]
+    derived = uses_constants(experiments[0])
     done, reasons = [0] * len(experiments), [""] * len(experiments)
     begin = time.perf_counter()
     for turn in range(max(len(s) for s in stops)):
@@ -274,7 +283,7 @@ def _run_group(experiments: list[Experiment], threads: int, advance: Advance) ->
                 done[i] += count
             ticking = [i for i in ids if turn < len(trackers[i].ends)]
             changed = [i for i in ticking if cubes[i].update()]
-            if changed:
+            if changed and derived:
                 batch.set_const(changed)
             advance(count * len(ids))
     wall_s = (time.perf_counter() - begin) / len(experiments)
@@ -355,8 +364,9 @@ def _result(tracker: Tracker, truth: dict[str, Truth], frames: np.ndarray, wall_
     experiment, names = tracker.experiment, (REMOTE, *tracker.experiment.estimator)
     estimates = _estimates(tracker, truth)
     return RunResult(
-        steps=Frames(_step_columns(tracker, names, frames, estimates)),
-        updates=Frames(_update_columns(tracker, names, estimates)),
+        make_steps=lambda: Frames(_step_columns(tracker, names, frames, estimates)),
+        updates=Frames(_update_columns(tracker, names, frames, estimates)),
+        step_count=len(frames),
         estimators=tuple(experiment.estimator),
         parameters={name: {p: truth[p] for p in rule.names} for name, rule in experiment.estimator.items()},
         half_size_m=experiment.remote.half_size_m,
@@ -409,8 +419,6 @@ def _step_columns(
     tracker: Tracker, names: Sequence[str], frames: np.ndarray, estimates: Estimates
 ) -> dict[str, np.ndarray]:
     n = len(frames)
-    raw = np.ascontiguousarray(frames.T)  # (width, n): columns in one piece
-    nq, nv = tracker.nq, tracker.nv
     updates = np.zeros(n + 1, dtype=np.int64)
     updates[tracker.ends[tracker.ends <= n]] = 1
     updates = np.cumsum(updates)[:n]  # so many before this frame
@@ -419,33 +427,50 @@ def _step_columns(
         "frame": np.arange(n),
         "update": updates,
     }
-    for j, axis in enumerate("xyz"):
-        out[f"force_{axis}_n"] = tracker.commands.force_n[:n, j]
-    for j, axis in enumerate("xyz"):
-        out[f"point_{axis}_m"] = tracker.commands.point_m[:n, j]
-    for b, (name, handle) in enumerate(zip(names, tracker.handles, strict=True)):
-        out |= _state_columns(name, handle, raw[:nq], raw[nq : nq + nv])
-        if handle.joints == law.PLANAR:
-            base = nq + nv + b * law.OUT_SIZE
-            out |= {f"{name}_{column}": raw[base + offset] for column, offset in CONTACT}
+    raw = np.ascontiguousarray(frames.T)  # (width, n): columns in one piece
+    out |= _command_columns(tracker, slice(n))
+    for name, handle in zip(names, tracker.handles, strict=True):
+        out |= _state_columns(name, handle, raw[: tracker.nq], raw[tracker.nq :])
+    out |= _contact_columns(tracker, names, raw)
     held = np.minimum(updates, tracker.count)
     out |= {name: np.concatenate([[start], column])[held] for name, start, column in estimates}
     return _read_only(out.items())
 
 
-def _update_columns(tracker: Tracker, names: Sequence[str], estimates: Estimates) -> dict[str, np.ndarray]:
+def _command_columns(tracker: Tracker, rows: slice | np.ndarray) -> dict[str, np.ndarray]:
+    force, point = tracker.commands.force_n[rows], tracker.commands.point_m[rows]
+    out = {f"force_{axis}_n": force[:, j] for j, axis in enumerate("xyz")}
+    return out | {f"point_{axis}_m": point[:, j] for j, axis in enumerate("xyz")}
+
+
+def _contact_columns(tracker: Tracker, names: Sequence[str], raw: np.ndarray) -> dict[str, np.ndarray]:
+    """What the law said of each body, from raw frames (width, n); nothing where it does not carry the bodies."""
+    out = {}
+    for b, (name, handle) in enumerate(zip(names, tracker.handles, strict=True)):
+        if handle.joints == law.PLANAR:
+            base = tracker.nq + tracker.nv + b * law.OUT_SIZE
+            out |= {f"{name}_{column}": raw[base + offset] for column, offset in CONTACT}
+    return out
+
+
+def _update_columns(
+    tracker: Tracker, names: Sequence[str], frames: np.ndarray, estimates: Estimates
+) -> dict[str, np.ndarray]:
     m = tracker.count
-    states = np.ascontiguousarray(tracker.states[:m].T)
-    qpos, qvel = states[: tracker.nq], states[tracker.nq :]
+    qpos = np.array([q for q, _ in tracker.states]).reshape(m, tracker.nq).T
+    qvel = np.array([v for _, v in tracker.states]).reshape(m, tracker.nv).T
     times, message = tracker.ends[:m] * tracker.experiment.scene.timestep_s, tracker.message[:m]
+    last = tracker.ends[:m] - 1  # the step that ends with the update
     out = {
         "time_s": times,
         "update": np.arange(1, m + 1),
         "frame": tracker.ends[:m],
         "sent_s": np.where(message >= 0, times[message], np.nan) if m else times,
     }
+    out |= _command_columns(tracker, last)
     for name, handle in zip(names, tracker.handles, strict=True):
         out |= _state_columns(name, handle, qpos, qvel)
+    out |= _contact_columns(tracker, names, np.ascontiguousarray(frames[last].T))
     for name, outcomes in zip(names[1:], tracker.outcomes, strict=True):
         out |= _jump(name, out)
         out[f"{name}_outcome"] = np.array(outcomes, dtype=np.int8)

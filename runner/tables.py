@@ -34,10 +34,10 @@ def summary_row(result: RunResult, about: Mapping[str, Any] | None = None) -> di
         prefix = f"{name}_" if len(result.estimators) > 1 else ""
         for parameter, truth in result.parameters[name].items():
             row |= _errors(result, name, parameter, truth, prefix)
-    row["updates"], row["steps"] = len(result.updates), len(result.steps)
-    row["simulated_s"] = len(result.steps) * result.timestep_s
+    row["updates"], row["steps"] = len(result.updates), result.step_count
+    row["simulated_s"] = result.step_count * result.timestep_s
     row["wall_s"] = result.wall_s
-    row["steps_per_s"] = len(result.steps) / result.wall_s if result.wall_s > 0 else np.nan
+    row["steps_per_s"] = result.step_count / result.wall_s if result.wall_s > 0 else np.nan
     row["host"] = socket.gethostname()
     return row
 
