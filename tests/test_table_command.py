@@ -1,0 +1,90 @@
+"""`runner table`: any number of run folders, one row for each run, in four formats."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from runner.__main__ import main
+from runner.commands.table import Format, written
+
+ROWS = [
+    {"job": 0, "start": 0.1 + 0.2, "name": "a|b", "error": 1e-17},
+    {"job": 1, "start": 2.0, "name": "c", "error": np.nan},
+    {"job": 10, "start": 3.0, "name": "d", "error": 1 / 3},
+]
+
+
+@pytest.fixture
+def sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Write a sweep of three runs."""
+    monkeypatch.chdir(tmp_path)
+    for row in ROWS:
+        folder = tmp_path / "sweep" / str(row["job"])
+        folder.mkdir(parents=True)
+        pd.DataFrame([row]).to_parquet(folder / "summary.parquet", index=False)
+    return tmp_path / "sweep"
+
+
+def test_csv_keeps_every_digit(sweep: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What is printed as CSV reads back exactly, in run order (2 before 10)."""
+    assert main(["table", str(sweep), "--format", "csv"]) == 0
+    table = pd.read_csv(io.StringIO(capsys.readouterr().out))
+    assert table["job"].tolist() == [0, 1, 10]
+    for row, (_, got) in zip(ROWS, table.iterrows(), strict=True):
+        assert got["start"] == row["start"]
+        assert got["error"] == row["error"] or (np.isnan(got["error"]) and np.isnan(row["error"]))
+
+
+@pytest.mark.parametrize("name", ["t.csv", "t.md", "t.txt", "t.parquet", "deep/er/t.csv"])
+def test_file_ending_chooses_the_format(sweep: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """`out=FILE` writes the format of its ending, in folders that need not be there."""
+    assert main(["table", str(sweep), f"out={name}"]) == 0
+    assert capsys.readouterr().out == f"3 runs in {name}\n"
+    file = sweep.parent / name
+    if file.suffix == ".parquet":
+        assert len(pd.read_parquet(file)) == 3
+    else:
+        mark = {".csv": "a|b,", ".md": "| a\\|b |", ".txt": "0.333333"}[file.suffix]
+        assert mark in file.read_text()
+
+
+def test_several_folders_one_table(sweep: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Folders are put together in the order given, a folder's `run` column says where a row is from."""
+    assert main(["table", str(sweep / "10"), str(sweep / "0"), "--format=csv"]) == 0
+    table = pd.read_csv(io.StringIO(capsys.readouterr().out))
+    assert table["job"].tolist() == [10, 0]
+    assert [Path(run).name for run in table["run"]] == ["10", "0"]
+
+
+def test_markdown_has_a_cell_for_every_value() -> None:
+    """Every row of the Markdown has as many cells as the header, signs that separate cells are escaped."""
+    lines = written(pd.DataFrame(ROWS), Format.markdown).splitlines()
+    assert len(lines) == 5
+    assert {line.replace("\\|", "").count("|") for line in lines} == {5}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "paths: a value is needed (a list of paths, as in [a,b])."),
+        (["nowhere"], "paths: no folder 'nowhere'."),
+        (["."], "paths: no 'summary.parquet' in '.'"),
+        (["x", "--format", "xml"], "format: no 'xml'. Valid: 'csv', 'markdown', 'parquet', 'text'."),
+        (["x", "--format", "parquet"], "out: a file is needed for format=parquet."),
+    ],
+)
+def test_refusals(
+    tmp_path: Path, arguments: list[str], message: str, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """What can't be tabulated is one line."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["table", *arguments]) == 2
+    err = capsys.readouterr().err
+    assert message in err
+    assert err.count("\n") == 1
