@@ -3,9 +3,8 @@
     python -m benchmarks.core [repeats]
 
 The bare replay is `mujoco.rollout` of the same scene (without a tape) under the same commands, one call, one thread.
-The closed loop compiles nothing in the timed part that the replay does not: both start from a built world. It steps,
-estimates, changes the mass, takes over the remote's state, keeps every frame, and makes columns of them; with logging
-it also writes `frames.parquet`, `updates.parquet`, `summary.parquet` and a full `run.rrd`. The kinds of run take turns,
+Both start from a compiled model. The closed loop makes its commands, steps, estimates, changes the mass, takes over the
+remote's state, and keeps the raw numbers of every physics step and every update; with logging it also writes `summary.parquet`, `frames.parquet` and a full `run.rrd`, and last every physics step as well. The kinds of run take turns,
 so that a busy machine slows all of them; the figure is the median of the ratios within each round.
 """
 
@@ -27,7 +26,7 @@ from runner.experiment import Experiment, RemoteConfig, StartConfig, build_world
 from runner.forces import PaperForces
 from runner.link import LinkConfig
 from runner.scene import SceneConfig, build
-from runner.sinks import LogConfig, RrdDetail
+from runner.sinks import FrameKind, LogConfig, RrdDetail
 from runner.tables import summary_row, write_summary
 
 EXPERIMENT = Experiment(
@@ -66,7 +65,7 @@ def closed(log: LogConfig, folder: Path) -> Callable[[], None]:
         result = loop.run_world(EXPERIMENT, world)
         for sink in log.sinks():
             sink.write(result, folder, config)
-        if log.frames:
+        if log.frames is not FrameKind.off:
             write_summary([summary_row(result)], folder)
 
     world = build_world(EXPERIMENT)
@@ -85,9 +84,10 @@ def main(repeats: int = 15) -> None:
     with tempfile.TemporaryDirectory() as folder:
         kinds = {
             "bare replay (mujoco.rollout)": replay(),
-            "closed loop, logging off": closed(LogConfig(rrd=RrdDetail.off, frames=False), Path(folder)),
-            "closed loop, every 8th frame in .rrd": closed(LogConfig(rrd=RrdDetail.every_n), Path(folder)),
+            "closed loop, logging off": closed(LogConfig(rrd=RrdDetail.off, frames=FrameKind.off), Path(folder)),
+            "closed loop, Parquet alone": closed(LogConfig(rrd=RrdDetail.off), Path(folder)),
             "closed loop, logging full": closed(LogConfig(), Path(folder)),
+            "closed loop, every physics step": closed(LogConfig(frames=FrameKind.steps), Path(folder)),
         }
         for work in kinds.values():
             work()

@@ -151,8 +151,9 @@ class Setup:
 class AbstractEstimator(ABC):
     """A rule from what was seen to new values of the local body's parameters.
 
-    An estimator has no state of its own: `start` makes a memory, `update` returns the next one. Both are pure, so
-    that one estimator may serve many runs at once, and a run may be repeated.
+    An estimator has no state of its own: `start` makes a memory, `update` returns the next one, or the same object
+    where nothing has changed. Both are pure, so that one estimator may serve many runs at once, and a run may be
+    repeated. A memory is never written to: all of them are kept until the run is over.
     """
 
     names: ClassVar[tuple[str, ...]] = ("mass_kg",)
@@ -188,6 +189,8 @@ class MassRule(AbstractEstimator):
         return (memory,)
 
     def _accept(self, mass_kg: float, new_kg: float) -> tuple[float, Outcome]:
+        if new_kg == mass_kg:
+            return mass_kg, Outcome.updated
         if self.lowest_kg <= new_kg <= self.highest_kg:
             return new_kg, Outcome.updated
         return mass_kg, Outcome.implausible
@@ -206,7 +209,7 @@ class Linear(MassRule):
 
     def update(self, memory: float, seen: Seen) -> tuple[float, Outcome]:
         ratio = compare(seen.local_linear, seen.remote_linear, self.slowest_m_s)
-        return self._accept(memory, memory * ratio) if ratio > 0 else (memory, _HELD[ratio])
+        return (memory, _HELD[ratio]) if ratio <= 0 else self._accept(memory, memory * ratio)
 
 
 @registered("estimator")

@@ -119,9 +119,8 @@ class RunResult:
     """What a run leaves behind.
 
     Attributes:
-        updates: A frame for every update.
-        make_steps: Makes the frames of all physics steps, see `steps`.
-        step_count: Number of physics steps.
+        make_steps, make_updates: Make the frames, see `steps` and `updates`.
+        step_count, update_count: Number of physics steps and of updates.
         estimators: Names of the estimators, each with a local body; the first is the one that summaries speak of.
         parameters: Estimated parameters by estimator, with true and start values: `parameters["linear"]["mass_kg"]`.
         half_size_m: Of the cubes, (3,).
@@ -131,9 +130,10 @@ class RunResult:
         reason: Why, where it did not end well.
     """
 
-    updates: Frames
     make_steps: Callable[[], Frames]
+    make_updates: Callable[[], Frames]
     step_count: int
+    update_count: int
     estimators: tuple[str, ...]
     parameters: Mapping[str, Mapping[str, Truth]]
     half_size_m: tuple[float, float, float]
@@ -141,6 +141,11 @@ class RunResult:
     wall_s: float
     status: Status = Status.done
     reason: str = ""
+
+    @cached_property
+    def updates(self) -> Frames:
+        """A frame for every update; the columns are made when they are first asked for."""
+        return self.make_updates()
 
     @cached_property
     def steps(self) -> Frames:

@@ -62,74 +62,102 @@ def _ticks(experiment: Experiment, given: Commands, ends: np.ndarray) -> tuple[n
     return message, since, total[:-1] - total[since]
 
 
-class Tracker:
-    """The local side of one run: estimators with their memories, and the record of all updates.
-
-    `update` is called once per tick with the state of all cubes, before the locals take over the remote's.
+class Record:
+    """What is known of a run before it, and what its updates leave behind.
 
     Attributes:
         ends: After how many steps each tick comes, (m,).
         message: The message that is taken in at each tick, by the tick at which it was sent, -1: none, (m,).
-        count: Ticks so far; the rows of the following that are filled.
-        states: qpos and qvel of all cubes at each tick.
-        values: Per estimator, its estimates after each tick.
+        known: For each tick: its number, the message, whether it was sent at this very tick, the time, the time at
+            which it was sent, the time since when, and the impulse since then.
+        count: Ticks so far.
+        qpos, qvel: Of all cubes at each tick, before the locals take over the remote's state, (m, nq), (m, nv).
+        memories: Per estimator, its memory after each tick.
         outcomes: Per estimator, what it did at each tick.
     """
 
     def __init__(self, experiment: Experiment, handles: Sequence[Handle], given: Commands) -> None:
         self.experiment, self.handles, self.commands = experiment, handles, given
+        self.nq, self.nv = sum(h.nq for h in handles), sum(h.nv for h in handles)
         h = experiment.scene.timestep_s
         self.ends = update_steps(experiment.link, h, experiment.steps)
         self.message, since, impulse = _ticks(experiment, given, self.ends)
-        times = self.ends * h
-        since_s = np.where(since >= 0, times[since], 0.0).tolist() if len(since) else []
-        sent_s = np.where(self.message >= 0, times[self.message], np.nan).tolist() if len(since) else []
-        self._known = list(zip(self.message.tolist(), times.tolist(), sent_s, since_s, impulse.tolist(), strict=True))
+        times = np.append(self.ends * h, 0.0)  # the last: the start
+        number = np.arange(len(self.ends))
+        columns = (number, self.message, self.message == number, times[:-1], times[self.message], times[since], impulse)
+        self.known = list(zip(*(c.tolist() for c in columns), strict=True))
         self.count = 0
-        self.nq, self.nv = sum(h.nq for h in handles), sum(h.nv for h in handles)
-        self._rules = list(experiment.estimator.values())
-        self.values: list[list[tuple[float, ...]]] = [[] for _ in self._rules]
-        self.outcomes: list[list[int]] = [[] for _ in self._rules]
-        self._cuts = [_cuts(handle) for handle in handles]
-        self.states: list[tuple[list[float], list[float]]] = []
-        self._common: tuple[list[float], list[float]] = ([], [])
-        setup = Setup(experiment.scene, experiment.local)
-        self._memories: list[Any] = [rule.start(setup) for rule in self._rules]
+        self.qpos, self.qvel = np.empty((len(number), self.nq)), np.empty((len(number), self.nv))
+        self.memories: list[list[Any]] = [[] for _ in experiment.estimator]
+        self.outcomes: list[list[int]] = [[] for _ in experiment.estimator]
 
-    def begin(self, q: list[float], v: list[float]) -> None:
-        """Take the state at the start as the first common one."""
-        self._common = q, v
 
-    def update(self, q: list[float], v: list[float]) -> int:
-        """Take in what has arrived and estimate.
+def local_side(
+    record: Record, qpos: np.ndarray, qvel: np.ndarray, mass: np.ndarray, inertia: np.ndarray
+) -> Callable[[], bool]:
+    """Return the function that does one update of a run, on live views of its state, mass and inertia.
 
-        Returns:
-            The message that the locals take over, by its tick, or -1.
-        """
-        message, now, sent, since, impulse = self._known[self.count]
-        self.count += 1
-        self.states.append((q, v))
-        memories, cuts = self._memories, self._cuts
+    It takes in what has arrived, lets every estimator update, writes the new mass, and sets the local cubes to the
+    remote's state. It returns whether a mass has changed. A closure, as this is what a run spends its time on besides
+    the physics.
+    """
+    experiment, handles = record.experiment, record.handles
+    cuts = [_cuts(handle) for handle in handles]
+    body = experiment.local
+    per_kg = np.asarray(body.inertia) / body.mass_kg
+    setup = Setup(experiment.scene, body)
+    q_views = [qpos[h.qpos_adr : h.qpos_adr + h.nq] for h in handles]
+    v_views = [qvel[h.dof_adr : h.dof_adr + h.nv] for h in handles]
+    remote_q, remote_v, remote_cuts = q_views[0], v_views[0], cuts[0]
+    where_q, where_v = remote_cuts[0], slice(remote_cuts[1].start, remote_cuts[2].stop)
+    rules = list(experiment.estimator.values())
+    lanes = [
+        (j, rule.update, rule.values, handles[j + 1].body_id, cuts[j + 1], q_views[j + 1], v_views[j + 1],
+         record.memories[j].append, record.outcomes[j].append)
+        for j, rule in enumerate(rules)
+    ]  # fmt: skip
+    memories = [rule.start(setup) for rule in rules]
+    sent_q, sent_v, known = record.qpos, record.qvel, iter(record.known)
+    positions, velocities = qpos.tolist, qvel.tolist
+    common = positions(), velocities()
+    new = tuple.__new__  # what `Seen(...)` calls, without the detour
+
+    def update() -> bool:
+        nonlocal common
+        number, message, fresh, now, sent, since, impulse = next(known)
+        record.count = number + 1
+        sent_q[number] = qpos
+        sent_v[number] = qvel
         if message < 0:
-            for j, rule in enumerate(self._rules):
-                self.outcomes[j].append(Outcome.no_message)
-                self.values[j].append(rule.values(memories[j]))
-            return message
-        sent_q, sent_v = self.states[message]
-        common_q, common_v = self._common
-        for j, rule in enumerate(self._rules):
-            seen = Seen(now, sent, since, impulse, q, v, sent_q, sent_v, common_q, common_v, cuts[j + 1], cuts[0])
-            memories[j], outcome = rule.update(memories[j], seen)
-            self.outcomes[j].append(outcome)
-            self.values[j].append(rule.values(memories[j]))
-        self._common = sent_q, sent_v
-        return message
+            for j, _, _, _, _, _, _, remember, report in lanes:
+                remember(memories[j])
+                report(Outcome.no_message)
+            return False
+        state = positions(), velocities()
+        taken = state if fresh else (sent_q[message].tolist(), sent_v[message].tolist())
+        changed = False
+        for j, step, values, index, local_cuts, local_q, local_v, remember, report in lanes:
+            old = memories[j]
+            seen = new(Seen, (now, sent, since, impulse, *state, *taken, *common, local_cuts, remote_cuts))
+            memory, outcome = step(old, seen)
+            remember(memory)
+            report(outcome)
+            if memory is not old:
+                memories[j] = memory
+                changed = True
+                (mass_kg,) = values(memory)
+                mass[index] = mass_kg
+                np.multiply(per_kg, mass_kg, out=inertia[index])
+            if fresh:
+                local_q[:] = remote_q
+                local_v[:] = remote_v
+            else:
+                local_q[:] = taken[0][where_q]
+                local_v[:] = taken[1][where_v]
+        common = taken
+        return changed
 
-    def sent(self, tick: int) -> tuple[list[float], list[float]]:
-        """Return position and velocity of the remote as it was sent at a tick."""
-        q, v = self.states[tick]
-        position, linear, angular = self._cuts[0]
-        return q[position], v[linear.start : angular.stop]
+    return update
 
 
 def _cuts(handle: Handle) -> Cuts:
@@ -141,47 +169,6 @@ def _cuts(handle: Handle) -> Cuts:
         slice(v, v + handle.nv - turning),
         slice(v + handle.nv - turning, v + handle.nv),
     )
-
-
-class _Cubes:
-    """Writes to the local cubes of one run: live views of state, mass and inertia."""
-
-    def __init__(
-        self, qpos: np.ndarray, qvel: np.ndarray, mass: np.ndarray, inertia: np.ndarray, tracker: Tracker
-    ) -> None:
-        handles, body = tracker.handles, tracker.experiment.local
-        self._qpos, self._qvel, self._mass, self._tracker = qpos, qvel, mass, tracker
-        self._per_kg = np.asarray(body.inertia) / body.mass_kg
-        self._mass_kg = [body.mass_kg] * (len(handles) - 1)
-        self._q = [qpos[h.qpos_adr : h.qpos_adr + h.nq] for h in handles]
-        self._v = [qvel[h.dof_adr : h.dof_adr + h.nv] for h in handles]
-        self._inertia = [inertia[h.body_id] for h in handles]
-        self._ids = [h.body_id for h in handles]
-        tracker.begin(qpos.tolist(), qvel.tolist())
-
-    def update(self) -> bool:
-        """Do one update; returns whether a mass has changed, so that MuJoCo must derive its constants anew."""
-        tracker, qpos, qvel = self._tracker, self._qpos, self._qvel
-        k = tracker.count
-        message = tracker.update(qpos.tolist(), qvel.tolist())
-        if message < 0:
-            return False
-        if message == k:
-            q: Any = self._q[0]
-            v: Any = self._v[0]
-        else:
-            q, v = tracker.sent(message)
-        changed = False
-        for j, values in enumerate(tracker.values, start=1):
-            (mass_kg,) = values[k]
-            if mass_kg != self._mass_kg[j - 1]:
-                changed = True
-                self._mass_kg[j - 1] = mass_kg
-                self._mass[self._ids[j]] = mass_kg
-                np.multiply(self._per_kg, mass_kg, out=self._inertia[j])
-            self._q[j][:] = q
-            self._v[j][:] = v
-        return changed
 
 
 def uses_constants(experiment: Experiment) -> bool:
@@ -209,15 +196,15 @@ def run_world(experiment: Experiment, world: World, advance: Advance = _silent) 
     set_start(experiment, world.model, world.scratch)
     given = commands(experiment)
     model, data = world.model, world.data
-    tracker = Tracker(experiment, world.handles, given)
-    cubes = _Cubes(data.qpos, data.qvel, model.body_mass, model.body_inertia, tracker)
+    record = Record(experiment, world.handles, given)
+    update = local_side(record, data.qpos, data.qvel, model.body_mass, model.body_inertia)
     reel = world.tape.wind(data.userdata, given.pushes)
     done, reason = 0, ""
-    step, update, set_const, scratch = world.physics.step, cubes.update, mujoco.mj_setConst, world.scratch
+    step, set_const, scratch = world.physics.step, mujoco.mj_setConst, world.scratch
     derived = uses_constants(experiment)
     begin = time.perf_counter()
     try:
-        for end in tracker.ends.tolist():
+        for end in record.ends.tolist():
             step(end - done)
             done = end
             if update() and derived:
@@ -231,7 +218,7 @@ def run_world(experiment: Experiment, world: World, advance: Advance = _silent) 
     finally:
         reel.unwind()
     wall_s = time.perf_counter() - begin
-    return _result(tracker, world.truth, reel.frames[:done], wall_s, reason)
+    return _result(record, world.truth, reel.frames[:done], wall_s, reason)
 
 
 def run_batch(experiments: Sequence[Experiment], *, threads: int = 0, advance: Advance = _silent) -> list[RunResult]:
@@ -265,10 +252,10 @@ def _run_group(experiments: list[Experiment], threads: int, advance: Advance) ->
     mass, inertia = batch.expand("body_mass"), batch.expand("body_inertia")
     given = [commands(e) for e in experiments]
     reels = [tape_of(e, m).wind(u, c.pushes) for e, m, u, c in zip(experiments, models, userdata, given, strict=True)]
-    trackers = [Tracker(e, handles_of(e, m), c) for e, m, c in zip(experiments, models, given, strict=True)]
-    cubes = [_Cubes(*one) for one in zip(qpos, qvel, mass, inertia, trackers, strict=True)]
+    records = [Record(e, handles_of(e, m), c) for e, m, c in zip(experiments, models, given, strict=True)]
+    updates = [local_side(*one) for one in zip(records, qpos, qvel, mass, inertia, strict=True)]
     # after each tick all go on to the next; a run that is shorter stops at its own end
-    stops = [[*t.ends.tolist(), e.steps] for t, e in zip(trackers, experiments, strict=True)]
+    stops = [[*t.ends.tolist(), e.steps] for t, e in zip(records, experiments, strict=True)]
     derived = uses_constants(experiments[0])
     done, reasons = [0] * len(experiments), [""] * len(experiments)
     begin = time.perf_counter()
@@ -281,14 +268,14 @@ def _run_group(experiments: list[Experiment], threads: int, advance: Advance) ->
             ids = [i for i in ids if not reasons[i]]
             for i in ids:
                 done[i] += count
-            ticking = [i for i in ids if turn < len(trackers[i].ends)]
-            changed = [i for i in ticking if cubes[i].update()]
+            ticking = [i for i in ids if turn < len(records[i].ends)]
+            changed = [i for i in ticking if updates[i]()]
             if changed and derived:
                 batch.set_const(changed)
             advance(count * len(ids))
     wall_s = (time.perf_counter() - begin) / len(experiments)
     return [
-        _result(trackers[i], truth_of(e, models[i]), reels[i].frames[: done[i]], wall_s, reasons[i])
+        _result(records[i], truth_of(e, models[i]), reels[i].frames[: done[i]], wall_s, reasons[i])
         for i, e in enumerate(experiments)
     ]
 
@@ -360,13 +347,14 @@ VELOCITY = {
 }
 
 
-def _result(tracker: Tracker, truth: dict[str, Truth], frames: np.ndarray, wall_s: float, reason: str) -> RunResult:
-    experiment, names = tracker.experiment, (REMOTE, *tracker.experiment.estimator)
-    estimates = _estimates(tracker, truth)
+def _result(record: Record, truth: dict[str, Truth], frames: np.ndarray, wall_s: float, reason: str) -> RunResult:
+    experiment, names = record.experiment, (REMOTE, *record.experiment.estimator)
+    estimates = _estimates(record, truth)
     return RunResult(
-        make_steps=lambda: Frames(_step_columns(tracker, names, frames, estimates)),
-        updates=Frames(_update_columns(tracker, names, frames, estimates)),
+        make_steps=lambda: Frames(_step_columns(record, names, frames, estimates)),
+        make_updates=lambda: Frames(_update_columns(record, names, frames, estimates)),
         step_count=len(frames),
+        update_count=record.count,
         estimators=tuple(experiment.estimator),
         parameters={name: {p: truth[p] for p in rule.names} for name, rule in experiment.estimator.items()},
         half_size_m=experiment.remote.half_size_m,
@@ -402,11 +390,11 @@ def _state_columns(name: str, handle: Handle, qpos: np.ndarray, qvel: np.ndarray
 Estimates = list[tuple[str, float, np.ndarray]]  # name, value at the start, values after each update
 
 
-def _estimates(tracker: Tracker, truth: dict[str, Truth]) -> Estimates:
+def _estimates(record: Record, truth: dict[str, Truth]) -> Estimates:
     """Return estimates and their relative errors."""
     out = []
-    for (name, rule), rows in zip(tracker.experiment.estimator.items(), tracker.values, strict=True):
-        table = np.array(rows).reshape(len(rows), len(rule.names))
+    for (name, rule), memories in zip(record.experiment.estimator.items(), record.memories, strict=True):
+        table = np.array([rule.values(m) for m in memories]).reshape(len(memories), len(rule.names))
         for p, parameter in enumerate(rule.names):
             true, start = truth[parameter]
             out.append((f"{name}_{parameter}", start, table[:, p]))
@@ -416,62 +404,61 @@ def _estimates(tracker: Tracker, truth: dict[str, Truth]) -> Estimates:
 
 
 def _step_columns(
-    tracker: Tracker, names: Sequence[str], frames: np.ndarray, estimates: Estimates
+    record: Record, names: Sequence[str], frames: np.ndarray, estimates: Estimates
 ) -> dict[str, np.ndarray]:
     n = len(frames)
     updates = np.zeros(n + 1, dtype=np.int64)
-    updates[tracker.ends[tracker.ends <= n]] = 1
+    updates[record.ends[record.ends <= n]] = 1
     updates = np.cumsum(updates)[:n]  # so many before this frame
     out: dict[str, np.ndarray] = {
-        "time_s": np.arange(n) * tracker.experiment.scene.timestep_s,
+        "time_s": np.arange(n) * record.experiment.scene.timestep_s,
         "frame": np.arange(n),
         "update": updates,
     }
     raw = np.ascontiguousarray(frames.T)  # (width, n): columns in one piece
-    out |= _command_columns(tracker, slice(n))
-    for name, handle in zip(names, tracker.handles, strict=True):
-        out |= _state_columns(name, handle, raw[: tracker.nq], raw[tracker.nq :])
-    out |= _contact_columns(tracker, names, raw)
-    held = np.minimum(updates, tracker.count)
+    out |= _command_columns(record, slice(n))
+    for name, handle in zip(names, record.handles, strict=True):
+        out |= _state_columns(name, handle, raw[: record.nq], raw[record.nq :])
+    out |= _contact_columns(record, names, raw)
+    held = np.minimum(updates, record.count)
     out |= {name: np.concatenate([[start], column])[held] for name, start, column in estimates}
     return _read_only(out.items())
 
 
-def _command_columns(tracker: Tracker, rows: slice | np.ndarray) -> dict[str, np.ndarray]:
-    force, point = tracker.commands.force_n[rows], tracker.commands.point_m[rows]
+def _command_columns(record: Record, rows: slice | np.ndarray) -> dict[str, np.ndarray]:
+    force, point = record.commands.force_n[rows], record.commands.point_m[rows]
     out = {f"force_{axis}_n": force[:, j] for j, axis in enumerate("xyz")}
     return out | {f"point_{axis}_m": point[:, j] for j, axis in enumerate("xyz")}
 
 
-def _contact_columns(tracker: Tracker, names: Sequence[str], raw: np.ndarray) -> dict[str, np.ndarray]:
+def _contact_columns(record: Record, names: Sequence[str], raw: np.ndarray) -> dict[str, np.ndarray]:
     """What the law said of each body, from raw frames (width, n); nothing where it does not carry the bodies."""
     out = {}
-    for b, (name, handle) in enumerate(zip(names, tracker.handles, strict=True)):
+    for b, (name, handle) in enumerate(zip(names, record.handles, strict=True)):
         if handle.joints == law.PLANAR:
-            base = tracker.nq + tracker.nv + b * law.OUT_SIZE
+            base = record.nq + record.nv + b * law.OUT_SIZE
             out |= {f"{name}_{column}": raw[base + offset] for column, offset in CONTACT}
     return out
 
 
 def _update_columns(
-    tracker: Tracker, names: Sequence[str], frames: np.ndarray, estimates: Estimates
+    record: Record, names: Sequence[str], frames: np.ndarray, estimates: Estimates
 ) -> dict[str, np.ndarray]:
-    m = tracker.count
-    qpos = np.array([q for q, _ in tracker.states]).reshape(m, tracker.nq).T
-    qvel = np.array([v for _, v in tracker.states]).reshape(m, tracker.nv).T
-    times, message = tracker.ends[:m] * tracker.experiment.scene.timestep_s, tracker.message[:m]
-    last = tracker.ends[:m] - 1  # the step that ends with the update
+    m = record.count
+    qpos, qvel = np.ascontiguousarray(record.qpos[:m].T), np.ascontiguousarray(record.qvel[:m].T)
+    times, message = record.ends[:m] * record.experiment.scene.timestep_s, record.message[:m]
+    last = record.ends[:m] - 1  # the step that ends with the update
     out = {
         "time_s": times,
         "update": np.arange(1, m + 1),
-        "frame": tracker.ends[:m],
+        "frame": record.ends[:m],
         "sent_s": np.where(message >= 0, times[message], np.nan) if m else times,
     }
-    out |= _command_columns(tracker, last)
-    for name, handle in zip(names, tracker.handles, strict=True):
+    out |= _command_columns(record, last)
+    for name, handle in zip(names, record.handles, strict=True):
         out |= _state_columns(name, handle, qpos, qvel)
-    out |= _contact_columns(tracker, names, np.ascontiguousarray(frames[last].T))
-    for name, outcomes in zip(names[1:], tracker.outcomes, strict=True):
+    out |= _contact_columns(record, names, np.ascontiguousarray(frames[last].T))
+    for name, outcomes in zip(names[1:], record.outcomes, strict=True):
         out |= _jump(name, out)
         out[f"{name}_outcome"] = np.array(outcomes, dtype=np.int8)
     out |= {name: column for name, _, column in estimates}

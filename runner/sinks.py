@@ -5,6 +5,7 @@ Figures and tables are made from Parquet; the `.rrd` is for looking at.
 
 from __future__ import annotations
 
+import functools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -29,29 +30,42 @@ REMOTE = "remote"
 class RrdDetail(Enum):
     """How much of a run the `.rrd` holds."""
 
-    full = "full"  # every physics frame
-    every_n = "every_n"  # every n-th, and every update
+    full = "full"  # every frame
+    every_n = "every_n"  # every n-th frame
+    off = "off"
+
+
+class FrameKind(Enum):
+    """Which frames are written."""
+
+    updates = "updates"  # one for every update
+    steps = "steps"  # one for every update, and one for every physics step
     off = "off"
 
 
 @dataclass(frozen=True)
 class LogConfig:
-    """What is written. `every_n` is used by `rrd=every_n`; `frames` off leaves the summary alone."""
+    """What is written.
+
+    `frames` is the kind of frames that are kept, in `frames.parquet` (updates) and `steps.parquet`, and shown in the
+    `.rrd`. `rrd` says how many of them the `.rrd` shows, `every_n` which with `rrd=every_n`.
+    """
 
     rrd: RrdDetail = RrdDetail.full
     every_n: int = 8
-    frames: bool = True
+    frames: FrameKind = FrameKind.updates
 
     def __post_init__(self) -> None:
         check_range("every_n", self.every_n, 1, 1_000_000)
 
     def sinks(self) -> list[AbstractSink]:
         """Return the sinks that this asks for."""
+        steps = self.frames is FrameKind.steps
         out: list[AbstractSink] = []
-        if self.frames:
-            out.append(ParquetSink())
+        if self.frames is not FrameKind.off:
+            out.append(ParquetSink(steps=steps))
         if self.rrd is not RrdDetail.off:
-            out.append(RrdSink(every=1 if self.rrd is RrdDetail.full else self.every_n))
+            out.append(RrdSink(every=1 if self.rrd is RrdDetail.full else self.every_n, steps=steps))
         return out
 
 
@@ -65,21 +79,23 @@ class AbstractSink(ABC):
 
 @dataclass(frozen=True)
 class ParquetSink(AbstractSink):
-    """`frames.parquet` with every physics frame, `updates.parquet` with every update; all in full precision."""
+    """`frames.parquet` with every update, and if asked for `steps.parquet` with every physics step; full precision."""
 
     FRAMES: ClassVar[str] = "frames.parquet"
-    UPDATES: ClassVar[str] = "updates.parquet"
+    STEPS: ClassVar[str] = "steps.parquet"
+    steps: bool = False
 
     def write(self, result: RunResult, folder: Path, config: Mapping[str, Any]) -> None:
-        _write_frames(result.steps, folder / self.FRAMES)
-        _write_frames(result.updates, folder / self.UPDATES)
+        _write_frames(result.updates, folder / self.FRAMES)
+        if self.steps:
+            _write_frames(result.steps, folder / self.STEPS)
 
 
 def _write_frames(frames: Frames, path: Path) -> None:
+    fields = [pa.field(name, pa.from_numpy_dtype(c.dtype), nullable=False) for name, c in frames.columns.items()]
+    table = pa.Table.from_arrays([pa.array(c) for c in frames.columns.values()], schema=pa.schema(fields))
     # plain pages: dictionaries and statistics of measured numbers cost more time than they save space
-    pq.write_table(
-        pa.table(dict(frames.columns)), path, compression="lz4", use_dictionary=False, write_statistics=False
-    )
+    pq.write_table(table, path, compression="lz4", use_dictionary=False, write_statistics=False)
 
 
 REMOTE_COLOUR = (70, 130, 220)
@@ -93,15 +109,16 @@ TRAIL = "world/trail"
 class RrdSink(AbstractSink):
     """`run.rrd` for the Rerun viewer, with its layout inside; sent as whole columns.
 
-    `every` is the number of physics frames from one that is logged to the next. Estimates and errors, which change
-    at updates only, are logged at every update.
+    `every` is the number of frames from one that is shown to the next. `steps` shows the physics steps; otherwise the
+    updates are shown. Estimates and errors, which change at updates only, are shown at every update.
     """
 
     FILE: ClassVar[str] = "run.rrd"
     every: int = 1
+    steps: bool = False
 
     def write(self, result: RunResult, folder: Path, config: Mapping[str, Any]) -> None:
-        with rr.RecordingStream("runner", recording_id=None) as recording:
+        with rr.RecordingStream("runner") as recording:
             recording.save(folder / self.FILE, default_blueprint=_blueprint(result))
             self.log(recording, result, config, name=folder.name)
             recording.flush()
@@ -112,9 +129,17 @@ class RrdSink(AbstractSink):
         recording.send_recording_name(name)
         recording.send_property("config", rr.AnyValues(**_flat(config)))
         recording.send_property("result", rr.AnyValues(**_outcome(result)))
-        _send_static(recording, result)
-        _send_steps(recording, result, self.every)
-        _send_updates(recording, result)
+        recording.log("summary", rr.TextDocument(_summary(result), media_type="text/markdown"), static=True)
+        recording.send_chunks(_look(result.estimators, tuple(_parameters(result)), result.half_size_m))
+        if result.update_count:
+            shown = result.steps if self.steps else result.updates
+            _send_motion(recording, result, _thin(shown, self.every))
+            _send_trail(recording, result)
+            _send_estimates(recording, result)
+
+
+def _thin(frames: Frames, every: int) -> Frames:
+    return frames if every == 1 else Frames({name: column[::every] for name, column in frames.columns.items()})
 
 
 def _flat(config: Any, prefix: str = "") -> dict[str, Any]:
@@ -134,124 +159,123 @@ def _outcome(result: RunResult) -> dict[str, Any]:
         for parameter, truth in parameters.items():
             out[f"{name}.{parameter}.true"] = truth.true
             out[f"{name}.{parameter}.start"] = truth.start
-            if len(result.updates):
+            if result.update_count:
                 out[f"{name}.{parameter}.final"] = float(result.updates.column(f"{name}_{parameter}")[-1])
     return out
 
 
-def _colour(result: RunResult, name: str) -> tuple[int, int, int]:
-    if name == REMOTE:
-        return REMOTE_COLOUR
-    return LOCAL_COLOURS[result.estimators.index(name) % len(LOCAL_COLOURS)]
+def _local_colour(place: int) -> tuple[int, int, int]:
+    return LOCAL_COLOURS[place % len(LOCAL_COLOURS)]
 
 
-def _send_static(recording: rr.RecordingStream, result: RunResult) -> None:
-    half = np.array(result.half_size_m)
-    recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    recording.log("summary", rr.TextDocument(_summary(result), media_type="text/markdown"), static=True)
-    for name in (REMOTE, *result.estimators):
-        colour = _colour(result, name)
-        solid = name == REMOTE
-        # the local cube is drawn as a frame around the remote one, which it leaves between updates only by a hair
-        boxes = rr.Boxes3D(
-            half_sizes=[half if solid else 1.02 * half],
-            colors=[(*colour, 255)],
-            fill_mode="solid" if solid else "majorwireframe",
-            radii=0.008,
+@functools.cache
+def _look(
+    estimators: tuple[str, ...], parameters: tuple[str, ...], half_size_m: tuple[float, float, float]
+) -> list[rr.chunk.Chunk]:
+    """Return what does not change in a recording, nor from run to run: shapes, colours, names."""
+    half = np.array(half_size_m)
+    colours = [_local_colour(i) for i in range(len(estimators))]
+    turning = [REMOTE_COLOUR, *colours]
+    along = [c for colour in turning for c in (colour, tuple(v // 2 for v in colour))]
+    # the mark on top shows the heading; the local cubes are frames around the remote, which they hardly leave
+    cubes = {
+        REMOTE: rr.Boxes3D(
+            half_sizes=[half, (0.12 * half[0], 0.3 * half[1], 0.01 * half[2])],
+            centers=[(0, 0, 0), (0.75 * half[0], 0, half[2])],
+            colors=[REMOTE_COLOUR, (255, 255, 255)],
+            fill_mode="solid",
         )
-        recording.log(f"world/{name}", boxes, static=True)
-        recording.log(
-            f"velocity/linear/{name}", rr.SeriesLines(names=[f"{name} vx", f"{name} vy"], widths=[1.5] * 2), static=True
+    } | {
+        name: rr.Boxes3D(
+            half_sizes=[(1.02 + 0.01 * i) * half], colors=[colours[i]], fill_mode="majorwireframe", radii=0.008
         )
-        recording.log(
-            f"velocity/turning/{name}", rr.SeriesLines(names=f"{name} wz", colors=[colour], widths=[1.5]), static=True
-        )
-    # a mark on the top shows the heading
-    mark = rr.Boxes3D(
-        centers=[(0.75 * half[0], 0, half[2])], half_sizes=[(0.12 * half[0], 0.3 * half[1], 0.01 * half[2])],
-        colors=[(255, 255, 255, 255)], fill_mode="solid",
-    )  # fmt: skip
-    recording.log(f"world/{REMOTE}/front", mark, static=True)
-    recording.log(TRAIL, rr.LineStrips3D.from_fields(colors=REMOTE_COLOUR, radii=0.012), static=True)
-    recording.log("world/force", rr.Arrows3D.from_fields(colors=FORCE_COLOUR, radii=0.025), static=True)
-    recording.log("force", rr.SeriesLines(names=["Fx", "Fy"], colors=[FORCE_COLOUR, (240, 170, 90)]), static=True)
-    for name in result.estimators:
-        colour = _colour(result, name)
-        for parameter in result.parameters[name]:
-            recording.log(
-                f"estimate/{parameter}/{name}", rr.SeriesLines(names=name, colors=[colour], widths=[2]), static=True
-            )
-            recording.log(
-                f"error/{parameter}/{name}", rr.SeriesLines(names=name, colors=[colour], widths=[2]), static=True
-            )
-    for parameter in _parameters(result):
-        truth = rr.SeriesLines(names="true", colors=[REMOTE_COLOUR], widths=[1.5])
-        recording.log(f"estimate/{parameter}/true", truth, static=True)
+        for i, name in enumerate(estimators)
+    }
+    names = [REMOTE, *estimators]
+    lines = {
+        "velocity/linear": rr.SeriesLines(names=[f"{n} {a}" for n in names for a in ("vx", "vy")], colors=along),
+        "velocity/turning": rr.SeriesLines(names=[f"{n} wz" for n in names], colors=turning),
+        "force": rr.SeriesLines(names=["Fx", "Fy"], colors=[FORCE_COLOUR, (240, 170, 90)]),
+    }
+    for parameter in parameters:
+        lines[f"estimate/{parameter}"] = rr.SeriesLines(names=["true", *estimators], colors=turning)
+        lines[f"error/{parameter}"] = rr.SeriesLines(names=list(estimators), colors=colours)
+    entities: dict[str, rr.AsComponents] = {
+        "world": rr.ViewCoordinates.RIGHT_HAND_Z_UP,
+        TRAIL: rr.LineStrips3D.from_fields(colors=REMOTE_COLOUR, radii=0.012),
+        "world/force": rr.Arrows3D.from_fields(colors=FORCE_COLOUR, radii=0.03),
+    }
+    entities |= {f"world/{name}": box for name, box in cubes.items()} | lines
+    return [_static(entity, archetype) for entity, archetype in entities.items()]
+
+
+def _static(entity: str, archetype: rr.AsComponents) -> rr.chunk.Chunk:
+    batches = archetype.as_component_batches()
+    columns = [rr.ComponentColumn(b.component_descriptor(), b) for b in batches]
+    return rr.chunk.Chunk.from_columns(
+        entity, [], [c.partition([len(c.component_batch.as_arrow_array())]) for c in columns]
+    )
 
 
 def _parameters(result: RunResult) -> list[str]:
     return list(dict.fromkeys(p for parameters in result.parameters.values() for p in parameters))
 
 
-def _index(time_s: np.ndarray, frame: np.ndarray) -> list[rr.TimeColumn]:
-    return [rr.TimeColumn("sim_time", duration=time_s), rr.TimeColumn("frame", sequence=frame)]
+def _index(frames: Frames) -> list[rr.TimeColumn]:
+    time_ns = np.round(1e9 * frames.column("time_s")).astype("timedelta64[ns]")
+    return [rr.TimeColumn("sim_time", duration=time_ns), rr.TimeColumn("frame", sequence=frames.column("frame"))]
 
 
-def _send_steps(recording: rr.RecordingStream, result: RunResult, every: int) -> None:
-    frames = Frames({name: column[::every] for name, column in result.steps.columns.items()})
-    if not len(frames):
-        return
-    column = frames.column
-    index = _index(column("time_s"), column("frame"))
-    pose = {name: _pose(frames, name, result.half_size_m[2]) for name in (REMOTE, *result.estimators)}
+def _send_motion(recording: rr.RecordingStream, result: RunResult, frames: Frames) -> None:
+    index, names = _index(frames), (REMOTE, *result.estimators)
+    pose = {name: _pose(frames, name, result.half_size_m[2]) for name in names}
     for name, (position, quaternion) in pose.items():
-        recording.send_columns(
-            f"world/{name}", index, rr.Transform3D.columns(translation=position, quaternion=quaternion)
-        )
-        _send_scalars(recording, f"velocity/linear/{name}", index, frames, (f"{name}_vx_m_s", f"{name}_vy_m_s"))
-        _send_scalars(recording, f"velocity/turning/{name}", index, frames, (f"{name}_wz_rad_s",))
-    force = np.column_stack([column(f"force_{axis}_n") for axis in "xyz"])
-    _send_scalars(recording, "force", index, frames, ("force_x_n", "force_y_n"))
+        columns = rr.Transform3D.columns(translation=position, quaternion=quaternion)
+        recording.send_columns(f"world/{name}", index, columns)
+    _send_scalars(
+        recording, "velocity/linear", index, [frames.column(f"{n}_{a}_m_s") for n in names for a in ("vx", "vy")]
+    )
+    _send_scalars(recording, "velocity/turning", index, [frames.column(f"{n}_wz_rad_s") for n in names])
+    force = np.column_stack([frames.column(f"force_{axis}_n") for axis in "xyz"])
+    _send_scalars(recording, "force", index, [force[:, 0], force[:, 1]])
     # the arrow's tip is at the point of application, lifted on top of the cube so that it is seen
     position, quaternion = pose[REMOTE]
-    point = np.column_stack([column(f"point_{axis}_m") for axis in "xyz"])
+    point = np.column_stack([frames.column(f"point_{axis}_m") for axis in "xyz"])
     tip = position + rotate(quaternion[:, [3, 0, 1, 2]], point)
     tip[:, 2] = position[:, 2] + 1.1 * result.half_size_m[2]
     vector = ARROW_M_PER_N * force
     recording.send_columns("world/force", index, rr.Arrows3D.columns(origins=tip - vector, vectors=vector))
 
 
-def _send_updates(recording: rr.RecordingStream, result: RunResult) -> None:
-    updates = result.updates
-    if not len(updates):
-        return
-    index = _index(updates.column("time_s"), updates.column("frame"))
-    position, _ = _pose(updates, REMOTE, result.half_size_m[2])
+def _send_trail(recording: rr.RecordingStream, result: RunResult) -> None:
+    """Send the way of the remote's middle over the floor, as one short line per tick of at least 1 / 15 s."""
+    period_s = result.updates.column("time_s")[0]
+    frames = _thin(result.updates, max(1, round(1 / 15 / period_s)))
+    position, _ = _pose(frames, REMOTE, result.half_size_m[2])
     ground = np.column_stack([position[:, :2], position[:, 2] - 0.98 * result.half_size_m[2]])
     segments = np.stack([np.vstack([ground[:1], ground[:-1]]), ground], axis=1)
-    recording.send_columns(TRAIL, index, rr.LineStrips3D.columns(strips=segments))
-    for name in result.estimators:
-        for parameter, truth in result.parameters[name].items():
-            _send_scalars(recording, f"estimate/{parameter}/{name}", index, updates, (f"{name}_{parameter}",))
-            error = np.abs(updates.column(f"{name}_{parameter}") - truth.true) / abs(truth.true)
-            # no logarithmic axis in the viewer; an exact estimate is drawn at the resolution of the numbers
-            decades = np.log10(np.maximum(error, 1e-16))
-            recording.send_columns(f"error/{parameter}/{name}", index, rr.Scalars.columns(scalars=decades))
+    recording.send_columns(TRAIL, _index(frames), rr.LineStrips3D.columns(strips=segments))
+
+
+def _send_estimates(recording: rr.RecordingStream, result: RunResult) -> None:
+    updates = result.updates
+    index = _index(updates)
     for parameter in _parameters(result):
-        truth = next(p[parameter] for p in result.parameters.values() if parameter in p)
-        recording.send_columns(
-            f"estimate/{parameter}/true", index, rr.Scalars.columns(scalars=np.full(len(updates), truth.true))
-        )
+        owners = [name for name in result.estimators if parameter in result.parameters[name]]
+        truth = result.parameters[owners[0]][parameter].true
+        values = [updates.column(f"{name}_{parameter}") for name in owners]
+        _send_scalars(recording, f"estimate/{parameter}", index, [np.full(len(updates), truth), *values])
+        # the viewer has no logarithmic axis; an exact estimate is drawn at the resolution of the numbers
+        errors = [np.log10(np.maximum(np.abs(v - truth) / abs(truth), 1e-16)) for v in values]
+        _send_scalars(recording, f"error/{parameter}", index, errors)
 
 
 def _send_scalars(
-    recording: rr.RecordingStream, entity: str, index: list[rr.TimeColumn], frames: Frames, names: tuple[str, ...]
+    recording: rr.RecordingStream, entity: str, index: list[rr.TimeColumn], columns: list[np.ndarray]
 ) -> None:
-    values = np.column_stack([frames.column(n) for n in names])
-    columns = rr.Scalars.columns(scalars=values.ravel())
-    recording.send_columns(
-        entity, index, columns.partition(np.full(len(values), len(names))) if len(names) > 1 else columns
-    )
+    values = np.column_stack(columns)
+    scalars = rr.Scalars.columns(scalars=values.ravel())
+    recording.send_columns(entity, index, scalars.partition(np.full(len(values), len(columns))))
 
 
 def _pose(frames: Frames, name: str, rest_height_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -270,14 +294,14 @@ def _summary(result: RunResult) -> str:
     lines = [
         "## Paper experiment" if ok else f"## {result.status.value}: {result.reason}",
         "",
-        f"{len(result.steps)} physics steps of {1e3 * result.timestep_s:.4g} ms, {len(result.updates)} updates.",
+        f"{result.step_count} physics steps of {1e3 * result.timestep_s:.4g} ms, {result.update_count} updates.",
         "",
         "| estimator | parameter | true | start | final | relative error |",
         "|---|---|---|---|---|---|",
     ]
     for name, parameters in result.parameters.items():
         for parameter, truth in parameters.items():
-            last = float(result.updates.column(f"{name}_{parameter}")[-1]) if len(result.updates) else math.nan
+            last = float(result.updates.column(f"{name}_{parameter}")[-1]) if result.update_count else math.nan
             error = (last - truth.true) / truth.true
             lines.append(f"| {name} | {parameter} | {truth.true:g} | {truth.start:g} | {last:.9g} | {error:+.1e} |")
     lines += ["", "Solid: remote cube. Frame: local cube. Red arrow: the push. Line: the way of the remote cube."]
@@ -289,9 +313,11 @@ def _blueprint(result: RunResult) -> rrb.Blueprint:
         rrb.VisibleTimeRange(t, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative())
         for t in ("sim_time", "frame")
     ]
-    x, y = (result.steps.column(f"{REMOTE}_{a}_m") for a in "xy")
-    middle = np.array([(x.min() + x.max()) / 2, (y.min() + y.max()) / 2, 0.5 * result.half_size_m[2]])
-    reach = max(np.ptp(x), np.ptp(y), 0.0) / 2 + 2.2 * max(result.half_size_m)
+    place = np.zeros((1, 2))
+    if result.update_count:
+        place = np.column_stack([result.updates.column(f"{REMOTE}_{a}_m") for a in "xy"])
+    middle = np.array([*(place.min(axis=0) + place.max(axis=0)) / 2, 0.5 * result.half_size_m[2]])
+    reach = float(np.ptp(place, axis=0).max()) / 2 + 2.2 * max(result.half_size_m)
     scene = rrb.Spatial3DView(
         origin="/world",
         name="cubes",
@@ -313,7 +339,6 @@ def _blueprint(result: RunResult) -> rrb.Blueprint:
     plots += [
         rrb.TimeSeriesView(origin="/velocity/linear", name="velocity [m/s]"),
         rrb.TimeSeriesView(origin="/velocity/turning", name="yaw rate [rad/s]"),
-        rrb.TimeSeriesView(origin="/force", name="force [N]"),
     ]
     summary = rrb.TextDocumentView(origin="/summary", name="summary")
     return rrb.Blueprint(

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from runner.errors import ResultError
 from runner.frames import RunResult, Truth
@@ -34,7 +36,7 @@ def summary_row(result: RunResult, about: Mapping[str, Any] | None = None) -> di
         prefix = f"{name}_" if len(result.estimators) > 1 else ""
         for parameter, truth in result.parameters[name].items():
             row |= _errors(result, name, parameter, truth, prefix)
-    row["updates"], row["steps"] = len(result.updates), result.step_count
+    row["updates"], row["steps"] = result.update_count, result.step_count
     row["simulated_s"] = result.step_count * result.timestep_s
     row["wall_s"] = result.wall_s
     row["steps_per_s"] = result.step_count / result.wall_s if result.wall_s > 0 else np.nan
@@ -72,11 +74,11 @@ def failure_row(error: Exception, about: Mapping[str, Any] | None = None) -> dic
     return {**(about or {}), "status": "failed", "reason": " ".join(f"{type(error).__name__}: {error}".split())}
 
 
-def write_summary(rows: Sequence[Mapping[str, Any]], folder: Path) -> pd.DataFrame:
-    """Write rows as the summary of a folder, and return them as a table."""
-    table = pd.DataFrame(list(rows))
-    table.to_parquet(folder / SUMMARY, index=False)
-    return table
+def write_summary(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
+    """Write rows as the summary of a folder."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    table = pa.table({name: [row.get(name) for row in rows] for name in names})
+    pq.write_table(table, folder / SUMMARY)
 
 
 def collect(paths: Iterable[Path]) -> pd.DataFrame:
