@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Callable
@@ -302,3 +304,33 @@ def test_own_commands_say_what_they_are(name: str, capsys: pytest.CaptureFixture
     assert f"Usage: runner {name}" in capsys.readouterr().out
     assert main([*name.split(), "no_such_key=1"]) == 2
     assert "no_such_key: no such key." in capsys.readouterr().err
+
+
+CONF_FOLDER = _compose.config_dir()
+CHOICES = sorted(f"{p.parent.name}={p.stem}" for p in CONF_FOLDER.glob("*/*.yaml"))
+
+
+@pytest.mark.parametrize("choice", CHOICES)
+def test_every_option_of_every_group_is_usable(choice: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each file in `conf/` makes a config that passes all checks, or says which value it still needs."""
+    group, _, name = choice.partition("=")
+    code = main(["run", f"{group}=[{name}]" if group == "effect" else choice, "--config"])
+    out, err = capsys.readouterr()
+    if code:
+        assert re.fullmatch(r"[\w.]+: a value is needed \(.*\)\.\n", err), err
+    else:
+        assert "seed: 0" in out
+
+
+def readme_lines() -> list[str]:
+    """Return the command lines of the README that stand in a block of shell code, without their comments."""
+    blocks = re.findall(r"```sh\n(.*?)```", (CONF_FOLDER.parent / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    return [
+        line.partition("#")[0].strip() for block in blocks for line in block.splitlines() if line.startswith("runner")
+    ]
+
+
+@pytest.mark.parametrize("line", [line for line in readme_lines() if " -m" not in line and "resume=" not in line])
+def test_readme_is_true(line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """What the README says to type is accepted."""
+    assert main([*shlex.split(line)[1:], "--config"]) == 0, capsys.readouterr().err
