@@ -77,7 +77,8 @@ def test_the_same_seed_makes_the_same_case_and_another_seed_another(tmp_path: Pa
     job = Job("single", (("friction", "moderate"),), (5, 2, 0))
     a, b = (make_case(job, Reality(), tmp_path / name) for name in "ab")
     assert a[1] == b[1]
-    pd.testing.assert_frame_equal(*(pd.read_parquet(tmp_path / n / "recording.parquet") for n in "ab"))
+    left, right = (pd.read_parquet(tmp_path / name / "recording.parquet") for name in "ab")
+    pd.testing.assert_frame_equal(left, right)
     other = make_case(replace(job, seed=(6, 2, 0)), Reality(), tmp_path / "c")
     assert other[1]["made"]["starts"] != a[1]["made"]["starts"]
 
@@ -111,7 +112,7 @@ def test_every_effect_is_neutral_at_no_size_and_moves_the_box_at_its_largest() -
         plant = plants.draw(name, scene, np.random.default_rng(2))
         nothing = [simulate(plant.edit(CUBE, 1e-12), e) for e in scene.episodes]
         largest = [simulate(plant.edit(CUBE, plant.largest), e) for e in scene.episodes]
-        near = 2e-3 if name == "contact_pressure" else 2e-5  # its base points are laid out in panels
+        near = 1e-2 if name == "contact_pressure" else 1e-4  # its base points are laid out in panels
         for path, reference in zip(nothing, scene.paths, strict=True):
             np.testing.assert_allclose(path, reference, atol=near, err_msg=name)
         moved = max(np.abs(a[:, :2] - b[:, :2]).max() for a, b in zip(largest, scene.paths, strict=True))
@@ -142,18 +143,23 @@ def test_sets_are_balanced_over_effects_and_severities() -> None:
 
 
 @settings(max_examples=30, deadline=None)
-@given(power=st.floats(0.5, 2.5), target=st.floats(1.3, 30.0), floor=st.floats(0.0, 0.3))
+@given(power=st.floats(0.4, 2.5), target=st.floats(1.3, 30.0), floor=st.floats(0.0, 0.3))
 def test_a_size_is_found_for_any_rising_excess(power: float, target: float, floor: float) -> None:
     def excess(size: float) -> float:
         return math.hypot(floor, 60.0 * size**power)
 
-    size = find_size(excess, 1.0, target, excess(1.0))
+    size = find_size(excess, 1.0, target)
     assert size is not None
-    assert excess(size) == pytest.approx(target, rel=0.045)
+    assert excess(size) == pytest.approx(target, rel=0.065)
+
+
+def test_a_target_beyond_the_largest_size_has_no_size() -> None:
+    assert find_size(lambda size: 3.0 * size, 1.0, 5.0) is None
+    assert find_size(lambda size: 5.2 * size, 1.0, 5.0) == pytest.approx(5.0 / 5.2, rel=0.07)
 
 
 def test_an_excess_that_jumps_over_the_target_has_no_size() -> None:
-    assert find_size(lambda size: 0.1 if size < 0.37 else 50.0, 1.0, 5.0, 50.0) is None
+    assert find_size(lambda size: 0.1 if size < 0.37 else 50.0, 1.0, 5.0) is None
 
 
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda f: f.__name__)
@@ -166,6 +172,14 @@ def test_excitations_push_hard_enough_to_slide_and_not_beyond_reason(family) -> 
         assert np.all(abs(command[:, 2:4]) <= 0.5)
     assert max(sizes) > 1.1
     assert max(sizes) < 2.6
+
+
+def test_no_episode_magnifies_an_error_of_its_start() -> None:
+    episodes = draw_episodes(Drive(CUBE, 60.0, heights=False), np.random.default_rng(8))
+    for e in episodes:
+        start = e.start + np.array([0, 0, 1e-3, 0, 0, 0])
+        apart = np.abs(simulate(CUBE, replace(e, start=start)) - simulate(CUBE, e))
+        assert apart[:, :3].max() < 1e-2
 
 
 def test_pushes_at_a_height_do_not_tip_the_box() -> None:

@@ -8,6 +8,7 @@ regula falsi on that ratio.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 import math
@@ -42,9 +43,10 @@ PAIR_BANDS: dict[str, tuple[float, float]] = {"moderate": (4.0, 7.0), "strong": 
 KINDS = ("position", "position", "yaw", "velocity", "velocity", "rate")  # of the six channels
 COLUMNS = ("x", "y", "yaw", "vx", "vy", "wz")
 HASH_FILE = "answers.sha256"
-SMALLEST = 1e-4  # of the largest size: below, an effect is not looked for
+SMALLEST = 1e-5  # of the largest size: below, an effect is not looked for
+FIRST_SIZE = 0.03  # of the largest size: where the search begins
 ATTEMPTS = 40
-COARSE = {"points": 8, "rtol": 1e-5, "atol": 1e-7}  # for finding sizes: a quarter of the time
+COARSE = {"points": 8, "rtol": 1e-6, "atol": 1e-8}  # for finding sizes: a quarter of the time
 
 
 @dataclass(frozen=True)
@@ -70,10 +72,11 @@ class Reality:
     Args:
         texture: Range of the standard deviation of friction over the floor, relative.
         wrong_size: Range of the relative error of the nominal half size.
-        mismatch_limit: The rms of both on the trajectories, in units of the noise; both are shrunk to stay below.
+        mismatch_limit: The rms of both on the trajectories, in units of the noise; each is shrunk to keep it.
         coloured: Share of cases whose noise is a first-order autoregression.
         outliers: Share of cases in which one sample in 200 is far off.
         noise_unknown, noise_partly: Shares of cases whose noise is not stated, or only in part.
+        noise_fine: Share of cases with a noise of one or two millimetres, instead of three to thirteen.
         heights: Share of cases with pushes above and below the centre.
         boxes: Share of cases with a box instead of a cube.
         corners: Share of cases whose object bears on its corners and is believed to.
@@ -86,6 +89,7 @@ class Reality:
     outliers: float = 0.08
     noise_unknown: float = 0.25
     noise_partly: float = 0.15
+    noise_fine: float = 0.06
     heights: float = 0.2
     boxes: float = 0.35
     corners: float = 0.04
@@ -242,7 +246,7 @@ def _try_case(job: Job, reality: Reality, g: np.random.Generator) -> tuple[dict,
     rate_hz = float(g.choice([60, 60, 60, 100, 120, 240, 240]))
     drive = Drive(believed, rate_hz, heights=bool(g.random() < reality.heights))
     episodes = draw_episodes(drive, g)
-    noise = _draw_noise(believed, g)
+    noise = _draw_noise(believed, reality, g)
     sigma = np.array([noise[kind] for kind in KINDS])
     coarse, nominal_paths = simulate_or_none(believed, episodes, **COARSE), simulate_or_none(believed, episodes)
     if coarse is None or nominal_paths is None:
@@ -268,7 +272,7 @@ def _try_case(job: Job, reality: Reality, g: np.random.Generator) -> tuple[dict,
         world = plant.edit(world, size)
         accept |= set(plant.accept)
     paths = simulate_or_none(world, episodes)
-    if paths is None:
+    if paths is None or not _within_bands(_ratio(paths, nominal_paths, sigma), effects):
         return None
     colour = float(g.uniform(0.5, 0.9)) if g.random() < reality.coloured else 0.0
     outliers = 0.005 if g.random() < reality.outliers else 0.0
@@ -290,6 +294,14 @@ def _try_case(job: Job, reality: Reality, g: np.random.Generator) -> tuple[dict,
     }
     table = _table(episodes, measured, heights=drive.heights)
     return _nominal(believed, rate_hz, noise, reality, g), table, answer
+
+
+def _within_bands(excess: float, effects: list[dict]) -> bool:
+    # sizes were found with coarse points; a single effect must keep its severity with the fine ones
+    if len(effects) != 1:
+        return True
+    low, high = BANDS[effects[0]["severity"]]
+    return 0.95 * low <= math.sqrt(1.0 + excess * excess) <= 1.05 * high
 
 
 def simulate_or_none(world: World, episodes: Sequence[Episode], **options: float) -> list[np.ndarray] | None:
@@ -320,54 +332,57 @@ def _size_for(
 ) -> tuple[float, str] | None:
     """Return the size that reaches a severity, or the next lower one, and its name; none where none can be reached."""
 
+    @functools.cache
     def excess(size: float) -> float:
         # the ratio without noise, which adds 1 in squares
         return _ratio(simulate_or_none(plant.edit(real, size), scene.episodes, **COARSE), scene.paths, sigma)
 
     names = [name for name in ("strong", "moderate", "subtle") if name in bands]
-    names = names[names.index(severity) : names.index(lowest) + 1] if severity in names else []
-    top = excess(plant.largest)
-    for name in names:
+    for name in names[names.index(severity) : names.index(lowest) + 1]:
         low, high = bands[name]
-        target = math.sqrt(float(np.exp(g.uniform(math.log(1.02 * low), math.log(0.98 * high)))) ** 2 - 1.0)
-        if top < target:
-            least = math.sqrt(low * low - 1.0)
-            if top < least:
-                continue
-            target = least * (top / least) ** float(g.uniform(0.1, 0.9))
-        size = find_size(excess, plant.largest, target, top)
+        target = math.sqrt(float(np.exp(g.uniform(math.log(1.08 * low), math.log(0.92 * high)))) ** 2 - 1.0)
+        share = float(g.uniform(0.2, 0.9))
+        size = find_size(excess, plant.largest, target)
+        if size is None:
+            least, top = math.sqrt((1.04 * low) ** 2 - 1.0), excess(plant.largest)
+            if least < top < target:
+                size = find_size(excess, plant.largest, least * (top / least) ** share)
         if size is not None:
             return size, name
     return None
 
 
-def find_size(excess: Callable[[float], float], largest: float, target: float, top: float) -> float | None:
-    """Return a size with an excess within 4 % of the target, or none: regula falsi in logarithms, inside a bracket.
+def find_size(excess: Callable[[float], float], largest: float, target: float) -> float | None:
+    """Return a size with an excess within 6 % of the target, or none: regula falsi in logarithms, inside a bracket.
 
     Args:
         excess: Excess at a size; rises with it, at least on the whole.
         largest: Largest size.
-        target: Excess to reach, at most `top`.
-        top: Excess at the largest size.
+        target: Excess to reach.
     """
     low, high = math.log(largest * SMALLEST), math.log(largest)
-    at_high = min(math.log(max(top / target, 1e-12)), 8.0)
-    at_low = -8.0
-    guess = high - min(max(at_high, 0.0), high - low)  # the excess is about proportional to the size
+    at_low, at_high = -8.0, math.nan  # errors at the ends; the upper end is looked at only where it has to be
+    guess = high + math.log(FIRST_SIZE)
     for step in range(24):
-        if not low < guess < high or step % 4 == 3:
-            guess = 0.5 * (low + high)
-        value = excess(math.exp(guess))
-        error = min(max(math.log(max(value, 1e-12) / target), -8.0), 8.0)
-        if abs(error) < 0.04:
+        error = min(max(math.log(max(excess(math.exp(guess)), 1e-12) / target), -8.0), 8.0)
+        if abs(error) < 0.06:
             return math.exp(guess)
         if error > 0:
+            at_low *= 0.5 if high < math.log(largest) else 1.0  # Illinois: the lower end must not be stuck
             high, at_high = guess, error
+        elif guess >= math.log(largest):
+            return None  # the largest size does too little
         else:
+            at_high *= 0.5 if at_low > -8.0 else 1.0
             low, at_low = guess, error
         if high - low < 1e-6:
             return None  # the excess jumps over the target
-        guess -= error if step < 3 else (guess - (low * at_high - high * at_low) / (at_high - at_low))
+        if step < 2 or math.isnan(at_high):
+            guess = min(guess - error, high)  # the excess is about proportional to the size
+        else:
+            guess = (low * at_high - high * at_low) / (at_high - at_low)
+        if not low < guess <= high or (step % 4 == 3 and not math.isnan(at_high)):
+            guess = 0.5 * (low + high)
     return None
 
 
@@ -386,10 +401,10 @@ def _draw_world(reality: Reality, g: np.random.Generator) -> World:
     return World(half_size=sizes, mass=mass, friction=friction, contact=contact)
 
 
-def _draw_noise(world: World, g: np.random.Generator) -> dict[str, float]:
-    """Draw standard deviations with two digits. Mostly some millimetres, in one case of seven less than two."""
-    fine = g.random() < 0.15
-    position = float(np.exp(g.uniform(*np.log((0.0005, 0.002) if fine else (0.003, 0.013)))))
+def _draw_noise(world: World, reality: Reality, g: np.random.Generator) -> dict[str, float]:
+    """Draw standard deviations with two digits."""
+    fine = g.random() < reality.noise_fine
+    position = float(np.exp(g.uniform(*np.log((0.001, 0.002) if fine else (0.003, 0.013)))))
     half = max(world.half_size[:2])
     velocity = position * float(g.uniform(2.5, 5.0))
     drawn = {
@@ -412,14 +427,24 @@ def _mismatched(
     if texture > 0.0:
         real = replace(real, texture=texture, texture_seed=seed, texture_length=length)
         real = replace(real, texture_mean=_mean_texture(real, scene.paths))
-    for _ in range(6):
-        sizes = tuple(h * (1.0 + wrong) for h in scene.world.half_size)
-        real = replace(real, half_size=sizes, texture=texture)
-        ratio = _ratio(simulate_or_none(real, scene.episodes, **COARSE), scene.paths, sigma)
-        if ratio <= reality.mismatch_limit:
-            break
-        shrink = max(0.9 * reality.mismatch_limit / ratio, 0.05)
-        texture, wrong = texture * shrink, wrong * shrink
+    # each by itself within its half (in squares) of the limit
+    limit = reality.mismatch_limit / math.sqrt(2.0)
+
+    def shrunk(size: float, world_of: Callable[[float], World]) -> float:
+        for _ in range(6):
+            ratio = _ratio(simulate_or_none(world_of(size), scene.episodes, **COARSE), scene.paths, sigma)
+            if size == 0.0 or ratio <= limit:
+                break
+            size *= max(0.9 * limit / ratio, 0.05)
+        return size
+
+    def resized(world: World, share: float) -> World:
+        hx, hy, hz = (h * (1.0 + share) for h in scene.world.half_size)
+        return replace(world, half_size=(hx, hy, hz))
+
+    texture = shrunk(texture, lambda size: replace(real, texture=size))
+    wrong = shrunk(wrong, lambda size: resized(scene.world, size))
+    real = resized(replace(real, texture=texture), wrong)
     return real, {"texture": round(texture, 6), "texture_length_m": round(length, 3), "half_size": round(wrong, 6)}
 
 
