@@ -20,6 +20,7 @@ from runner.blind.excite import FAMILIES, Drive, draw_episodes
 from runner.blind.make import BANDS, Job, Mix, Reality, find_size, make_case, make_cases, plan_jobs
 from runner.blind.physics import World, simulate, simulate_all
 from runner.errors import ConfigError
+from runner.recording import read_case
 
 CUBE = World(half_size=(0.5, 0.5, 0.5), mass=3.0, friction=0.3)
 PLAIN = Reality(
@@ -71,6 +72,11 @@ def test_a_recording_has_the_columns_rates_and_lengths_of_the_format(made: make.
             assert 4.0 <= e.t.max() <= 8.0
             still = (e.fx == 0) & (e.fy == 0)
             assert np.all(e.loc[still, ["px", "py"]] == 0.0)
+
+
+def test_every_case_is_read_without_complaint(made: make.MadeCases) -> None:
+    for name in made.cases:
+        assert len(read_case(made.folder / name).episodes) >= 7
 
 
 def test_the_same_seed_makes_the_same_case_and_another_seed_another(tmp_path: Path) -> None:

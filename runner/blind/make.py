@@ -22,7 +22,6 @@ import numpy as np
 import pandas as pd
 import yaml
 from joblib import Parallel, delayed
-from rich.progress import Progress
 from scipy.ndimage import map_coordinates
 
 from runner.blind.excite import Drive, draw_episodes
@@ -37,6 +36,7 @@ from runner.blind.physics import (
 )
 from runner.blind.plants import OUTSIDE, TOGETHER_ALIKE, VOCABULARY, Plant, Scene, draw
 from runner.errors import ConfigError, check_range
+from runner.progress import track
 
 BANDS: dict[str, tuple[float, float]] = {"subtle": (1.6, 3.0), "moderate": (4.0, 7.0), "strong": (10.0, 30.0)}
 PAIR_BANDS: dict[str, tuple[float, float]] = {"moderate": (4.0, 7.0), "strong": (10.0, 16.0)}
@@ -132,7 +132,6 @@ def make_cases(
     mix: Mix | None = None,
     reality: Reality | None = None,
     workers: int | None = None,
-    progress: Callable[[], Progress] | None = None,
 ) -> MadeCases:
     """Make n cases; the same seed makes the same cases, whatever the number of workers.
 
@@ -144,7 +143,6 @@ def make_cases(
         mix: Shares of singles, pairs, nulls and unknowns.
         reality: Departures from the textbook.
         workers: Processes; none: one for each core.
-        progress: Makes the progress bar; none: rich's own, silent where there is no terminal.
 
     Raises:
         ConfigError: If the folder is in use, or the answers would lie inside it.
@@ -160,17 +158,10 @@ def make_cases(
     begun = time.perf_counter()
     jobs = plan_jobs(n, seed, mix or Mix())
     names = _names(n, seed)
-    bar = (progress or (lambda: Progress(transient=True)))()
-    found: dict[str, dict] = {}
-    with bar:
-        task = bar.add_task("Making cases", total=n)
-        calls = (
-            delayed(make_case)(job, reality or Reality(), folder / name) for job, name in zip(jobs, names, strict=True)
-        )
-        results = Parallel(n_jobs=workers or os.cpu_count() or 1, return_as="generator_unordered")(calls)
-        for name, answer in results:  # pyright: ignore[reportGeneralTypeIssues]
-            found[name] = answer
-            bar.advance(task)
+    settings = reality or Reality()
+    calls = (delayed(make_case)(job, settings, folder / name) for job, name in zip(jobs, names, strict=True))
+    results = Parallel(n_jobs=workers or os.cpu_count() or 1, return_as="generator_unordered")(calls)
+    found: dict[str, dict] = dict(track(results, "Making cases", total=n, unit="cases"))  # pyright: ignore
     text = json.dumps({name: found[name] for name in sorted(found)}, indent=1) + "\n"
     answers.write_text(text)
     digest = hashlib.sha256(text.encode()).hexdigest()
