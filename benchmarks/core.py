@@ -1,15 +1,17 @@
 """CPU time of a whole 20 s run in the closed loop, as a ratio to a bare replay of the same steps.
 
-    python -m benchmarks.core [repeats]
+    python -m benchmarks.core [rounds]
 
 The bare replay is `mujoco.rollout` of the same scene (without a tape) under the same commands, one call, one thread.
 Both start from a compiled model. The closed loop makes its commands, steps, estimates, changes the mass, takes over the
-remote's state, and keeps the raw numbers of every physics step and every update; with logging it also writes `summary.parquet`, `frames.parquet` and a full `run.rrd`, and last every physics step as well. The kinds of run take turns,
-so that a busy machine slows all of them; the figure is the median of the ratios within each round.
+remote's state, and keeps the raw numbers of every physics step and every update; with logging it also writes
+`summary.parquet`, `frames.parquet` and a full `run.rrd`, and last every physics step as well. The kinds of run take
+turns, so that a busy machine slows all of them; the figure is the median of the ratios within each round.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 import tempfile
 import time
@@ -59,7 +61,7 @@ def replay() -> Callable[[], None]:
 
 def closed(log: LogConfig, folder: Path) -> Callable[[], None]:
     """Return a function that does the run and writes what `log` asks for."""
-    config = {"seed": EXPERIMENT.seed, "scene": {"dof": "planar", "contact": "patch"}}
+    config = dataclasses.asdict(EXPERIMENT)
 
     def once() -> None:
         result = loop.run_world(EXPERIMENT, world)

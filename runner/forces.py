@@ -105,8 +105,8 @@ class PaperForces(AbstractForces):
     """The published test sequence: pushes of one magnitude, straight and off-centre in turn, with rests between.
 
     Push k points along `turn_rad` * k. Odd pushes act `offset_m` beside the centre, to either side in turn, so that
-    the cube turns to and fro. The rests let friction stop the cube, so that each push starts from rest. With turns of
-    pi, as here by default, a cube ends near where it started. `height_m` is the height of the point above the centre.
+    the cube turns to and fro. The rests let friction stop the cube, so that each push starts from rest. With quarter
+    turns, as here by default, a cube comes back after four pushes. `height_m` is that of the point above the centre.
     """
 
     force_n: float = 15.0
@@ -115,7 +115,7 @@ class PaperForces(AbstractForces):
     pushes: int = 10
     offset_m: float = 0.1
     height_m: float = 0.0
-    turn_rad: float = math.pi
+    turn_rad: float = math.pi / 2
     lead_s: float = 0.5
 
     def __post_init__(self) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import math
+import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -101,6 +102,7 @@ def _write_frames(frames: Frames, path: Path) -> None:
 REMOTE_COLOUR = (70, 130, 220)
 LOCAL_COLOURS = ((240, 140, 40), (60, 190, 130), (200, 90, 200), (220, 200, 60))
 FORCE_COLOUR = (230, 60, 60)
+TRAIL_COLOUR = (250, 225, 110)
 ARROW_M_PER_N = 0.05
 TRAIL = "world/trail"
 
@@ -119,7 +121,7 @@ class RrdSink(AbstractSink):
 
     def write(self, result: RunResult, folder: Path, config: Mapping[str, Any]) -> None:
         with rr.RecordingStream("runner") as recording:
-            recording.save(folder / self.FILE, default_blueprint=_blueprint(result))
+            recording.save(folder / self.FILE, default_blueprint=_Layout(_layout_key(result)))
             self.log(recording, result, config, name=folder.name)
             recording.flush()
             recording.disconnect()
@@ -127,7 +129,7 @@ class RrdSink(AbstractSink):
     def log(self, recording: rr.RecordingStream, result: RunResult, config: Mapping[str, Any], name: str) -> None:
         """Send a run into an open recording."""
         recording.send_recording_name(name)
-        recording.send_property("config", rr.AnyValues(**_flat(config)))
+        recording.send_property("config", [_value(key, value) for key, value in _flat(config).items()])
         recording.send_property("result", rr.AnyValues(**_outcome(result)))
         recording.log("summary", rr.TextDocument(_summary(result), media_type="text/markdown"), static=True)
         recording.send_chunks(_look(result.estimators, tuple(_parameters(result)), result.half_size_m))
@@ -151,6 +153,12 @@ def _flat(config: Any, prefix: str = "") -> dict[str, Any]:
     for key, value in config.items():
         out |= _flat(value, f"{prefix}.{key}" if prefix else str(key))
     return out
+
+
+@functools.lru_cache(maxsize=10_000, typed=True)
+def _value(key: str, value: Any) -> rr.DescribedComponentBatch:
+    """Return one value of a config; most are the same from run to run."""
+    return rr.AnyValues(**{key: value}).as_component_batches()[0]
 
 
 def _outcome(result: RunResult) -> dict[str, Any]:
@@ -202,7 +210,7 @@ def _look(
         lines[f"error/{parameter}"] = rr.SeriesLines(names=list(estimators), colors=colours)
     entities: dict[str, rr.AsComponents] = {
         "world": rr.ViewCoordinates.RIGHT_HAND_Z_UP,
-        TRAIL: rr.LineStrips3D.from_fields(colors=REMOTE_COLOUR, radii=0.012),
+        TRAIL: rr.LineStrips3D.from_fields(colors=TRAIL_COLOUR, radii=0.012),
         "world/force": rr.Arrows3D.from_fields(colors=FORCE_COLOUR, radii=0.03),
     }
     entities |= {f"world/{name}": box for name, box in cubes.items()} | lines
@@ -248,13 +256,17 @@ def _send_motion(recording: rr.RecordingStream, result: RunResult, frames: Frame
 
 
 def _send_trail(recording: rr.RecordingStream, result: RunResult) -> None:
-    """Send the way of the remote's middle over the floor, as one short line per tick of at least 1 / 15 s."""
+    """Send the way of the remote's top, as one short line per tick of at least 1 / 15 s."""
     period_s = result.updates.column("time_s")[0]
     frames = _thin(result.updates, max(1, round(1 / 15 / period_s)))
-    position, _ = _pose(frames, REMOTE, result.half_size_m[2])
-    ground = np.column_stack([position[:, :2], position[:, 2] - 0.98 * result.half_size_m[2]])
-    segments = np.stack([np.vstack([ground[:1], ground[:-1]]), ground], axis=1)
-    recording.send_columns(TRAIL, _index(frames), rr.LineStrips3D.columns(strips=segments))
+    top, _ = _pose(frames, REMOTE, result.half_size_m[2])
+    top = np.column_stack([top[:, :2], top[:, 2] + 1.03 * result.half_size_m[2]]).astype(np.float32)
+    ends = np.stack([np.vstack([top[:1], top[:-1]]), top], axis=1)
+    # as Arrow: the conversion of lists takes longer than all else
+    kind = rr.components.LineStrip3DBatch._ARROW_DATATYPE
+    points = pa.FixedSizeListArray.from_arrays(pa.array(ends.ravel()), type=kind.value_type)
+    strips = pa.ListArray.from_arrays(pa.array(np.arange(0, 2 * len(top) + 1, 2, dtype=np.int32)), points, type=kind)
+    recording.send_columns(TRAIL, _index(frames), rr.LineStrips3D.columns(strips=strips))
 
 
 def _send_estimates(recording: rr.RecordingStream, result: RunResult) -> None:
@@ -292,7 +304,7 @@ def _pose(frames: Frames, name: str, rest_height_m: float) -> tuple[np.ndarray, 
 def _summary(result: RunResult) -> str:
     ok = result.status is Status.done
     lines = [
-        "## Paper experiment" if ok else f"## {result.status.value}: {result.reason}",
+        "## Run" if ok else f"## {result.status.value}: {result.reason}",
         "",
         f"{result.step_count} physics steps of {1e3 * result.timestep_s:.4g} ms, {result.update_count} updates.",
         "",
@@ -304,41 +316,80 @@ def _summary(result: RunResult) -> str:
             last = float(result.updates.column(f"{name}_{parameter}")[-1]) if result.update_count else math.nan
             error = (last - truth.true) / truth.true
             lines.append(f"| {name} | {parameter} | {truth.true:g} | {truth.start:g} | {last:.9g} | {error:+.1e} |")
-    lines += ["", "Solid: remote cube. Frame: local cube. Red arrow: the push. Line: the way of the remote cube."]
+    lines += [
+        "",
+        "Solid: remote cube. Frame: local cube. Arrow: the push, drawn on top. Yellow line: the way of the remote.",
+    ]
     return "\n".join(lines)
 
 
-def _blueprint(result: RunResult) -> rrb.Blueprint:
+Point = tuple[float, float, float]
+LayoutKey = tuple[tuple[str, ...], Point, float]  # parameters, middle of the way, how far from there to look
+
+
+def _layout_key(result: RunResult) -> LayoutKey:
+    """Return what the layout depends on, rounded so that runs share it."""
+    place = np.zeros((1, 2))
+    if result.update_count:
+        place = np.column_stack([result.updates.column(f"{REMOTE}_{a}_m") for a in "xy"])
+    x, y = np.round(2 * (place.min(axis=0) + place.max(axis=0)) / 2) / 2
+    reach = float(np.ptp(place, axis=0).max()) / 2 + 2.0 * max(result.half_size_m)
+    middle = (float(x), float(y), 0.5 * result.half_size_m[2])
+    return tuple(_parameters(result)), middle, math.ceil(4 * reach) / 4
+
+
+class _Layout:
+    """A blueprint, made once for each key: `save` logs it as it would log one that is built anew, only sooner."""
+
+    def __init__(self, key: LayoutKey) -> None:
+        self._chunks = _layout_chunks(key)
+
+    def to_blueprint(self) -> _Layout:
+        return self
+
+    def _log_to_stream(self, stream: rr.RecordingStream) -> None:
+        stream.send_chunks(self._chunks)
+
+
+@functools.cache
+def _layout_chunks(key: LayoutKey) -> list[rr.chunk.Chunk]:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "layout.rrd"
+        with rr.RecordingStream("runner") as recording:
+            recording.save(path, default_blueprint=_blueprint(*key))
+            recording.flush()
+            recording.disconnect()
+        reader = rr.chunk.RrdReader(path)
+        return list(reader.stream(store=reader.blueprints()[0]))
+
+
+def _blueprint(parameters: tuple[str, ...], middle: Point, reach: float) -> rrb.Blueprint:
     everything = [
         rrb.VisibleTimeRange(t, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative())
         for t in ("sim_time", "frame")
     ]
-    place = np.zeros((1, 2))
-    if result.update_count:
-        place = np.column_stack([result.updates.column(f"{REMOTE}_{a}_m") for a in "xy"])
-    middle = np.array([*(place.min(axis=0) + place.max(axis=0)) / 2, 0.5 * result.half_size_m[2]])
-    reach = float(np.ptp(place, axis=0).max()) / 2 + 2.2 * max(result.half_size_m)
+    eye = np.array(middle) + reach * np.array([0.8, -1.3, 1.4])
     scene = rrb.Spatial3DView(
         origin="/world",
         name="cubes",
         overrides={f"/{TRAIL}": rrb.VisibleTimeRanges(everything)},
         background=[24, 26, 30],
         line_grid=rrb.LineGrid3D(visible=True, spacing=0.5, color=[110, 115, 125, 120]),
-        eye_controls=rrb.EyeControls3D(
-            position=tuple(middle + reach * np.array([0.9, -1.5, 1.5])), look_target=tuple(middle), eye_up=(0, 0, 1)
-        ),
+        eye_controls=rrb.EyeControls3D(position=tuple(eye), look_target=middle, eye_up=(0, 0, 1)),
     )
-    plots = [
-        view
-        for parameter in _parameters(result)
-        for view in (
-            rrb.TimeSeriesView(origin=f"/estimate/{parameter}", name=f"estimate: {parameter}"),
-            rrb.TimeSeriesView(origin=f"/error/{parameter}", name=f"log10 |relative error|: {parameter}"),
-        )
-    ]
+    legend = rrb.PlotLegend(corner=rrb.Corner2D.RightTop)
+    plots = []
+    for parameter in parameters:
+        stem, _, unit = parameter.rpartition("_")
+        plots += [
+            rrb.TimeSeriesView(origin=f"/estimate/{parameter}", name=f"{stem} [{unit}]", plot_legend=legend),
+            rrb.TimeSeriesView(
+                origin=f"/error/{parameter}", name=f"log10 of the relative error of the {stem}", plot_legend=legend
+            ),
+        ]
     plots += [
-        rrb.TimeSeriesView(origin="/velocity/linear", name="velocity [m/s]"),
-        rrb.TimeSeriesView(origin="/velocity/turning", name="yaw rate [rad/s]"),
+        rrb.TimeSeriesView(origin="/velocity/linear", name="velocity [m/s]", plot_legend=legend),
+        rrb.TimeSeriesView(origin="/velocity/turning", name="yaw rate [rad/s]", plot_legend=legend),
     ]
     summary = rrb.TextDocumentView(origin="/summary", name="summary")
     return rrb.Blueprint(
