@@ -419,25 +419,21 @@ def _wandering_force(s: Scene, g: np.random.Generator) -> Plant:
 
 
 def _barrier(s: Scene, g: np.random.Generator) -> Plant:
-    # behind all starts, before the farthest reach, along the best of some directions
-    best = (-math.inf, 0.0, 0.0)
+    """A soft wall that reaches into the paths by the size: 1 is up to where an episode starts."""
+    best = (-math.inf, 0.0, 0.0, 0.0)
     for way in g.uniform(-math.pi, math.pi, 24):
         n = np.array([math.cos(way), math.sin(way)])
-        depth = np.concatenate([path[:, :2] @ n for path in s.paths])
-        line = max(float(e.start[:2] @ n) for e in s.episodes) + 0.05
-        beyond = float(np.mean(depth > line))
-        best = max(best, (beyond, float(way), line))
-    _, way, line = best
-    unit, damping = s.friction_n, float(g.uniform(0.0, 0.5))
+        behind = max(float(e.start[:2] @ n) for e in s.episodes) + 0.05
+        reach = max(float(np.max(path[:, :2] @ n)) for path in s.paths)
+        best = max(best, (reach - behind, float(way), behind, reach))
+    _, way, behind, reach = best
+    stiff, damping = s.friction_n / 0.05, float(g.uniform(0.0, 0.5)) * math.sqrt(s.friction_n / 0.05 * s.world.mass)
 
     def edit(w: World, size: float) -> World:
-        stiff = size * unit
-        return replace(
-            w, barrier=stiff, barrier_direction=way, barrier_distance=line,
-            barrier_damping=damping * math.sqrt(stiff * w.mass),
-        )  # fmt: skip
+        line = reach + size * (behind - reach)
+        return replace(w, barrier=stiff, barrier_direction=way, barrier_distance=line, barrier_damping=damping)
 
-    return _unknown("barrier", 60.0, edit, unit_n_per_m=unit, direction_rad=way, distance_m=line)
+    return _unknown("barrier", 1.0, edit, stiffness_n_per_m=stiff, direction_rad=way, from_m=reach, to_m=behind)
 
 
 def _vortex(s: Scene, g: np.random.Generator) -> Plant:
