@@ -182,11 +182,13 @@ class Fitter:
         point = self._linearise(explanation, x, starts, episodes, None if near is None else near.basis)
         damping, converged = 1e-4, False
         count = sum(self.measured.count(e) for e in episodes)
+        behind = False
         for iteration in range(iterations):
             dx, ds, promised = self._step(point, parameters, damping)
             excess = max(point.total - count, 0.0)
             enough = tolerance + 5e-4 * excess
             if iteration > 1 and point.total - 3 * promised > target + 0.5 * (target - count) + 100.0:
+                behind = True
                 break
             if promised < enough:
                 if point.fresh:
@@ -208,7 +210,7 @@ class Fitter:
                 damping = max(damping * 20, 1e-2)
                 if damping > 1e7:
                     break
-        if not point.fresh:
+        if not point.fresh and not behind:
             point = self._linearise(explanation, point.x, point.starts, episodes, None)
         width = np.maximum(high - low, 1e-12)
         return Fit(

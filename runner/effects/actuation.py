@@ -124,7 +124,7 @@ class ActuatorSaturation(AbstractEffect):
 
     @classmethod
     def starts(cls, context: Context) -> np.ndarray:
-        return np.array([[s] for s in (0.08, 0.2, 0.35)])
+        return np.array([[s] for s in (0.1, 0.3)])
 
 
 @effect

@@ -104,7 +104,7 @@ class Stribeck(AbstractEffect):
 
     @classmethod
     def starts(cls, context: Context) -> np.ndarray:
-        return np.array([[0.15, math.log(v / 0.2)] for v in (0.05, 0.15, 0.4, 1.0)])
+        return np.array([[0.15, math.log(v / 0.2)] for v in (0.05, 0.2, 0.8)])
 
 
 @effect
@@ -133,7 +133,7 @@ class Stiction(AbstractEffect):
     @classmethod
     def starts(cls, context: Context) -> np.ndarray:
         # the motion hardly changes until a push fails to start it: look at several sizes
-        return np.array([[s] for s in (0.05, 0.15, 0.3, 0.5, 0.8)])
+        return np.array([[s] for s in (0.1, 0.3, 0.8)])
 
 
 @effect
@@ -177,8 +177,8 @@ class FrictionPatch(AbstractEffect):
     def starts(cls, context: Context) -> np.ndarray:
         (cx, cy), reach = context.centre_m, context.reach_m
         grid = np.linspace(-0.8, 0.8, 5) * reach
-        radii = (0.9 * context.size_m, 2.2 * context.size_m)
-        return np.array([[0.2, cx + a, cy + b, math.log(r)] for a in grid for b in grid for r in radii])
+        radius = max(1.2 * context.size_m, 0.3 * reach)  # overlapping neighbours
+        return np.array([[0.2, cx + a, cy + b, math.log(radius)] for a in grid for b in grid])
 
 
 @effect

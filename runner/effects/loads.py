@@ -206,4 +206,5 @@ class Tether(AbstractEffect):
         (cx, cy), reach = context.centre_m, context.reach_m
         stiffness = 0.1 * context.friction_n / max(reach, 0.1)
         grid = np.array([-1.2, 0.0, 1.2]) * reach
-        return np.array([[stiffness, cx + a, cy + b, rest * reach] for a in grid for b in grid for rest in (0.1, 0.6)])
+        taut = [[stiffness, cx + a, cy + b, 0.1 * reach] for a in grid for b in grid]
+        return np.array([*taut, [stiffness, cx, cy, 0.7 * reach]])

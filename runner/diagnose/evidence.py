@@ -1,0 +1,229 @@
+"""How well each explanation accounts for a recording, once the simulator's own small errors are allowed for.
+
+No model is exact: floors have texture, sizes are off by a little. With the noise of a good sensor, errors of a tenth
+of a percent are many standard errors, and a comparison that takes the model for exact will find an "effect" in every
+recording. So every explanation is granted a small share of everything else: along each direction in which any
+effect would move the prediction, a Gaussian amplitude of standard deviation `SHARE * level` times the effect's usual
+size, and a floor texture of the same kind. Those amplitudes, and the start states, are integrated out (a Gaussian
+integral; Kennedy & O'Hagan 2001 in the linear case), and so are the explanation's own parameters (Laplace).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.special import logsumexp
+
+from runner.diagnose.fit import Explanation, Fit, Fitter, bounds, difference_steps
+from runner.effects.base import EFFECTS, AbstractEffect, Context
+from runner.effects.friction import FrictionPatch
+
+SHARE = 0.01  # of an effect's usual size: how far the simulator may be off in its direction
+TEXTURE = 0.02  # of the amplitude of the patches that span the floor (0.2): friction off by 0.4 % from place to place
+LEVELS = (0.5, 1.0, 2.0, 4.0, 8.0)  # the mismatch is not known beforehand: these multiples, equally likely
+
+
+@dataclass(frozen=True)
+class Direction:
+    """One way in which an effect can move the prediction: from a vector, by a step of one entry or to another vector.
+
+    Args:
+        kind: The effect.
+        origin: The vector that it is seen from; None: without the effect.
+        vector: The vector that it goes to.
+        per: How much of the unit amplitude that is; the column is divided by it.
+        mismatch: Standard deviation that the simulator's own error has in this direction, in units of the amplitude.
+    """
+
+    kind: type[AbstractEffect]
+    vector: np.ndarray
+    per: float
+    mismatch: float
+
+
+def directions(context: Context) -> list[Direction]:
+    """Return the directions of all effects, amplitudes in units of each parameter's `scale`."""
+    out = []
+    for kinds in EFFECTS.values():
+        for kind in kinds:
+            parameters = kind.parameters(context)
+            starts = kind.starts(context)
+            if len(starts):
+                for start in starts:
+                    texture = issubclass(kind, FrictionPatch)
+                    out.append(Direction(kind, start, 1.0, TEXTURE if texture else 0.0))
+                continue
+            steps = difference_steps(parameters, np.zeros(len(parameters)))
+            for i, parameter in enumerate(parameters):
+                vector = np.eye(len(parameters))[i] * steps[i]
+                out.append(Direction(kind, vector, float(steps[i] / parameter.scale), SHARE))
+    return out
+
+
+@dataclass(frozen=True)
+class Survey:
+    """How the whitened prediction moves in every direction, per episode (n, d), seen from one set of effects."""
+
+    directions: tuple[Direction, ...]
+    columns: tuple[np.ndarray, ...]
+
+
+def survey(fitter: Fitter, fit: Fit, every: Sequence[Direction]) -> Survey:
+    """Simulate all directions around a fit."""
+    base = fit.explanation.make(fit.x, fitter.context)
+    others = tuple(d for d in every if d.kind not in fit.explanation.kinds)
+    runs = [(*base, d.kind.from_vector(d.vector, fitter.context)) for d in others]
+    per = np.array([d.per for d in others])
+    return Survey(others, tuple(c / per for c in fitter.changes(base, runs, fit)))
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """A fit amid the directions of a survey.
+
+    `gram` holds, per fitted episode, the inner products of [own derivatives (p) | directions (d) | residual (1)],
+    (E, p + d + 1, p + d + 1), with the start states projected out.
+    """
+
+    fit: Fit
+    directions: tuple[Direction, ...]
+    gram: np.ndarray
+
+
+def surroundings(fit: Fit, known: Survey) -> Surroundings:
+    """Set a fit amid the directions of a survey that was made around it or near it, those of its own effects left out."""
+    keep = [i for i, d in enumerate(known.directions) if d.kind not in fit.explanation.kinds]
+    gram = []
+    for column, jacobian, residual, q in zip(known.columns, fit.jacobian, fit.residual, fit.basis.q, strict=True):
+        whole = np.column_stack([jacobian, column[:, keep], residual])
+        whole = whole - q @ (q.T @ whole)
+        gram.append(whole.T @ whole)
+    return Surroundings(fit, tuple(known.directions[i] for i in keep), np.array(gram))
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a fit's surroundings say of it.
+
+    Args:
+        log: Log evidence, up to a constant that all explanations of a recording share.
+        level: Log evidence of each mismatch level, (len(LEVELS),).
+        loss: Sum of squared residuals after the mismatch has taken its part, at the likeliest level.
+        covariance: Of the parameters, mismatch included, (p, p).
+    """
+
+    log: float
+    level: np.ndarray
+    loss: float
+    covariance: np.ndarray
+
+
+def log_prior(fit: Fit, context: Context) -> float:
+    """Log density of an explanation's parameters: heavy-tailed in each amplitude, even over places and logarithms."""
+    total, i = 0.0, 0
+    for kind in fit.explanation.kinds:
+        parameters = kind.parameters(context)
+        scattered = len(kind.starts(context)) > 0
+        for k, p in enumerate(parameters):
+            x = fit.x[i + k]
+            if scattered and k > 0:
+                total -= np.log(p.upper - p.lower)
+            else:
+                # Student's t with three degrees of freedom; one-sided amplitudes have twice the density
+                z = x / p.scale
+                density = 0.3675525969 / p.scale * (1 + z * z / 3) ** -2
+                total += np.log(density * (2.0 if p.lower == 0 else 1.0))
+        i += len(parameters)
+    return float(total)
+
+
+def evidence(around: Surroundings, context: Context, temper: float = 1.0) -> Evidence:
+    """Integrate the mismatch and the parameters out. `temper` > 1 counts correlated residuals for less."""
+    p = len(around.fit.x)
+    if around.fit.at_bound.any():
+        # an effect that the data push out of its range is absent, or is not what is going on
+        return Evidence(-np.inf, np.full(len(LEVELS), -np.inf), float(around.fit.total), np.full((p, p), np.nan))
+    total = around.gram.sum(axis=0) / temper
+    spread = np.array([d.mismatch for d in around.directions])
+    mismatch = np.flatnonzero(spread > 0)
+    own, rest = np.arange(p), p + mismatch
+    h_oo, h_or, h_rr = total[np.ix_(own, own)], total[np.ix_(own, rest)], total[np.ix_(rest, rest)]
+    g_o, g_r, rr = total[own, -1], total[rest, -1], total[-1, -1]
+    prior = log_prior(around.fit, context)
+    logs, losses, covariances = [], [], []
+    scale = np.array([q.scale for q in around.fit.explanation.parameters(context)])
+    for level in LEVELS:
+        s = spread[mismatch] * level
+        # in amplitudes of unit prior variance
+        inner = cho_factor(np.eye(len(s)) + s[:, None] * h_rr * s, lower=True)
+        cross = s[:, None] * h_or.T  # (m, p)
+        gr = s * g_r
+        solved = cho_solve(inner, np.column_stack([cross, gr]))
+        schur = h_oo - cross.T @ solved[:, :p]
+        g = g_o - cross.T @ solved[:, p]
+        loss = rr - gr @ solved[:, p]
+        volume = 0.0
+        covariance = np.empty((p, p))
+        if p:
+            # a parameter that the data don't tell keeps its usual size as its uncertainty
+            schur = schur + np.diag(1e-2 / scale**2)
+            covariance = np.linalg.inv(schur)
+            loss -= float(g @ covariance @ g)
+            volume = 0.5 * p * np.log(2 * np.pi) - 0.5 * float(np.linalg.slogdet(schur)[1]) + prior
+        logs.append(-0.5 * loss - float(np.log(np.diag(inner[0])).sum()) + volume)
+        losses.append(loss * temper)
+        covariances.append(covariance)
+    best = int(np.argmax(logs))
+    return Evidence(float(logsumexp(logs)) - np.log(len(LEVELS)), np.array(logs), losses[best], covariances[best])
+
+
+def promise(around: Surroundings, level: float) -> dict[type[AbstractEffect], tuple[float, np.ndarray]]:
+    """Return, for every effect that a fit does not hold, the loss it would take off and a vector to start from.
+
+    In the linear model around the fit, beside the mismatch at this level. Effects with scattered starts offer the
+    best one; the others a step of all their parameters from zero.
+    """
+    p = len(around.fit.x)
+    total = around.gram.sum(axis=0)
+    spread = np.array([d.mismatch for d in around.directions]) * level
+    out: dict[type[AbstractEffect], tuple[float, np.ndarray]] = {}
+    kinds: dict[type[AbstractEffect], list[int]] = {}
+    for i, d in enumerate(around.directions):
+        kinds.setdefault(d.kind, []).append(i)
+    # own parameters are free, everything else has its mismatch
+    free = np.concatenate([np.full(p, 1e4), spread])
+    base = free[:, None] * total[:-1, :-1] * free + np.eye(len(free))
+    factor = cho_factor(base, lower=True)
+    right = total[:-1, -1]
+    left = right - total[:-1, :-1] @ (free * cho_solve(factor, free * right))  # J^T r after the fit of the rest
+    solved = cho_solve(factor, free[:, None] * total[:-1, :-1])
+    inner = total[:-1, :-1] - total[:-1, :-1] @ (free[:, None] * solved)
+    for kind, members in kinds.items():
+        index = p + np.array(members)
+        if len(around.directions[members[0]].vector) == len(members):
+            h = inner[np.ix_(index, index)] + 0.05 * np.eye(len(index))
+            step = -np.linalg.solve(h, left[index])
+            vector = step * np.array([np.max(np.abs(around.directions[m].vector)) / abs(around.directions[m].per) for m in members])
+            out[kind] = float(-left[index] @ step), vector
+        else:
+            gain = left[index] ** 2 / (np.diag(inner)[index] + 0.05)
+            best = int(np.argmax(gain))
+            amplitude = -left[index[best]] / (inner[index[best], index[best]] + 0.05)
+            vector = around.directions[members[best]].vector.copy()
+            vector[0] *= float(np.clip(amplitude, -4, 4))
+            out[kind] = float(gain[best]), vector
+    return out
+
+
+def clip(kind: type[AbstractEffect], vector: np.ndarray, context: Context) -> np.ndarray:
+    """Return the nearest vector that an effect allows."""
+    low, high = bounds(kind.parameters(context))
+    return np.clip(vector, low, high)
+
+
+def joined(fit: Fit, kind: type[AbstractEffect], vector: np.ndarray) -> tuple[Explanation, np.ndarray]:
+    """Return a fit's explanation with one more effect, and the vector that starts it."""
+    return fit.explanation + Explanation((kind,)), np.concatenate([fit.x, vector])
