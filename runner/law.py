@@ -427,7 +427,7 @@ def _bear(n, rx, ry, w, y, turn, reach, weight, whole, load, share):
 
 
 @njit(cache=True, error_model="numpy")
-def _advance(num, r, n, h, v, force, m, damping, com, weight, com_height, free, place, turn):
+def _advance(num, r, n, h, v, force, m, damping, com, weight, heights, free, place, turn):
     """Return the velocity at the end of a step, the friction, where the load is, and how much of the base is lifted.
 
     All in the axes of the law, which are turned against the body. Velocity, load and friction are solved together:
@@ -448,8 +448,8 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, com_height, free, 
         damping: Joint damping (row-major upper).
         com: Mass times the centre of mass (2).
         weight: What the base carries.
-        com_height: Of the centre of mass above the base.
-        free: Centre of the load without friction (2).
+        heights: Of the centre of mass above the base and above the body frame (2).
+        free: Centre of the load without friction and drag (2).
         place: World position of the body frame (2) and the angle of the axes in the world.
         turn: cos, sin of the angle of the axes in the body.
 
@@ -457,6 +457,7 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, com_height, free, 
         Velocity (3), friction (3), centre of the load that the moments ask for (2, body axes), lifted share.
     """
     record = r + STRIDE
+    com_height, com_z = heights
     cr, sr = turn
     rx, ry, w, mu, load, k = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     out, whole, share = np.empty(10), np.empty(9), np.empty(12)
@@ -532,8 +533,8 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, com_height, free, 
     if bears:
         momentum = math.sqrt(_dot(v, _times(m, v)))
         impulse = h * (math.sqrt(abs(_dot(ae, e))) + math.sqrt(abs(_dot(ar, rub))))
-        size = max(impulse, stiff * momentum)
-        theta = 1.0 if size >= momentum else 0.5 + 0.5 * (size / momentum) ** 2
+        change = max(impulse, stiff * momentum)
+        theta = 1.0 if change >= momentum else 0.5 + 0.5 * (change / momentum) ** 2
     acceleration = (ae[0] - ar[0], ae[1] - ar[1], ae[2] - ar[2])
     p = _along(v, (1.0 - theta) * h, acceleration)
     if speed_counts:
@@ -549,6 +550,8 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, com_height, free, 
         xx, xy, yy = p[0] * p[0] / speed_2, p[0] * p[1] / speed_2, p[1] * p[1] / speed_2
         own = _plus(damping, air, (1.0 + xx, xy, 0.0, 1.0 + yy, 0.0, 0.0))
         e = (e[0] + air * p[0], e[1] + air * p[1], e[2])
+        if bears:
+            free = (free[0] - com_z * air * p[0] / weight, free[1] - com_z * air * p[1] / weight)
     dry = _plus(m, h, own)
     q = _plus(dry, h, films)
     b = _along(_times(m, v), h, e)
@@ -556,7 +559,14 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, com_height, free, 
     x = _along(v, h, acceleration)
     if not bears:
         x = _solve3(*q, *b)
-    lever = com_height / (weight * h) if bears else 0.0  # friction shifts the load by this much per impulse
+    # friction shifts the load by this much per impulse, drag by this much per force
+    lever = com_height / (weight * h) if bears else 0.0
+    lift = com_z / weight if bears else 0.0
+    l0, l1, l2 = lift * own[0] - lever * dry[0], lift * own[1] - lever * dry[1], lift * own[2] - lever * dry[2]
+    n0, n1, n2 = l1, lift * own[3] - lever * dry[3], lift * own[4] - lever * dry[4]
+    size = math.sqrt(whole[3] + whole[5]) if bears else 1.0
+    slip_impulse = h * num[r + _MU] * weight
+    rounding = 1e-14 * (abs(b[0]) + abs(b[1]) + abs(b[2]) / size) + 1e-300
     for outer in range(20 if bears else 0):
         if outer > 0:
             follow = _bear(n, rx, ry, w, y, turn, reach, weight, whole, load, share)
@@ -570,9 +580,9 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, com_height, free, 
                 x = (0.0, 0.0, 0.0)
         _terms(x, n, rx, ry, k, along, across, out)
         g = _residual(q, x, b, out)
-        tolerance = (1e-4 if outer == 0 else 1e-7 if outer == 1 else 1e-11) * (m[0] + m[5])
+        tolerance = (1e-3 if outer == 0 else 1e-6 if outer == 1 else 1e-9) * slip_impulse + rounding
         for _ in range(40):
-            if abs(g[0]) + abs(g[1]) + abs(g[2]) < tolerance:
+            if abs(g[0]) + abs(g[1]) + abs(g[2]) / size < tolerance:
                 break
             d = _solve3(
                 q[0] + out[3], q[1] + out[4], q[2] + out[5], q[3] + out[6], q[4] + out[7], q[5] + out[8], *g
@@ -590,10 +600,9 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, com_height, free, 
                     break
                 step *= max(slope / (slope + past), 0.1)
         # where the centre of the load must be under this friction
-        i0, i1, _i2 = _times(dry, x)
-        e0 = free[0] - lever * (i0 - b[0]) - y[0]
-        e1 = free[1] - lever * (i1 - b[1]) - y[1]
-        if abs(e0) + abs(e1) < 1e-8:
+        e0 = free[0] + lever * b[0] + l0 * x[0] + l1 * x[1] + l2 * x[2] - y[0]
+        e1 = free[1] + lever * b[1] + n0 * x[0] + n1 * x[1] + n2 * x[2] - y[1]
+        if outer > 0 and abs(e0) + abs(e1) < 1e-8:
             break
         q00, q01, q02 = q[0] + out[3], q[1] + out[4], q[2] + out[5]
         q11, q12, q22 = q[3] + out[6], q[4] + out[7], q[5] + out[8]
@@ -606,8 +615,6 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, com_height, free, 
         c00, c01 = out[0] * u0 + out[3] * u1 + out[6] * u2, out[0] * w0 + out[3] * w1 + out[6] * w2
         c10, c11 = out[1] * u0 + out[4] * u1 + out[7] * u2, out[1] * w0 + out[4] * w1 + out[7] * w2
         c20, c21 = out[2] * u0 + out[5] * u1 + out[8] * u2, out[2] * w0 + out[5] * w1 + out[8] * w2
-        l0, l1, l2 = -lever * dry[0], -lever * dry[1], -lever * dry[2]
-        n0, n1, n2 = -lever * dry[1], -lever * dry[3], -lever * dry[4]
         d0, d1, d2 = _solve3_any(
             q00 + c00 * l0 + c01 * n0, q01 + c00 * l1 + c01 * n1, q02 + c00 * l2 + c01 * n2,
             q01 + c10 * l0 + c11 * n0, q11 + c10 * l1 + c11 * n1, q12 + c10 * l2 + c11 * n2,
@@ -668,9 +675,9 @@ def _step_body(
 
     # forces on the joints (through the body frame), and at the centre of mass, where inertia acts, too
     k0, k1, k2 = damping[dof], damping[dof + 1], damping[dof + 2]
-    joint0, joint1 = passive[dof] + applied[dof] + fx, passive[dof + 1] + applied[dof + 1] + fy
+    joint0, joint1 = passive[dof] + k0 * v0 + applied[dof] + fx, passive[dof + 1] + k1 * v1 + applied[dof + 1] + fy
     com0, com1 = out0 + mass * gravity[0], out1 + mass * gravity[1]
-    e0, e1 = joint0 + com0 + k0 * v0, joint1 + com1 + k1 * v1
+    e0, e1 = joint0 + com0, joint1 + com1
     e2 = passive[dof + 2] + k2 * v2 + applied[dof + 2] + out5 + tz + lx * com1 - ly * com0
 
     # where the load must be without friction, from the moments about the centre of mass
@@ -690,7 +697,7 @@ def _step_body(
         num, r, n, h, (ca * v0 + sa * v1, ca * v1 - sa * v0, v2), (ca * e0 + sa * e1, ca * e1 - sa * e0, e2),
         (mass, 0.0, -mass * py, mass, mass * px, scale * i_origin),
         (k0 * ca * ca + k1 * sa * sa, ca * sa * (k1 - k0), 0.0, k0 * sa * sa + k1 * ca * ca, 0.0, k2),
-        (mass * px, mass * py), weight, comz - num[r + _BASEZ], (ca * mx + sa * my, ca * my - sa * mx),
+        (mass * px, mass * py), weight, (comz - num[r + _BASEZ], comz), (ca * mx + sa * my, ca * my - sa * mx),
         (qpos[qadr], qpos[qadr + 1], yaw + turn), (cr, sr),
     )  # fmt: skip
     x0, x1, x2 = ca * end[0] - sa * end[1], sa * end[0] + ca * end[1], end[2]
