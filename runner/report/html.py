@@ -1,0 +1,283 @@
+"""`report.html`: everything that a diagnosis found, as one page that needs no network."""
+
+from __future__ import annotations
+
+import dataclasses
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import jinja2
+import numpy as np
+import pandas as pd
+from markupsafe import Markup
+from scipy.stats import chi2
+
+from runner.diagnose.measured import CHANNELS, UNITS
+from runner.report import figures, words
+from runner.report.motions import Paths, autocorrelation, replay, whitened
+
+if TYPE_CHECKING:
+    from runner.diagnose.diagnosis import Diagnosis, Ranked
+
+FILE = "report.html"
+TEMPLATE = "template.html.j2"
+SHOWN = 8  # explanations in the ranking; the rest are summed up
+WHITE_AT = 0.01  # significance below which residuals are called structured
+LAGS = 20
+
+
+def write_html(diagnosis: Diagnosis, path: str | Path) -> Path:
+    """Write the report of a diagnosis.
+
+    Args:
+        diagnosis: What was found.
+        path: The file; a folder: `report.html` in it.
+
+    Returns:
+        The file.
+    """
+    path = Path(path)
+    path = path / FILE if path.is_dir() else path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(render(diagnosis), encoding="utf-8")
+    return path
+
+
+def render(diagnosis: Diagnosis) -> str:
+    """Return the report as HTML."""
+    source = resources.files("runner.report").joinpath(TEMPLATE).read_text(encoding="utf-8")
+    environment = jinja2.Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    return environment.from_string(source).render(_content(diagnosis))
+
+
+def _content(diagnosis: Diagnosis) -> dict[str, Any]:
+    paths = replay(diagnosis)
+    return {
+        "case": diagnosis.case,
+        "kind": _kind(diagnosis),
+        "verdict": words.verdict(diagnosis),
+        "confounded": words.confounded(diagnosis),
+        "steps": words.next_steps(diagnosis),
+        "facts": _facts(diagnosis),
+        "ranking": _ranking(diagnosis),
+        "corrected": bool(diagnosis.effects),
+        "trajectories": _trajectories(diagnosis, paths),
+        "closure": _closure(diagnosis),
+        "whiteness": _whiteness(diagnosis, paths),
+        "where": _where(diagnosis),
+        "noise": _noise(diagnosis),
+        "believed": _believed(diagnosis),
+        "notes": [*diagnosis.notes, *diagnosis.recording.notes],
+        "effort": _effort(diagnosis),
+    }
+
+
+def _kind(diagnosis: Diagnosis) -> str:
+    if words.settled(diagnosis):
+        return "open" if diagnosis.abstain else "found"
+    return words.likeliest(diagnosis).effects[0] if words.likeliest(diagnosis).effects else words.NONE
+
+
+def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Return the figures below the verdict: what, how much."""
+    top = words.likeliest(diagnosis)
+    facts = [("probability of this answer", words.probability(top.probability))]
+    closure = diagnosis.closure
+    if diagnosis.effects:
+        low, high = getattr(closure, "gap_closed_low", None), getattr(closure, "gap_closed_high", None)
+        value = words.percent(diagnosis.gap_closed)
+        if low is not None and high is not None and np.isfinite([low, high]).all():
+            value += f" ({words.percent(low)} to {words.percent(high)})"
+        facts.append(("of the gap closed, on episodes that were not fitted", value))
+        if (share := getattr(closure, "closable_closed", None)) is not None and np.isfinite(share):
+            facts.append(("of what is above the noise closed", words.percent(share)))
+    if (table := _by_horizon(diagnosis)) is not None:
+        last = table[(table["horizon_s"] == table["horizon_s"].max()) & table["channel"].isin(["x", "y"])]
+        if len(last):
+            before, after = (float(np.sqrt((last[c] ** 2).sum())) for c in ("before", "after"))
+            text = words.length(before) + (f" → {words.length(after)}" if diagnosis.effects else "")
+            facts.append((f"position missed after {words.number(float(table['horizon_s'].max()), 2)} s", text))
+    return facts
+
+
+def _ranking(diagnosis: Diagnosis) -> dict[str, Any]:
+    nominal = diagnosis.recording.nominal
+    rows = []
+    everything = words.ordered(diagnosis)
+    for ranked in everything[:SHOWN]:
+        rows.append(
+            {
+                "name": words.title(ranked.effects or (words.NONE,)),
+                "label": words.listed([words.label(e) for e in ranked.effects or (words.NONE,)]),
+                "probability": words.probability(ranked.probability),
+                "width": f"{100 * min(max(ranked.probability, 0.0), 1.0):.1f}",
+                "amounts": [p.amount for p in words.phrases(ranked, nominal) if p.amount],
+                "parameters": _parameters(ranked),
+                "gap": "" if ranked.gap_closed is None else words.percent(ranked.gap_closed),
+                "equivalent": [words.title(e) for e in ranked.equivalent],
+            }
+        )
+    rest = everything[SHOWN:]
+    return {
+        "rows": rows,
+        "rest": len(rest),
+        "rest_probability": words.probability(sum(r.probability for r in rest)) if rest else "",
+    }
+
+
+def _parameters(ranked: Ranked) -> list[tuple[str, str]]:
+    """Return each parameter as it stands in `corrected.yaml`, with its standard error."""
+    out = []
+    for effect, values in ranked.parameters.items():
+        errors = ranked.errors.get(effect, {})
+        out += [(f"{effect}.{name}", words.plus_minus(v, errors.get(name))) for name, v in values.items()]
+    return out
+
+
+def _trajectories(diagnosis: Diagnosis, paths: list[Paths]) -> list[dict[str, Any]]:
+    """Return the figures of the held-out episodes, worst first; without any, of the episode that was missed most."""
+
+    def missed(path: Paths) -> float:
+        return float(np.sqrt(np.nanmean(((path.nominal - path.measured) / diagnosis.measured.sigma) ** 2)))
+
+    shown = sorted([p for p in paths if p.held_out], key=missed, reverse=True) or sorted(paths, key=missed)[-1:]
+    out = []
+    for path in shown[:3]:
+        number = diagnosis.recording.episodes[path.episode].index
+        after = float(np.sqrt(np.nanmean(((path.corrected - path.measured) / diagnosis.measured.sigma) ** 2)))
+        out.append(
+            {
+                "episode": number,
+                "held_out": path.held_out,
+                "before": words.number(missed(path), 2),
+                "after": words.number(after, 2),
+                "svg": Markup(figures.trajectory(path, diagnosis.measured.sigma, number, f"path{path.episode}")),
+            }
+        )
+    return out
+
+
+def _by_horizon(diagnosis: Diagnosis) -> pd.DataFrame | None:
+    """Return the errors per channel and horizon, root mean square over the held-out episodes."""
+    table = getattr(diagnosis.closure, "table", None)
+    if table is None or not len(table):
+        return None
+    columns = ["before", "after", "noise"]
+    squares = table.assign(**{c: table[c] ** 2 for c in columns})
+    means = squares.groupby(["channel", "horizon_s"], sort=False)[columns].mean() ** 0.5
+    return means.reset_index()
+
+
+def _closure(diagnosis: Diagnosis) -> dict[str, Any] | None:
+    table = _by_horizon(diagnosis)
+    if table is None:
+        return None
+    rows = []
+    for channel in CHANNELS:
+        part = table[table["channel"] == channel]
+        if not len(part):
+            continue
+        unit, scale = figures.SMALL[UNITS[CHANNELS.index(channel)]]
+        cells = [
+            {
+                "horizon": words.number(float(r["horizon_s"]), 2),
+                "before": words.number(scale * float(r["before"]), 2),
+                "after": words.number(scale * float(r["after"]), 2),
+                "noise": words.number(scale * float(r["noise"]), 2),
+                "within": bool(r["after"] <= 1.5 * r["noise"]),
+            }
+            for _, r in part.iterrows()
+        ]
+        rows.append({"name": figures.NAMES[channel], "unit": unit, "cells": cells})
+    return {"rows": rows, "svg": Markup(figures.closure(table, "closure"))}
+
+
+def _whiteness(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | None:
+    if not paths:
+        return None
+    before, after = (whitened(diagnosis, paths, which) for which in ("nominal", "corrected"))
+    step_s = diagnosis.recording.episodes[0].step_s
+    structured, left = [], []
+    for i, channel in enumerate(CHANNELS):
+        lags = min(LAGS, after.shape[2] // 4)
+        r, count = autocorrelation(after[i], lags)
+        q = count * (count + 2) * float(np.sum(r**2 / (count - np.arange(1, lags + 1))))
+        if chi2.sf(q, lags) < WHITE_AT / len(CHANNELS):
+            structured.append(figures.NAMES[channel])
+            left.append(float(np.abs(r).max()))
+    return {
+        "structured": words.listed(structured),
+        "strong": any(a > 0.2 for a in left),
+        "lags": LAGS,
+        "size": words.number(float(np.sqrt(np.nanmean(after**2))), 3),
+        "before": words.number(float(np.sqrt(np.nanmean(before**2))), 3),
+        "svg": Markup(figures.whiteness(before, after, step_s, "white")),
+    }
+
+
+def _where(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Return the tables of where the gap is: title, header, rows."""
+    where = diagnosis.where
+    if where is None or not dataclasses.is_dataclass(where):
+        return []
+    out = []
+    for item in dataclasses.fields(where):
+        table = getattr(where, item.name)
+        if isinstance(table, pd.DataFrame) and 0 < len(table) <= 60:
+            out.append(
+                {
+                    "title": item.name.replace("_", " "),
+                    "header": [str(c).replace("_", " ") for c in table.columns],
+                    "rows": [[_cell(v) for v in row] for row in table.itertuples(index=False)],
+                }
+            )
+    return out
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else ""
+    return words.number(float(value)) if isinstance(value, float | np.floating) else str(value)
+
+
+def _noise(diagnosis: Diagnosis) -> list[dict[str, str]]:
+    out = []
+    for i, channel in enumerate(CHANNELS):
+        unit, scale = figures.SMALL[UNITS[i]]
+        colour = float(diagnosis.measured.colour[i])
+        out.append(
+            {
+                "name": figures.NAMES[channel],
+                "sigma": f"{words.number(scale * float(diagnosis.measured.sigma[i]), 2)} {unit}",
+                "source": "stated in nominal.yaml" if diagnosis.measured.stated[i] else "estimated from the recording",
+                "colour": f"correlated from sample to sample ({colour:.2f})" if colour > 0 else "white",
+            }
+        )
+    return out
+
+
+def _believed(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    nominal, episodes = diagnosis.recording.nominal, diagnosis.recording.episodes
+    duration_s = sum(float(e.t_s[-1] - e.t_s[0]) for e in episodes)
+    size = " × ".join(words.number(2 * h) for h in nominal.half_size_m)
+    held = words.listed([str(episodes[e].index) for e in diagnosis.held_out])
+    return [
+        (
+            "recording",
+            f"{len(episodes)} episodes, {words.number(duration_s)} s in all, {words.number(nominal.rate_hz)} samples a second",
+        ),
+        ("kept from the fit", f"episodes {held}" if held else "none"),
+        ("object", f"box of {size} m, {words.number(nominal.mass_kg)} kg"),
+        (
+            "friction",
+            f"{nominal.friction:.3g}, {'under the whole base' if nominal.contact.value == 'patch' else 'at the corners'}",
+        ),
+        ("gravity", f"{nominal.gravity_m_s2:.4g} m/s²"),
+    ]
+
+
+def _effort(diagnosis: Diagnosis) -> str:
+    return f"{words.number(diagnosis.seconds, 2)} s, in which {words.number(diagnosis.simulated_s)} s of motion were simulated"

@@ -1,0 +1,83 @@
+"""The motions that a report shows: measured, as the nominal model has it, and as the corrected one has it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from runner.simulate import Run, Simulator
+
+if TYPE_CHECKING:
+    from runner.diagnose.diagnosis import Diagnosis
+
+GRID = 8
+
+
+@dataclass(frozen=True)
+class Paths:
+    """One episode, channels as in `runner.diagnose.measured.CHANNELS`.
+
+    Args:
+        episode: Its place in the recording.
+        held_out: Whether it was kept from the fit.
+        t_s: Time from its start, (T,).
+        measured: (T, 6), NaN where not measured or an outlier.
+        nominal: (T, 6), from the start state that suits the nominal model best.
+        corrected: (T, 6), likewise of the corrected model.
+    """
+
+    episode: int
+    held_out: bool
+    t_s: np.ndarray
+    measured: np.ndarray
+    nominal: np.ndarray
+    corrected: np.ndarray
+
+
+def replay(diagnosis: Diagnosis) -> list[Paths]:
+    """Simulate every episode with and without the effects found, in the order of the recording."""
+    simulator = Simulator(diagnosis.recording, grid=GRID)
+    out = []
+    for e, episode in enumerate(diagnosis.recording.episodes):
+        if e not in diagnosis.nominal_starts or e not in diagnosis.corrected_starts:
+            continue
+        runs = [
+            Run((), np.asarray(diagnosis.nominal_starts[e], float)),
+            Run(tuple(diagnosis.effects), np.asarray(diagnosis.corrected_starts[e], float)),
+        ]
+        before, after = simulator.predict(e, runs)
+        measured = np.where(diagnosis.measured.valid[e], diagnosis.measured.values[e], np.nan)
+        t_s = np.asarray(episode.t_s) - episode.t_s[0]
+        out.append(Paths(e, e in diagnosis.held_out, t_s, measured, before, after))
+    return out
+
+
+def autocorrelation(residual: np.ndarray, most: int) -> tuple[np.ndarray, int]:
+    """Return the autocorrelation of one channel over episodes at lags 1 to `most`, and the number of values.
+
+    Args:
+        residual: Whitened residuals, (E, T), NaN where there is none.
+        most: The longest lag.
+    """
+    r = np.asarray(residual, float)
+    r = r - np.nanmean(r)
+    power = np.nanmean(r * r)
+    count = int(np.isfinite(r).sum())
+    if not power > 0:
+        return np.zeros(most), count
+    # the products of episodes are summed, those across their borders are not formed
+    return np.array([np.nansum(r[:, k:] * r[:, :-k]) for k in range(1, most + 1)]) / (power * count), count
+
+
+def whitened(diagnosis: Diagnosis, paths: list[Paths], which: str) -> np.ndarray:
+    """Return whitened residuals of `nominal` or `corrected`, (C, E, T), NaN beyond an episode's end."""
+    longest = max(len(p.t_s) for p in paths)
+    channels = paths[0].measured.shape[1]
+    out = np.full((channels, len(paths), longest), np.nan)
+    for k, p in enumerate(paths):
+        difference = getattr(p, which) - diagnosis.measured.values[p.episode]
+        white = diagnosis.measured.whiten(p.episode, difference)
+        out[:, k, : len(p.t_s)] = np.where(diagnosis.measured.valid[p.episode], white, np.nan).T
+    return out
