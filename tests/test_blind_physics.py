@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from runner.blind import physics
-from runner.blind.physics import Episode, World, base_load, carried_out, simulate
+from runner.blind.physics import Episode, IntegrationError, World, base_load, carried_out, simulate
 from runner.errors import ConfigError
 
 G = 9.81
@@ -338,10 +338,29 @@ def test_a_world_out_of_range_is_refused() -> None:
         replace(BOX, mass=-1.0)
 
 
+def test_a_box_that_would_tip_is_refused() -> None:
+    """Sliding, the load would have to be mu h = 0.48 m ahead of the centre, beyond the base."""
+    tall = replace(BOX, half_size=(0.4, 0.4, 1.6))
+    with pytest.raises(IntegrationError, match="the box tips"):
+        simulate(tall, episode(start=(0, 0, 0, 1.0, 0, 0)))
+    with pytest.raises(IntegrationError, match="physics: "):
+        simulate(tall, episode(force=(2.0 * 0.3 * WEIGHT, 0.0)))
+
+
 def test_the_physics_shares_nothing_with_what_the_diagnosis_fits_with() -> None:
     """Only numpy, numba, scipy, the errors and the standard library."""
     tree = ast.parse(Path(physics.__file__).read_text())
     names = {n.module or "" for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
     names |= {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
-    allowed = {"__future__", "math", "dataclasses", "typing", "numpy", "numba", "scipy.integrate", "runner.errors"}
+    allowed = {
+        "__future__",
+        "math",
+        "warnings",
+        "dataclasses",
+        "typing",
+        "numpy",
+        "numba",
+        "scipy.integrate",
+        "runner.errors",
+    }
     assert names == allowed

@@ -27,12 +27,13 @@ steps from sample to sample, and LSODA takes over wherever its error estimate is
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numba import njit
-from scipy.integrate import odeint
+from scipy.integrate import ODEintWarning, odeint
 
 from runner.errors import RunnerError, check_range
 
@@ -392,6 +393,7 @@ def _balance(p, y, t, mu, out):
         mu[:] = level
     d11, d12, d22, q11, q12, q22 = p[_D11], p[_D12], p[_D22], p[_Q11], p[_Q12], p[_Q22]
     a, b, d = 1.0, 0.0, 0.0
+    settled = False
     for k in range(12):
         _sums(bx, by, w, mu, v0, v1, v2, d11, d12, d22, q11, q12, q22, eps2, a, b, d, out)
         na, nb, nd = _solve3(
@@ -402,13 +404,13 @@ def _balance(p, y, t, mu, out):
         )  # fmt: skip
         if not (math.isfinite(na) and math.isfinite(nb) and math.isfinite(nd)):
             break
-        if k == 0 and na - abs(nb) * p[_HX] - abs(nd) * p[_HY] >= 0.0:
-            a, b, d = na, nb, nd
-            break
-        done = abs(na - a) + abs(nb - b) * p[_HX] + abs(nd - d) * p[_HY] < 1e-12
+        bears = k == 0 and na - abs(nb) * p[_HX] - abs(nd) * p[_HY] >= 0.0  # everywhere
+        settled = bears or abs(na - a) + abs(nb - b) * p[_HX] + abs(nd - d) * p[_HY] < 1e-10 * (1.0 + abs(na))
         a, b, d = na, nb, nd
-        if done:
+        if settled:
             break
+    if not settled:
+        a = math.nan  # no load balances the moments: the box tips
     return a, b, d, weight, f0 + film0, f1 + film1, torque
 
 
@@ -821,9 +823,13 @@ def simulate(
 
 
 def _odeint(p: np.ndarray, y: np.ndarray, times: np.ndarray, rtol: float, atol: float) -> np.ndarray:
-    path, info = odeint(
-        _rate, y, times, args=(p,), Dfun=_jacobian, rtol=rtol, atol=atol, mxstep=20000, full_output=True
-    )
+    if not np.all(np.isfinite(_rate(y, times[0], p))):
+        raise IntegrationError(f"physics: no load on the base balances the moments at {times[0]:.4f} s: the box tips.")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ODEintWarning)  # its message is read below
+        path, info = odeint(
+            _rate, y, times, args=(p,), Dfun=_jacobian, rtol=rtol, atol=atol, mxstep=20000, full_output=True
+        )
     if info["message"] != "Integration successful." or not np.all(np.isfinite(path)):
         raise IntegrationError(
             f"physics: LSODA stopped between {times[0]:.4f} s and {times[-1]:.4f} s: {info['message']}"
