@@ -122,8 +122,7 @@ class Experiment:
     @property
     def sequence(self) -> AbstractForces:
         """The force sequence, with the run's seed where it wants one."""
-        with_seed = getattr(self.forces, "with_seed", None)
-        return with_seed(self.seed) if with_seed else self.forces
+        return self.forces.with_seed(self.seed)
 
     @property
     def local(self) -> BodyConfig:

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 import pandas as pd
@@ -45,13 +44,9 @@ class AbstractForces(ABC):
             pushes share a step, the point is their mean weighted by impulse.
         """
 
-
-class Seeded(Protocol):
-    """A sequence with a random part: `with_seed` returns it for a seed of the run."""
-
     def with_seed(self, seed: int) -> AbstractForces:
-        """Return the sequence that this seed gives."""
-        ...
+        """Return the sequence for the seed of a run: itself, unless chance has a part in it."""
+        return self
 
 
 @dataclass(frozen=True)
@@ -299,8 +294,7 @@ class RandomForces(AbstractForces):
         """Return the sequence for the seed of a run; one with a seed of its own keeps it."""
         if self.seed is not None:
             return self
-        values = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        return RandomForces(**values | {"seed": seed})
+        return replace(self, seed=seed)
 
     @property
     def duration_s(self) -> float:
@@ -378,7 +372,7 @@ def _read_csv(path: Path) -> list[Push]:
     table.columns = names
     values = np.empty((len(table), len(CSV_COLUMNS)))
     for j, name in enumerate(CSV_COLUMNS):
-        values[:, j] = _numbers(path, table[name], name) if name in names else 0.0
+        values[:, j] = _numbers(path, table[name].tolist(), name) if name in names else 0.0
     if len(values) < 2:
         raise ConfigError(f"path: '{path}': needs at least two rows, the last of which ends the sequence.")
     late = np.flatnonzero(np.diff(values[:, 0]) <= 0)
@@ -394,10 +388,10 @@ def _read_csv(path: Path) -> list[Push]:
     return [Push(a[0], b[0], (a[1], a[2], a[3]), (a[4], a[5], a[6])) for a, b in pairwise(rows)]
 
 
-def _numbers(path: Path, column: pd.Series, name: str) -> np.ndarray:
-    numbers = pd.to_numeric(column, errors="coerce").to_numpy(float)
+def _numbers(path: Path, column: list[str], name: str) -> np.ndarray:
+    numbers = np.asarray(pd.to_numeric(pd.Series(column), errors="coerce"), dtype=np.float64)
     bad = np.flatnonzero(~np.isfinite(numbers))
     if len(bad):
         i = int(bad[0])
-        raise ConfigError(f"path: '{path}', line {i + 2}: {name} must be a finite number, got '{column.iloc[i]}'.")
+        raise ConfigError(f"path: '{path}', line {i + 2}: {name} must be a finite number, got '{column[i]}'.")
     return numbers

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -38,7 +38,6 @@ from runner.experiment import (
 from runner.frames import Frames, RunResult, Status, Truth
 from runner.link import received, update_steps
 from runner.scene import Body as Handle
-from runner.scene import Contact
 
 Advance = Callable[[int], object]
 
@@ -171,15 +170,6 @@ def _cuts(handle: Handle) -> Cuts:
     )
 
 
-def uses_constants(experiment: Experiment) -> bool:
-    """Whether the motion depends on what `mj_setConst` derives from a mass.
-
-    Those constants scale the softness of MuJoCo's own contacts. Under the compiled law there are none, and the bodies
-    are not `simple`, so that the mass matrix follows `body_mass` and `body_inertia` by itself.
-    """
-    return experiment.scene.contact is not Contact.patch
-
-
 def run(experiment: Experiment, advance: Advance = _silent) -> RunResult:
     """Run one experiment on dm-control's physics.
 
@@ -201,13 +191,12 @@ def run_world(experiment: Experiment, world: World, advance: Advance = _silent) 
     reel = world.tape.wind(data.userdata, given.pushes)
     done, reason = 0, ""
     step, set_const, scratch = world.physics.step, mujoco.mj_setConst, world.scratch
-    derived = uses_constants(experiment)
     begin = time.perf_counter()
     try:
         for end in record.ends.tolist():
             step(end - done)
             done = end
-            if update() and derived:
+            if update():
                 set_const(model, scratch)
             if not done % 512:
                 advance(512)
@@ -256,7 +245,6 @@ def _run_group(experiments: list[Experiment], threads: int, advance: Advance) ->
     updates = [local_side(*one) for one in zip(records, qpos, qvel, mass, inertia, strict=True)]
     # after each tick all go on to the next; a run that is shorter stops at its own end
     stops = [[*t.ends.tolist(), e.steps] for t, e in zip(records, experiments, strict=True)]
-    derived = uses_constants(experiments[0])
     done, reasons = [0] * len(experiments), [""] * len(experiments)
     begin = time.perf_counter()
     for turn in range(max(len(s) for s in stops)):
@@ -270,7 +258,7 @@ def _run_group(experiments: list[Experiment], threads: int, advance: Advance) ->
                 done[i] += count
             ticking = [i for i in ids if turn < len(records[i].ends)]
             changed = [i for i in ticking if updates[i]()]
-            if changed and derived:
+            if changed:
                 batch.set_const(changed)
             advance(count * len(ids))
     wall_s = (time.perf_counter() - begin) / len(experiments)
@@ -312,13 +300,14 @@ def _different_fields(models: list[mujoco.MjModel]) -> set[str]:
 
 def _step(batch: Batch, ids: list[int], count: int) -> dict[int, str]:
     """Step some simulations; return why, for those that blew up."""
-    before = batch.warning[ids].copy()
+    counters = batch.warning[:, :, 1]  # live; beside each counter stands MuJoCo's last message number
+    before = counters[ids].copy()
     failed: dict[int, str] = {}
     try:
         batch.step(ids, nstep=count)
     except SimulationError as error:
         failed = {int(i): batch.error(int(i)) for i in error.ids}
-    for i, grown in zip(ids, batch.warning[ids] > before, strict=True):
+    for i, grown in zip(ids, counters[ids] > before, strict=True):
         if grown.any() and i not in failed:
             failed[i] = warning_text(grown)
     return failed
@@ -347,7 +336,7 @@ VELOCITY = {
 }
 
 
-def _result(record: Record, truth: dict[str, Truth], frames: np.ndarray, wall_s: float, reason: str) -> RunResult:
+def _result(record: Record, truth: Mapping[str, Truth], frames: np.ndarray, wall_s: float, reason: str) -> RunResult:
     experiment, names = record.experiment, (REMOTE, *record.experiment.estimator)
     estimates = _estimates(record, truth)
     return RunResult(
@@ -390,7 +379,7 @@ def _state_columns(name: str, handle: Handle, qpos: np.ndarray, qvel: np.ndarray
 Estimates = list[tuple[str, float, np.ndarray]]  # name, value at the start, values after each update
 
 
-def _estimates(record: Record, truth: dict[str, Truth]) -> Estimates:
+def _estimates(record: Record, truth: Mapping[str, Truth]) -> Estimates:
     """Return estimates and their relative errors."""
     out = []
     for (name, rule), memories in zip(record.experiment.estimator.items(), record.memories, strict=True):

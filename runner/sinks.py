@@ -263,7 +263,7 @@ def _send_trail(recording: rr.RecordingStream, result: RunResult) -> None:
     top = np.column_stack([top[:, :2], top[:, 2] + 1.03 * result.half_size_m[2]]).astype(np.float32)
     ends = np.stack([np.vstack([top[:1], top[:-1]]), top], axis=1)
     # as Arrow: the conversion of lists takes longer than all else
-    kind = rr.components.LineStrip3DBatch._ARROW_DATATYPE
+    kind: Any = rr.components.LineStrip3DBatch._ARROW_DATATYPE
     points = pa.FixedSizeListArray.from_arrays(pa.array(ends.ravel()), type=kind.value_type)
     strips = pa.ListArray.from_arrays(pa.array(np.arange(0, 2 * len(top) + 1, 2, dtype=np.int32)), points, type=kind)
     recording.send_columns(TRAIL, _index(frames), rr.LineStrips3D.columns(strips=strips))
@@ -338,14 +338,11 @@ def _layout_key(result: RunResult) -> LayoutKey:
     return tuple(_parameters(result)), middle, math.ceil(4 * reach) / 4
 
 
-class _Layout:
+class _Layout(rrb.Blueprint):
     """A blueprint, made once for each key: `save` logs it as it would log one that is built anew, only sooner."""
 
     def __init__(self, key: LayoutKey) -> None:
         self._chunks = _layout_chunks(key)
-
-    def to_blueprint(self) -> _Layout:
-        return self
 
     def _log_to_stream(self, stream: rr.RecordingStream) -> None:
         stream.send_chunks(self._chunks)

@@ -97,9 +97,7 @@ def collect(paths: Iterable[Path]) -> pd.DataFrame:
         if not found:
             raise ResultError(f"paths: no '{SUMMARY}' in '{path}' nor in a folder within it: no run has ended there.")
         tables += [_read(file) for file in found]
-    table = pd.concat(tables, ignore_index=True)
-    leading = [c for c in ("run",) if c in table]
-    return table[leading + [c for c in table.columns if c not in leading]]
+    return pd.concat(tables, ignore_index=True)
 
 
 def _natural(path: Path) -> list[tuple[bool, int, str]]:
