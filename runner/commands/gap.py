@@ -1,0 +1,135 @@
+"""Measure the gap between a recording and the model that its owner believes in, channel by channel.
+
+`runner gap DIR` reads a case, or every case below a folder, replays the recorded commands through the nominal model,
+and prints the RMS error of each channel, in physical units and in multiples of the noise: over windows of each
+horizon, begun at regular times, and over whole episodes. `model=PATH` takes the corrected model that a diagnosis
+wrote instead. The results folder holds `gap.parquet`, and `gap_episodes.parquet` with the whole episodes one by one.
+
+Start states are measured with noise, and it spreads. "measured" is the gap from the start states as they were
+measured, beside what the noise alone would make of it; "fitted" is the gap from start states fitted to the window,
+1 for a perfect model. A noise that its owner does not know is estimated, and marked with ~.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pandas as pd
+from rich.console import Console
+from rich.table import Table
+
+from runner.commands import Command, Job
+from runner.diagnose.corrected import read_corrected
+from runner.diagnose.measured import measure
+from runner.errors import ConfigError, check_range
+from runner.gap import CHANNELS, HORIZONS_S, UNITS, WHOLE_EPISODE, Gap, measure_gap
+from runner.progress import progress
+from runner.recording import Recording, find_cases, read_case
+from runner.simulate import Simulator
+
+FILE = "gap.parquet"
+EPISODES_FILE = "gap_episodes.parquet"
+# so that a reader sees 5 numbers and no zeros: mm, mrad
+SHOWN = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "m/s": ("mm/s", 1e3), "rad/s": ("mrad/s", 1e3)}
+
+
+@dataclass(frozen=True)
+class GapConfig:
+    """Which case, through which model, how far ahead."""
+
+    recording: Path
+    model: Path | None = None
+    horizons_s: tuple[float, ...] = field(default=HORIZONS_S)
+
+    def __post_init__(self) -> None:
+        if not self.horizons_s:
+            raise ConfigError("horizons_s: at least one horizon is needed, as in horizons_s=[0.1,0.5,1.0].")
+        for i, horizon in enumerate(self.horizons_s):
+            check_range(f"horizons_s[{i}]", horizon, 0.0, 3600.0, unit="s", lower_open=True)
+        if len(set(self.horizons_s)) < len(self.horizons_s):
+            raise ConfigError(f"horizons_s: each once only, got {list(self.horizons_s)!r}.")
+
+
+def main(config: GapConfig, job: Job) -> None:
+    """Measure, print and write the gap of each case."""
+    folder = job.results
+    effects = () if config.model is None else read_corrected(config.model)
+    # read them all before the first is simulated: a broken one is found at once
+    recordings = [read_case(path) for path in find_cases(config.recording)]
+    console = Console()
+    total = sum(len(config.horizons_s) + len(r.episodes) for r in recordings)
+    tables, episodes = [], []
+    with progress("Replaying", total=total, unit="steps") as advance:
+        for recording in recordings:
+            signals = measure(recording)
+            gap = measure_gap(
+                Simulator(recording), signals, effects=effects, horizons_s=config.horizons_s, advance=advance
+            )
+            tables.append(gap.table.assign(case=str(recording.path)))
+            episodes.append(gap.episodes.assign(case=str(recording.path)))
+            if len(recordings) == 1:
+                _print(recording, gap, console)
+    table = _case_first(pd.concat(tables, ignore_index=True))
+    table.to_parquet(folder / FILE, index=False)
+    _case_first(pd.concat(episodes, ignore_index=True)).to_parquet(folder / EPISODES_FILE, index=False)
+    if len(recordings) > 1:
+        _print_many(table, console)
+    console.print(f"{folder / FILE}", highlight=False, soft_wrap=True)
+
+
+def _case_first(table: pd.DataFrame) -> pd.DataFrame:
+    return table.loc[:, ["case", *(c for c in table.columns if c != "case")]]
+
+
+def _print(recording: Recording, gap: Gap, console: Console) -> None:
+    for note in recording.notes:
+        console.print(f"Note: {note}.", highlight=False)
+    horizons = list(dict.fromkeys(gap.table["horizon"]))
+    table = Table(title=f"{recording.path}: gap, RMS = noises", title_justify="left")
+    for name in ("starts", "channel"):
+        table.add_column(name)
+    for name in ("noise", *("episodes" if h == WHOLE_EPISODE else h for h in horizons)):
+        table.add_column(name, justify="right", no_wrap=True)
+    at = {(r["starts"], r["channel"], r["horizon"]): r for r in gap.table.to_dict("records")}
+    for section in ("measured", "noise alone", "fitted"):
+        starts = "fitted" if section == "fitted" else "measured"
+        for c, channel in enumerate(CHANNELS):
+            unit, factor = SHOWN[UNITS[c]]
+            rows = [at[starts, channel, horizon] for horizon in horizons]
+            mark = "" if rows[0]["stated"] else "~"
+            if section == "noise alone":
+                cells = [f"{mark}{row['noises_expected']:.2f}" for row in rows]
+            else:
+                cells = [f"{row['rms'] * factor:.3g} = {mark}{row['noises']:.2f}" for row in rows]
+            noise = f"{mark}{rows[0]['noise'] * factor:.3g}"
+            last = c == len(CHANNELS) - 1
+            table.add_row(section if c == 0 else "", f"{channel}, {unit}", noise, *cells, end_section=last)
+    console.print(table)
+    console.print(
+        "Starts measured: compare with what noise alone makes of it. Starts fitted: 1 for a perfect model."
+        + (" ~: noise estimated." if not gap.table["stated"].to_numpy().all() else ""),
+        highlight=False,
+    )
+
+
+def _print_many(rows: pd.DataFrame, console: Console) -> None:
+    horizons = list(dict.fromkeys(rows["horizon"]))
+    table = Table(title="Gap in noises, fitted starts: worst channel", title_justify="left")
+    table.add_column("case")
+    for horizon in horizons:
+        table.add_column("whole episodes" if horizon == WHOLE_EPISODE else horizon, justify="right")
+    fitted = [r for r in rows.to_dict("records") if r["starts"] == "fitted"]
+    for case in dict.fromkeys(r["case"] for r in fitted):
+        cells = []
+        for horizon in horizons:
+            at = [r for r in fitted if r["case"] == case and r["horizon"] == horizon]
+            worst = max(at, key=lambda r: r["noises"])
+            cells.append(f"{'' if worst['stated'] else '~'}{worst['noises']:.2f} {worst['channel']}")
+        table.add_row(Path(str(case)).name, *cells)
+    console.print(table)
+    if not rows["stated"].to_numpy().all():
+        console.print("~: noise estimated.", highlight=False)
+
+
+COMMAND = Command(config=GapConfig, main=main, keeps="gap", positional="recording")
