@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pandas as pd
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -86,25 +87,24 @@ def _print(recording: Recording, gap: Gap, console: Console) -> None:
     for note in recording.notes:
         console.print(f"Note: {note}.", highlight=False)
     horizons = list(dict.fromkeys(gap.table["horizon"]))
-    table = Table(title=f"{recording.path}: gap, RMS = noises", title_justify="left")
-    for name in ("starts", "channel"):
-        table.add_column(name)
+    table = Table(title=f"{recording.path}: gap, RMS = noises", title_justify="left", box=box.SIMPLE_HEAD)
+    table.add_column("channel", no_wrap=True)
     for name in ("noise", *("episodes" if h == WHOLE_EPISODE else h for h in horizons)):
         table.add_column(name, justify="right", no_wrap=True)
     at = {(r["starts"], r["channel"], r["horizon"]): r for r in gap.table.to_dict("records")}
-    for section in ("measured", "noise alone", "fitted"):
-        starts = "fitted" if section == "fitted" else "measured"
+    for starts, alone in (("measured", False), ("measured", True), ("fitted", False)):
+        table.add_row("[italic]noise alone[/]" if alone else f"[italic]starts {starts}[/]")
         for c, channel in enumerate(CHANNELS):
             unit, factor = SHOWN[UNITS[c]]
             rows = [at[starts, channel, horizon] for horizon in horizons]
             mark = "" if rows[0]["stated"] else "~"
-            if section == "noise alone":
+            if alone:
                 cells = [f"{mark}{row['noises_expected']:.2f}" for row in rows]
             else:
                 cells = [f"{row['rms'] * factor:.3g} = {mark}{row['noises']:.2f}" for row in rows]
             noise = f"{mark}{rows[0]['noise'] * factor:.3g}"
             last = c == len(CHANNELS) - 1
-            table.add_row(section if c == 0 else "", f"{channel}, {unit}", noise, *cells, end_section=last)
+            table.add_row(f"  {channel}, {unit}", noise, *cells, end_section=last)
     console.print(table)
     console.print(
         "Starts measured: compare with what noise alone makes of it. Starts fitted: 1 for a perfect model."
