@@ -192,4 +192,3 @@ class Simulator:
                 measured = effect.edit_measurement(measured)
             target = [rows[i] for i in which]
             out[target, :, :3], out[target, :, 3:] = measured.pose, measured.twist
-

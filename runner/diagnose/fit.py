@@ -160,7 +160,7 @@ class Fitter:
         near: Fit | None = None,
         target: float = np.inf,
         iterations: int = 15,
-        tolerance: float = 0.05,
+        tolerance: float = 0.3,
     ) -> Fit:
         """Fit an explanation; stops when a step gains less than `tolerance` in the loss (more where the fit is bad).
 
@@ -186,8 +186,8 @@ class Fitter:
         for iteration in range(iterations):
             dx, ds, promised = self._step(point, parameters, damping)
             excess = max(point.total - count, 0.0)
-            enough = tolerance + 5e-4 * excess
-            if iteration > 1 and point.total - 3 * promised > target + 0.5 * (target - count) + 100.0:
+            enough = tolerance + 2e-3 * excess
+            if iteration > 0 and point.total - 3 * promised > target + 0.5 * (target - count) + 100.0:
                 behind = True
                 break
             if promised < enough:
