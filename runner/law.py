@@ -300,13 +300,14 @@ def _moments(n, rx, ry, w, a, b, c, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _share_load(n, rx, ry, w, cx, cy, weight, whole, load, share):
-    """Fill `load` with N_k = weight * w_k max(a + b x_k + c y_k, 0) whose centre is (cx, cy).
+def _share_load(n, rx, ry, w, centre, weight, whole, load, share):
+    """Fill `load` with N_k = weight * w_k max(a + b x_k + c y_k, 0) with this centre (cx, cy).
 
     `whole` holds the moments of all weights, `share` receives a, b, c and the moments of those that bear. Where part
     of the base is lifted, a, b, c minimise the convex 1/2 sum_k w_k max(p_k, 0)^2 - (a + b cx + c cy), by Newton.
-    (cx, cy) must lie inside the base.
+    The centre must lie inside the base.
     """
+    cx, cy = centre
     a, b, c = _solve3(whole[0], whole[1], whole[2], whole[3], whole[4], whole[5], 1.0, cx, cy)
     lowest = 1.0
     for i in range(n):
@@ -413,8 +414,8 @@ def _coefficients(num, r, n, rx, ry, v, place, mu):
 
 
 @njit(cache=True, error_model="numpy")
-def _bear(n, rx, ry, w, y, turn, reach, weight, whole, load, share):
-    """Share the load so that its centre is y, or as near as the base allows; tell how the centre follows y (3)."""
+def _onto_base(y, turn, reach):
+    """Return the place of the base that is nearest to y (2), and how it follows y (3, row-major upper)."""
     cr, sr = turn
     x, z = cr * y[0] - sr * y[1], sr * y[0] + cr * y[1]
     free_x = free_y = 1.0
@@ -422,8 +423,8 @@ def _bear(n, rx, ry, w, y, turn, reach, weight, whole, load, share):
         x, free_x = math.copysign(EDGE * reach[0], x), 0.0
     if abs(z) > EDGE * reach[1]:
         z, free_y = math.copysign(EDGE * reach[1], z), 0.0
-    _share_load(n, rx, ry, w, cr * x + sr * z, cr * z - sr * x, weight, whole, load, share)
-    return cr * cr * free_x + sr * sr * free_y, cr * sr * (free_y - free_x), sr * sr * free_x + cr * cr * free_y
+    follow = (cr * cr * free_x + sr * sr * free_y, cr * sr * (free_y - free_x), sr * sr * free_x + cr * cr * free_y)
+    return (cr * x + sr * z, cr * z - sr * x), follow
 
 
 @njit(cache=True, error_model="numpy")
@@ -495,7 +496,7 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, heights, free, pla
         force[1] - d1 - air * v[1] + v[2] * v[2] * com[1],
         force[2] - d2,
     )
-    y = free
+    y = centre = free
     follow = (1.0, 0.0, 1.0)
     rub = (0.0, 0.0, 0.0)
     stiff = 0.0
@@ -513,7 +514,8 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, heights, free, pla
             1.0, free[0], free[1],
         )  # fmt: skip
         y = (a * whole[1] + b * whole[3] + c * whole[4], a * whole[2] + b * whole[4] + c * whole[5])
-        follow = _bear(n, rx, ry, w, y, turn, reach, weight, whole, load, share)
+        centre, follow = _onto_base(y, turn, reach)
+        _share_load(n, rx, ry, w, centre, weight, whole, load, share)
         if share[3] == whole[0] and follow[0] == 1.0 and follow[2] == 1.0:
             rub = (
                 weight * (a * out[0] + b * out[3] + c * out[6]),
@@ -567,9 +569,10 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, heights, free, pla
     size = math.sqrt(whole[3] + whole[5]) if bears else 1.0
     slip_impulse = h * num[r + _MU] * weight
     rounding = 1e-14 * (abs(b[0]) + abs(b[1]) + abs(b[2]) / size) + 1e-300
-    for outer in range(20 if bears else 0):
+    for outer in range(40 if bears else 0):
         if outer > 0:
-            follow = _bear(n, rx, ry, w, y, turn, reach, weight, whole, load, share)
+            centre, follow = _onto_base(y, turn, reach)
+            _share_load(n, rx, ry, w, centre, weight, whole, load, share)
         for i in range(n):
             k[i] = h * mu[i] * load[i]
         if outer == 0 and theta == 1.0:
@@ -602,8 +605,14 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, heights, free, pla
         # where the centre of the load must be under this friction
         e0 = free[0] + lever * b[0] + l0 * x[0] + l1 * x[1] + l2 * x[2] - y[0]
         e1 = free[1] + lever * b[1] + n0 * x[0] + n1 * x[1] + n2 * x[2] - y[1]
-        if outer > 0 and abs(e0) + abs(e1) < 1e-8:
+        wanted, _follow = _onto_base((y[0] + e0, y[1] + e1), turn, reach)
+        if outer > 0 and abs(wanted[0] - centre[0]) + abs(wanted[1] - centre[1]) < 1e-8:
+            y = (y[0] + e0, y[1] + e1)
             break
+        if outer >= 8 and outer % 8 > 1:
+            # Newton can go round in a circle where parts of the base lift and settle: step towards the wanted centre
+            y = (centre[0] + 0.5 * (wanted[0] - centre[0]), centre[1] + 0.5 * (wanted[1] - centre[1]))
+            continue
         q00, q01, q02 = q[0] + out[3], q[1] + out[4], q[2] + out[5]
         q11, q12, q22 = q[3] + out[6], q[4] + out[7], q[5] + out[8]
         _coupling(x, n, rx, ry, w, mu, load, along, across, out)

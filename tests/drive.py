@@ -80,8 +80,8 @@ def set_planar(scene: Scene, start: object, name: str = "b0") -> None:
 class Track:
     """A motion: times (T,), x, y, yaw and their rates (T, 6), and the law's outputs of each step (T - 1, OUT_SIZE).
 
-    MuJoCo adds h v(end) to the position, so that it leads by h (v - v_start) / 2; `state` has this taken off, `raw`
-    has not.
+    MuJoCo adds h v(end) to the position, so its positions lead by h v / 2, from the start on (`raw`). `state` has that
+    taken off.
     """
 
     time_s: np.ndarray
@@ -92,16 +92,17 @@ class Track:
     def state(self) -> np.ndarray:
         """See the class."""
         state = self.raw.copy()
-        state[:, :3] -= 0.5 * (self.time_s[1] - self.time_s[0]) * (state[:, 3:] - state[0, 3:])
+        state[:, :3] -= 0.5 * (self.time_s[1] - self.time_s[0]) * state[:, 3:]
         return state
 
 
 def play(scene: Scene, duration_s: float, push: Push | None = None, start: object = (0.0,) * 6) -> Track:
-    """Move a body under the law; the push of each step is that of its middle."""
+    """Move a body that can't tip from a state (6,); the push of each step is that of its middle."""
     h = scene.config.timestep_s
     n = round(duration_s / h)
     body = scene.body("b0")
-    set_planar(scene, start)
+    place, speed = np.split(np.asarray(start, float), 2)
+    set_planar(scene, [*(place + 0.5 * h * speed), *speed])
     q, v = (list(c) for c in body.planar_columns())
     model, data = scene.model, scene.data
     raw, out = np.empty((n + 1, 6)), np.empty((n, law.OUT_SIZE))

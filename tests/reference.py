@@ -1,7 +1,7 @@
 """A second, independent way to move a box on a dry floor: `scipy.integrate.solve_ivp` on a fine grid of base points.
 
 It shares nothing with `runner.law`: the equations stand about the centre of mass in world axes, the base is a grid of
-equal cells, time steps are chosen by an error bound, and friction is `-mu N u / sqrt(u^2 + eps^2)`. The load is affine
+cells, time steps are chosen by an error bound, and friction is `-mu N u / sqrt(u^2 + eps^2)`. The load is affine
 over the base; as friction is linear in it, both follow from one 3 x 3 system, without iteration as long as all bears.
 """
 
@@ -23,8 +23,9 @@ def no_push(t_s: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def cells(half_size_m: tuple[float, float, float], n: int) -> np.ndarray:
-    """Return the middles of n x n equal cells of a base, (n * n, 2)."""
-    edge = (np.arange(n) + 0.5) / n * 2 - 1
+    """Return n x n equal cells of a base, each as the four points of Gauss's rule in it, (4 n n, 2)."""
+    middle = (np.arange(n) + 0.5) / n * 2 - 1
+    edge = (middle[:, None] + np.array([-1, 1]) / (np.sqrt(3) * n)).ravel()
     x, y = np.meshgrid(edge * half_size_m[0], edge * half_size_m[1])
     return np.column_stack([x.ravel(), y.ravel()])
 
@@ -61,7 +62,7 @@ class Box:
         half_size_m: Half edges.
         com_m: Centre of mass.
         gravity_m_s2: Vector, world axes.
-        points: Base points, body axes, (n, 2), m; default: 24 x 24 cells.
+        points: Base points, body axes, (n, 2), m; default: those of 8 x 8 cells.
         areas: Share of the base that each stands for, (n,); default: equal.
         pressure: Relative pressure at each point, (n,), before the moments shift it; default: 1.
         slip_eps_m_s: Regularises the slip; a stuck body creeps by about this speed.
@@ -92,7 +93,7 @@ class Box:
 
     def __post_init__(self) -> None:
         if not len(self.points):
-            object.__setattr__(self, "points", cells(self.half_size_m, 24))
+            object.__setattr__(self, "points", cells(self.half_size_m, 8))
         if not len(self.areas):
             object.__setattr__(self, "areas", np.full(len(self.points), 1 / len(self.points)))
 
