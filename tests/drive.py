@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -32,7 +33,7 @@ def make(
     contact: Contact = Contact.patch,
     timestep_s: float = STEP_S,
     grid: int = 8,
-    **record: float,
+    **record: Any,
 ) -> Scene:
     """Return a scene with bodies `b0`, `b1`, ... whose friction law has these values in its record."""
     config = SceneConfig(dof=dof, contact=contact, timestep_s=timestep_s, grid=grid)
