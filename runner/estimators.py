@@ -16,7 +16,7 @@ Dry friction slows any mass alike, so both end at a + F T / mass, with a = v0 - 
 
 The error is multiplied by rho, the share of the remote's speed that is *not* due to the push of this interval.
  * Speeding up from rest: rho falls as the speed grows, and the errors multiply to about n^-(1 + mu g / A) after n
-   updates at acceleration A. One push of half a second at 60 Hz is worth three to six decades, whatever the start.
+   updates at acceleration A: 1.5 decades in half a second at 60 Hz with little friction, four with mu g = 1.4 A.
  * Gliding without push: rho = 1. Nothing is learnt, nothing is lost.
  * Push against the motion: rho > 1, the error grows, by as much as it shrank when the same speed was gained.
  * Start of a push from rest, v0 = 0: rho = -mu g T / v_remote = -mu g / A. The rule overshoots, beyond the start

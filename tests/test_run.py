@@ -46,7 +46,7 @@ def test_every_experiment_runs_briefly(name: str, tmp_path: Path) -> None:
     if "hydra" in text:
         pytest.skip("a sweep")
     assert main([f"out={tmp_path}/x", f"experiment={name}", *BRIEF]) == 0
-    assert pd.read_parquet(tmp_path / "x" / "summary.parquet")["status"][0] == "done"
+    assert pd.read_parquet(tmp_path / "x" / "summary.parquet")["status"].tolist() == ["done"]
 
 
 @pytest.mark.parametrize("group", ["scene", "forces", "start", "link", "estimator", "log", "remote"])

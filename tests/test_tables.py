@@ -90,10 +90,10 @@ def test_collect_joins_folders_in_order(tmp_path: Path) -> None:
     table = collect([tmp_path])
     assert table["job"].tolist() == [0, 2, 3, 10]
     assert table["status"].tolist() == ["done", "done", "failed", "done"]
-    assert table["reason"][2] == "ValueError: no way"
+    assert table["reason"].tolist()[2] == "ValueError: no way"
     assert table["mass_final_kg"].dtype == float
     assert np.isnan(table["mass_final_kg"][2])
-    assert table["run"][3] == str(tmp_path / "sweep" / "10")
+    assert table["run"].tolist()[3] == str(tmp_path / "sweep" / "10")
     twice = collect([tmp_path / "sweep" / "2", tmp_path / "sweep" / "2" / "summary.parquet"])
     assert twice["job"].tolist() == [2, 2]
 
@@ -114,6 +114,6 @@ def test_a_summary_is_read_back(tmp_path: Path) -> None:
     write_summary([{"a": 1, "b": 0.5, "c": "x"}, {"a": 2, "d": True}], tmp_path)
     table = pd.read_parquet(tmp_path / "summary.parquet")
     assert table["a"].tolist() == [1, 2]
-    assert table["b"][0] == 0.5
-    assert table["c"][0] == "x"
+    assert table["b"].tolist()[0] == 0.5
+    assert table["c"].tolist()[0] == "x"
     assert list(table.columns) == ["a", "b", "c", "d"]

@@ -2,8 +2,8 @@
 
 Both cubes get the same forces. At every update the local cube receives the remote's position, rotation, linear and
 angular velocity, the estimator compares the two, and the local cube takes over the remote's state. The results folder
-holds the resolved config, `versions.yaml`, every physics frame and every update as Parquet, `run.rrd` for the Rerun
-viewer, and `summary.parquet` with one row.
+holds the resolved config, `versions.yaml`, `frames.parquet` with a frame for every update (`log.frames=steps`: and
+`steps.parquet` with one for every physics step), `run.rrd` for the Rerun viewer, and `summary.parquet` with one row.
 
     runner                                        the published experiment
     runner run start.mass_kg=0.5 estimator=guard
