@@ -25,7 +25,6 @@ import yaml
 from rich.console import Console
 from rich.table import Table
 
-import runner.effects  # registers the effects with the estimators and forces below
 from runner.commands import Command, Job
 from runner.experiment import Experiment
 from runner.frames import RunResult, Status
