@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import io
 import re
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -16,10 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from runner.diagnose.measured import CHANNELS, UNITS
+from runner.report.before_after import NAMES, SMALL, Miss
 from runner.report.motions import Paths, autocorrelation
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # colours that stand for the page's: what is drawn in them follows the theme
 INK, GREY, ORANGE, FAINT, BAND = "#010203", "#8a8d91", "#d55e01", "#c1c2c3", "#e1e2e3"
@@ -47,16 +46,6 @@ STYLE: dict[str, Any] = {
     "path.simplify_threshold": 0.4,
     "axes.unicode_minus": True,
 }
-NAMES = {
-    "x": "position x",
-    "y": "position y",
-    "yaw": "heading",
-    "vx": "velocity x",
-    "vy": "velocity y",
-    "wz": "yaw rate",
-}
-# the unit that a residual is shown in, and what one SI unit is of it
-SMALL = {"m": ("mm", 1e3), "rad": ("°", 180 / np.pi), "m/s": ("mm/s", 1e3), "rad/s": ("°/s", 180 / np.pi)}
 
 
 def svg(figure: Figure, name: str, description: str) -> str:
@@ -140,32 +129,43 @@ def _residual(ax: Axes, path: Paths, i: int, sigma: np.ndarray) -> None:
         ax.tick_params(labelbottom=False)
 
 
-def closure(table: pd.DataFrame, name: str) -> str:
-    """Return the error over the horizon, before and after, against the noise, one panel per channel."""
+def horizons(found: Sequence[Miss], name: str) -> str:
+    """Return the misses over the horizon, before and after, against the noise, one panel per channel."""
     with mpl.rc_context(STYLE):
         figure = _new(11.0, 3.9)
-        channels = [c for c in CHANNELS if c in set(table["channel"])]
-        axes = figure.subplots(2, 3, sharex=True)
-        for i, (ax, channel) in enumerate(zip(axes.ravel(), channels, strict=False)):
-            part = table[table["channel"] == channel]
-            unit, scale = SMALL[UNITS[CHANNELS.index(channel)]]
-            x = part["horizon_s"].to_numpy(float)
-            ax.plot(x, scale * part["before"].to_numpy(float), "o-", color=GREY, ms=4)
-            ax.plot(x, scale * part["after"].to_numpy(float), "o-", color=ORANGE, ms=4)
-            ax.plot(x, scale * part["noise"].to_numpy(float), color=INK, lw=0.9, ls=(0, (1, 2)))
-            ax.set_yscale("log")
-            ax.yaxis.set_major_formatter(lambda v, _: f"{v:g}")
-            ax.yaxis.set_minor_formatter(lambda v, _: "")
-            if x.min() > 0 and x.max() / x.min() > 5:
-                ax.set_xscale("log")
-                ax.set_xticks(x, [f"{v:g}" for v in x])
-                ax.minorticks_off()
-            ax.set_title(f"{NAMES[channel]} [{unit}]")
-            if i >= 3:
-                ax.set_xlabel("time since the start [s]")
-        for ax in axes.ravel()[len(channels) :]:
-            ax.set_visible(False)
+        for i, ax in enumerate(figure.subplots(2, 3, sharex=True).ravel()):
+            part = [m for m in found if m.channel == CHANNELS[i]]
+            ax.set_visible(bool(part))
+            if not part:
+                continue
+            x = np.arange(len(part))
+            ax.plot(x, [m.before for m in part], "o-", color=GREY, ms=4)
+            ax.plot(x, [m.after for m in part], "o-", color=ORANGE, ms=4)
+            ax.plot(x, [m.noise for m in part], color=INK, lw=0.9, ls=(0, (1, 2)))
+            ax.set_ylim(0, None)
+            ax.set_xticks(x, [m.horizon.replace("whole ", "") for m in part])
+            ax.set_title(f"{part[0].name} [{part[0].unit}]")
         return svg(figure, name, "Error before and after over the horizon, per channel")
+
+
+def bars(found: Sequence[Miss], name: str) -> str:
+    """Return the misses before and after in multiples of the noise, one row per channel."""
+    with mpl.rc_context(STYLE):
+        figure = _new(8.0, 2.6)
+        ax = figure.add_subplot()
+        y = np.arange(len(found))
+        before, after = (np.array([getattr(m, k) / m.noise for m in found]) for k in ("before", "after"))
+        ax.hlines(y, after, before, color=FAINT, lw=3)
+        ax.plot(before, y, "o", color=GREY, ms=8)
+        ax.plot(after, y, "o", color=ORANGE, ms=8)
+        ax.axvline(1, color=INK, lw=0.9, ls=(0, (1, 2)))
+        ax.set_xscale("log")
+        ax.xaxis.set_major_formatter(lambda v, _: f"{v:g}")
+        ax.xaxis.set_minor_formatter(lambda v, _: f"{v:g}" if str(v)[0] in "25" else "")
+        ax.set_yticks(y, [m.name for m in found])
+        ax.invert_yaxis()
+        ax.set_xlabel("missed, in noise levels (dotted: the noise itself, no simulator can do better)")
+        return svg(figure, name, "Misses before and after in noise levels, per channel")
 
 
 def whiteness(before: np.ndarray, after: np.ndarray, step_s: float, name: str, longest_s: float = 0.5) -> str:

@@ -14,7 +14,9 @@ from markupsafe import Markup
 from scipy.stats import chi2
 
 from runner.diagnose.measured import CHANNELS, UNITS
+from runner.recording import Contact
 from runner.report import figures, words
+from runner.report.before_after import NAMES, SMALL, Miss, longest, misses
 from runner.report.motions import Paths, autocorrelation, replay, whitened
 
 if TYPE_CHECKING:
@@ -70,7 +72,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "where": _where(diagnosis),
         "noise": _noise(diagnosis),
         "believed": _believed(diagnosis),
-        "notes": [*diagnosis.notes, *diagnosis.recording.notes],
+        "notes": list(dict.fromkeys([*diagnosis.notes, *diagnosis.recording.notes])),
         "effort": _effort(diagnosis),
     }
 
@@ -94,12 +96,16 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         facts.append(("of the gap closed, on episodes that were not fitted", value))
         if (share := getattr(closure, "closable_closed", None)) is not None and np.isfinite(share):
             facts.append(("of what is above the noise closed", words.percent(share)))
-    if (table := _by_horizon(diagnosis)) is not None:
-        last = table[(table["horizon_s"] == table["horizon_s"].max()) & table["channel"].isin(["x", "y"])]
-        if len(last):
-            before, after = (float(np.sqrt((last[c] ** 2).sum())) for c in ("before", "after"))
-            text = words.length(before) + (f" → {words.length(after)}" if diagnosis.effects else "")
-            facts.append((f"position missed after {words.number(float(table['horizon_s'].max()), 2)} s", text))
+    at_last = {m.channel: m for m in longest(diagnosis)}
+    if {"x", "y"} <= set(at_last):
+        before, after = (
+            1e-3 * float(np.hypot(getattr(at_last["x"], k), getattr(at_last["y"], k))) for k in ("before", "after")
+        )
+        text = words.length(before) + (f" → {words.length(after)}" if diagnosis.effects else "")
+        over = at_last["x"].horizon
+        facts.append(
+            (f"position missed, root mean square over {over if over[0].isdigit() else 'whole episodes'}", text)
+        )
     return facts
 
 
@@ -160,39 +166,35 @@ def _trajectories(diagnosis: Diagnosis, paths: list[Paths]) -> list[dict[str, An
     return out
 
 
-def _by_horizon(diagnosis: Diagnosis) -> pd.DataFrame | None:
-    """Return the errors per channel and horizon, root mean square over the held-out episodes."""
-    table = getattr(diagnosis.closure, "table", None)
-    if table is None or not len(table):
-        return None
-    columns = ["before", "after", "noise"]
-    squares = table.assign(**{c: table[c] ** 2 for c in columns})
-    means = squares.groupby(["channel", "horizon_s"], sort=False)[columns].mean() ** 0.5
-    return means.reset_index()
-
-
 def _closure(diagnosis: Diagnosis) -> dict[str, Any] | None:
-    table = _by_horizon(diagnosis)
-    if table is None:
+    found = misses(diagnosis)
+    if not found:
         return None
-    rows = []
-    for channel in CHANNELS:
-        part = table[table["channel"] == channel]
-        if not len(part):
-            continue
-        unit, scale = figures.SMALL[UNITS[CHANNELS.index(channel)]]
-        cells = [
+    rows: dict[str, list[Miss]] = {}
+    for miss in found:
+        rows.setdefault(miss.channel, []).append(miss)
+    several = len({m.horizon for m in found}) > 1
+    return {
+        "horizons": [m.horizon for m in rows[found[0].channel]],
+        "several": several,
+        "rows": [
             {
-                "horizon": words.number(float(r["horizon_s"]), 2),
-                "before": words.number(scale * float(r["before"]), 2),
-                "after": words.number(scale * float(r["after"]), 2),
-                "noise": words.number(scale * float(r["noise"]), 2),
-                "within": bool(r["after"] <= 1.5 * r["noise"]),
+                "name": part[0].name,
+                "unit": part[0].unit,
+                "noise": words.number(part[-1].noise, 2),
+                "cells": [
+                    {
+                        "before": words.number(m.before, 2),
+                        "after": words.number(m.after, 2),
+                        "within": m.after <= 1.5 * m.noise,
+                    }
+                    for m in part
+                ],
             }
-            for _, r in part.iterrows()
-        ]
-        rows.append({"name": figures.NAMES[channel], "unit": unit, "cells": cells})
-    return {"rows": rows, "svg": Markup(figures.closure(table, "closure"))}
+            for part in rows.values()
+        ],
+        "svg": Markup(figures.horizons(found, "closure") if several else figures.bars(longest(diagnosis), "closure")),
+    }
 
 
 def _whiteness(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | None:
@@ -206,7 +208,7 @@ def _whiteness(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | Non
         r, count = autocorrelation(after[i], lags)
         q = count * (count + 2) * float(np.sum(r**2 / (count - np.arange(1, lags + 1))))
         if chi2.sf(q, lags) < WHITE_AT / len(CHANNELS):
-            structured.append(figures.NAMES[channel])
+            structured.append(NAMES[channel])
             left.append(float(np.abs(r).max()))
     return {
         "structured": words.listed(structured),
@@ -246,11 +248,11 @@ def _cell(value: Any) -> str:
 def _noise(diagnosis: Diagnosis) -> list[dict[str, str]]:
     out = []
     for i, channel in enumerate(CHANNELS):
-        unit, scale = figures.SMALL[UNITS[i]]
+        unit, scale = SMALL[UNITS[i]]
         colour = float(diagnosis.measured.colour[i])
         out.append(
             {
-                "name": figures.NAMES[channel],
+                "name": NAMES[channel],
                 "sigma": f"{words.number(scale * float(diagnosis.measured.sigma[i]), 2)} {unit}",
                 "source": "stated in nominal.yaml" if diagnosis.measured.stated[i] else "estimated from the recording",
                 "colour": f"correlated from sample to sample ({colour:.2f})" if colour > 0 else "white",
@@ -267,17 +269,20 @@ def _believed(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     return [
         (
             "recording",
-            f"{len(episodes)} episodes, {words.number(duration_s)} s in all, {words.number(nominal.rate_hz)} samples a second",
+            f"{len(episodes)} episodes, {words.number(duration_s)} s in all, "
+            f"{words.number(nominal.rate_hz)} samples a second",
         ),
         ("kept from the fit", f"episodes {held}" if held else "none"),
         ("object", f"box of {size} m, {words.number(nominal.mass_kg)} kg"),
         (
             "friction",
-            f"{nominal.friction:.3g}, {'under the whole base' if nominal.contact.value == 'patch' else 'at the corners'}",
+            f"{nominal.friction:.3g}, "
+            + ("under the whole base" if nominal.contact is Contact.PATCH else "at the corners"),
         ),
         ("gravity", f"{nominal.gravity_m_s2:.4g} m/s²"),
     ]
 
 
 def _effort(diagnosis: Diagnosis) -> str:
-    return f"{words.number(diagnosis.seconds, 2)} s, in which {words.number(diagnosis.simulated_s)} s of motion were simulated"
+    simulated = words.number(diagnosis.simulated_s)
+    return f"{words.number(diagnosis.seconds, 2)} s, in which {simulated} s of motion were simulated"

@@ -15,7 +15,6 @@ from runner.effects import EFFECTS
 
 if TYPE_CHECKING:
     from runner.diagnose.diagnosis import Diagnosis, Ranked
-
     from runner.recording import Nominal
 
 Values = Mapping[str, float]
@@ -192,7 +191,7 @@ def _anisotropic_friction(of: _Of) -> Phrase:
     return Phrase(
         "friction depends on the direction in which the object slides",
         f"{amount} {'more' if more else 'less'} along its axis at {of.angle('angle_rad')} than across it",
-        f"Make friction {along} along the object's axis at {number(of['angle_rad'] * DEGREES)}° and {across} across it.",
+        f"Make friction {along} along the object's axis at {number(of['angle_rad'] * DEGREES)}°, {across} across it.",
         "Pull the object slowly along either axis and compare the forces.",
     )
 
@@ -241,7 +240,7 @@ def _friction_patch(of: _Of) -> Phrase:
     word, less = ("more slippery", "lower") if of["change"] < 0 else ("less slippery", "higher")
     return Phrase(
         f"the floor is {word} in one place",
-        f"friction {of.show('change', '%', 100, magnitude=True)} {less} within about {of.long('radius_m')} of {of.place()}",
+        f"friction {of.show('change', '%', 100, magnitude=True)} {less} within {of.long('radius_m')} of {of.place()}",
         f"Multiply friction by {number(1 + of['change'])} within {number(of['radius_m'])} m of {of.place()}.",
         f"Look at the floor around {of.place()}: dirt, wear, another material.",
     )

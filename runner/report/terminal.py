@@ -1,0 +1,73 @@
+"""The summary of a diagnosis in the terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich import box
+from rich.console import Group, RenderableType
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from runner.report import words
+from runner.report.before_after import longest
+
+if TYPE_CHECKING:
+    from runner.diagnose.diagnosis import Diagnosis
+
+SHOWN = 5
+
+
+def summary(diagnosis: Diagnosis) -> RenderableType:
+    """Return the verdict, the ranking and the gap before and after, to be printed by rich."""
+    parts: list[RenderableType] = [Text(words.verdict(diagnosis), style="bold")]
+    if confounded := words.confounded(diagnosis):
+        parts.append(Text(confounded, style="yellow"))
+    parts.append(Padding(ranking(diagnosis), (1, 0, 0, 0)))
+    if (gap := gap_table(diagnosis)) is not None:
+        parts.append(Padding(gap, (1, 0, 0, 0)))
+    if diagnosis.next_push:
+        parts.append(Text(f"Next push: {diagnosis.next_push}"))
+    parts += [Text(f"Note: {note}", style="dim") for note in diagnosis.notes]
+    return Group(*parts)
+
+
+def ranking(diagnosis: Diagnosis) -> Table:
+    """Return the explanations with their probabilities, parameters and share of the gap that they close."""
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    table.add_column("explanation", style="bold", overflow="fold")
+    table.add_column("probability", justify="right")
+    table.add_column("how much", overflow="fold")
+    table.add_column("gap closed", justify="right")
+    table.add_column("can't be told from", overflow="fold")
+    everything = words.ordered(diagnosis)
+    for ranked in everything[:SHOWN]:
+        amounts = [p.amount for p in words.phrases(ranked, diagnosis.recording.nominal) if p.amount]
+        table.add_row(
+            words.title(ranked.effects or (words.NONE,)),
+            words.probability(ranked.probability),
+            "\n".join(amounts),
+            "" if ranked.gap_closed is None else words.percent(ranked.gap_closed),
+            ", ".join(words.title(e) for e in ranked.equivalent),
+        )
+    if rest := everything[SHOWN:]:
+        table.add_row(
+            f"{len(rest)} others", words.probability(sum(r.probability for r in rest)), "", "", "", style="dim"
+        )
+    return table
+
+
+def gap_table(diagnosis: Diagnosis) -> Table | None:
+    """Return what is missed before and after, per channel, at the longest horizon; None: there are no numbers."""
+    found = longest(diagnosis)
+    if not found:
+        return None
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    table.add_column(f"missed ({found[0].horizon}, not fitted)")
+    for name in ("before", "after", "noise"):
+        table.add_column(name, justify="right")
+    for m in found:
+        before, after, noise = (words.number(v, 2) for v in (m.before, m.after, m.noise))
+        table.add_row(Text(f"{m.name} [{m.unit}]"), before, after if diagnosis.effects else "", noise)
+    return table

@@ -1,0 +1,471 @@
+"""A report says what was found, to people: in sentences, on a page, in a log, in the terminal."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+import math
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import rerun as rr
+from rich.console import Console
+
+from runner.diagnose.measured import CHANNELS, UNITS, Measured
+from runner.effects import EFFECTS, Friction
+from runner.recording import Episode, Form, Noise, Nominal, Recording
+from runner.report import html, words
+from runner.report.before_after import misses
+from runner.report.html import write_html
+from runner.report.motions import autocorrelation, replay
+from runner.report.record import write_rrd
+from runner.report.terminal import summary
+from runner.simulate import Run, Simulator
+
+RATE_HZ, DURATION_S = 60.0, 3.0
+SIGMA = np.array([5e-4, 5e-4, 1e-3, 5e-3, 5e-3, 1e-2])
+TRUE = Friction(0.27)
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+NOMINAL = Nominal((0.5, 0.5, 0.5), 3.0, 0.3, 9.81, RATE_HZ, noise=Noise(5e-4, 1e-3, 5e-3, 1e-2))
+
+
+def ranked(effects: tuple[str, ...], chance: float, **other: Any) -> Any:
+    """Return one explanation."""
+    empty = {"equivalent": (), "values": (), "parameters": {}, "errors": {}, "gap_closed": None, "log_evidence": 0.0}
+    return SimpleNamespace(**({"effects": effects, "probability": chance} | empty | other))
+
+
+def pushed(index: int, seed: int) -> Episode:
+    """Return an episode of pushes, its motion still to be simulated."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(int(RATE_HZ * DURATION_S) + 1) / RATE_HZ
+    force, point = np.zeros((len(t), 3)), np.zeros((len(t), 3))
+    force[: len(t) // 2, :2] = 14 * np.array([math.cos(seed), math.sin(seed)])
+    point[: len(t) // 2, :2] = rng.uniform(-0.2, 0.2, 2)
+    return Episode(index, t, np.zeros((len(t), 3)), np.zeros((len(t), 3)), force, point)
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    """A recording of a floor that is more slippery than believed, with noise."""
+    still = Recording(Path("slippery"), Form.PLANAR, NOMINAL, tuple(pushed(3 + i, 5 + i) for i in range(3)))
+    simulator, rng = Simulator(still, grid=8), np.random.default_rng(1)
+    episodes = []
+    for e, episode in enumerate(still.episodes):
+        motion = simulator.predict(e, [Run((TRUE,), np.zeros(6))])[0]
+        motion = motion + SIGMA * rng.standard_normal(motion.shape)
+        episodes.append(replace(episode, pose=motion[:, :3], twist=motion[:, 3:]))
+    return replace(still, episodes=tuple(episodes))
+
+
+@pytest.fixture(scope="module")
+def found(recording: Recording) -> Any:
+    """A diagnosis that found the friction."""
+    values = tuple(np.hstack([e.pose, e.twist]) for e in recording.episodes)
+    valid = tuple(np.ones(v.shape, bool) for v in values)
+    rows = [
+        {"episode": 5, "channel": c, "horizon_s": h, "before": 9 * s, "after": 1.1 * s, "noise": s, "unit": u}
+        for c, s, u in zip(CHANNELS, SIGMA, UNITS, strict=True)
+        for h in (0.5, 1.0, math.nan)
+    ]
+    friction = ranked(
+        ("friction",),
+        0.985,
+        parameters={"friction": {"mu": 0.2704}},
+        errors={"friction": {"mu": 0.0012}},
+        gap_closed=0.87,
+    )
+    return SimpleNamespace(
+        case="slippery",
+        recording=recording,
+        ranked=(friction, ranked(("none",), 0.01, gap_closed=0.0), ranked(("unknown",), 0.005)),
+        abstain=False,
+        gap_closed=0.87,
+        effects=(TRUE,),
+        fitted=(0, 1),
+        held_out=(2,),
+        measured=Measured(values, SIGMA, np.zeros(6), valid, np.ones(6, bool)),
+        nominal_starts={e: np.zeros(6) for e in range(3)},
+        corrected_starts={e: np.zeros(6) for e in range(3)},
+        where=None,
+        closure=SimpleNamespace(
+            table=pd.DataFrame(rows), gap_closed=0.87, gap_closed_low=0.85, gap_closed_high=0.88, closable_closed=0.99
+        ),
+        seconds=12.0,
+        simulated_s=4000.0,
+        next_push=None,
+        notes=("Only <one> episode was left to check the explanation.",),
+    )
+
+
+@pytest.fixture(scope="module")
+def page(found: Any) -> str:
+    """Its report."""
+    return html.render(found)
+
+
+def changed(diagnosis: Any, **other: Any) -> Any:
+    """Return a diagnosis with other values."""
+    return SimpleNamespace(**(vars(diagnosis) | other))
+
+
+def said(text: str) -> str:
+    """Return what a page shows, without its tags, styles and figures' numbers."""
+
+    class Reader(HTMLParser):
+        def __init__(self) -> None:
+            super().__init__()
+            self.parts, self.skip = [], False
+
+        def handle_starttag(self, tag: str, attrs: Any) -> None:
+            self.skip = tag == "style"
+
+        def handle_endtag(self, tag: str) -> None:
+            self.skip = False
+
+        def handle_data(self, data: str) -> None:
+            if not self.skip:
+                self.parts.append(data)
+
+    reader = Reader()
+    reader.feed(text)
+    return " ".join(" ".join(reader.parts).split())
+
+
+def printed(diagnosis: Any, width: int = 160) -> str:
+    """Return the summary as it stands in a terminal."""
+    out = io.StringIO()
+    Console(file=out, width=width).print(summary(diagnosis))
+    return out.getvalue()
+
+
+def test_verdict_sentence_of_one_effect(found: Any) -> None:
+    """What, how much, how sure, and how much better, in two sentences."""
+    assert words.verdict(found) == (
+        "The floor is more slippery than believed: friction 0.2704 ± 0.0012 instead of 0.300 (probability 0.98). "
+        "With it the simulator misses 87 % less on episodes that were not fitted."
+    )
+
+
+def test_verdict_says_which_way(found: Any) -> None:
+    """A coefficient above the believed one is a less slippery floor."""
+    top = ranked(("friction",), 0.9, parameters={"friction": {"mu": 0.35}}, errors={"friction": {"mu": 0.01}})
+    assert words.verdict(changed(found, ranked=(top,))).startswith("The floor is less slippery than believed")
+
+
+def test_verdict_of_two_effects(found: Any) -> None:
+    """Both are named with their values."""
+    top = ranked(
+        ("friction", "floor_tilt"),
+        0.9,
+        parameters={"friction": {"mu": 0.27}, "floor_tilt": {"angle_rad": 0.02, "downhill_rad": -1.0}},
+        errors={"friction": {"mu": 0.001}, "floor_tilt": {"angle_rad": 0.0005, "downhill_rad": 0.02}},
+    )
+    text = words.verdict(changed(found, ranked=(top,)))
+    assert text.startswith(
+        "Two things differ from the model: the floor is more slippery than believed (friction 0.2700"
+    )
+    assert "the floor is not level (it slopes by 1.15 ± 0.03°" in text
+    assert "With them the simulator misses" in text
+
+
+def test_verdict_of_none(found: Any) -> None:
+    """The model will do, and nothing is to be changed."""
+    nothing = changed(found, ranked=(ranked(("none",), 0.97), ranked(("wind",), 0.03)), effects=(), gap_closed=0.0)
+    assert words.verdict(nothing) == (
+        "The simulator as believed will do: what it misses is no more than the noise (probability 0.97). "
+        "The likeliest alternative is wind (probability 0.03)."
+    )
+    assert words.next_steps(nothing)[0].startswith("Keep your model.")
+
+
+def test_verdict_of_unknown(found: Any) -> None:
+    """It says that no effect explains the gap, and how near the nearest comes."""
+    order = (ranked(("unknown",), 0.9), ranked(("friction",), 0.1, gap_closed=0.4))
+    text = words.verdict(changed(found, ranked=order, abstain=True))
+    assert text.startswith("Something is going on that none of the known effects explains (probability 0.90).")
+    assert "With the nearest of them, friction, the simulator misses 40 % less" in text
+
+
+def test_a_correction_that_does_not_help_is_not_praised(found: Any) -> None:
+    """A gap that grew is told as one."""
+    assert "does not come closer" in words.verdict(changed(found, gap_closed=-0.2))
+
+
+def test_what_cannot_be_told_apart_is_said(found: Any) -> None:
+    """Equivalent explanations are named on the page and in the terminal, with a way to decide."""
+    twin = ranked(
+        ("mass",), 0.99, parameters={"mass": {"mass_kg": 4.0}}, errors={"mass": {"mass_kg": 0.01}},
+        equivalent=(("actuator_gain",),),
+    )  # fmt: skip
+    both = changed(found, ranked=(twin,), next_push="Add a known weight.")
+    for text in (said(html.render(both)), " ".join(printed(both).split())):
+        assert "These data would fit actuator gain just as well" in text
+        assert "Add a known weight." in text
+    assert any("Weigh the object." in step for step in words.next_steps(both))
+
+
+@pytest.mark.parametrize("variant", [k for kinds in EFFECTS.values() for k in kinds], ids=lambda k: k.__name__)
+def test_every_effect_has_its_words(found: Any, variant: Any) -> None:
+    """No effect of the vocabulary is described by its parameters' names, and all its numbers are numbers."""
+    names = list(variant.__dataclass_fields__)
+    values = dict.fromkeys(names, 1.25)
+    phrase = words.phrase(variant.name, values, dict.fromkeys(names, 0.05), NOMINAL)
+    assert variant.name in words.PHRASES
+    assert "±" in phrase.amount
+    for text in (phrase.what, phrase.amount, phrase.remedy, phrase.check):
+        assert text
+        assert "?" not in text and "nan" not in text  # noqa: PT018
+        assert not re.search(r"_(m|rad|n|s|kg)\b", text)
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (0.27712, 0.00104, "0.2771 ± 0.0010"),
+        (0.27712, 0.0026, "0.277 ± 0.003"),
+        (4.2259, 0.1, "4.23 ± 0.10"),
+        (-41.48, 12.0, "−41 ± 12"),
+        (1234.0, 40.0, "1230 ± 40"),
+        (0.5, math.nan, "0.500"),
+        (0.5, None, "0.500"),
+    ],
+)
+def test_numbers_are_rounded_to_their_error(value: float, error: float | None, text: str) -> None:
+    """The error keeps one digit, two below 2, and the value goes as far as the error."""
+    assert words.plus_minus(value, error) == text
+
+
+def test_page_shows_everything(found: Any, page: str) -> None:
+    """Verdict, figures of the held-out episode, ranking, numbers per horizon, caveats and what to do are there."""
+    text = said(page)
+    assert words.verdict(found) in text
+    for part in (
+        "What to do next",
+        "Set the friction coefficient between object and floor to 0.2704",
+        "corrected.yaml",
+        "Episode 5, kept from the fit",
+        "Only <one> episode was left",
+        "87 % (85 % to 88 %)",
+    ):
+        assert part in text
+    assert "Episode 3" not in text  # fitted episodes prove nothing
+    # position x: 9 and 1.1 times 0.5 mm
+    assert "4.5 → 0.55" in text
+    assert page.count("<svg") >= 3
+
+
+def test_page_is_self_contained(page: str) -> None:
+    """No script, and no address that a browser would fetch."""
+    assert "<script" not in page
+    fetched = re.findall(r"(?:src|href)=\"([^\"]*)\"", page) + re.findall(r"url\(([^)]*)\)", page)
+    assert fetched
+    assert all(f.startswith(("#", "data:")) for f in fetched)
+    assert "@import" not in page
+
+
+def test_ids_of_the_page_are_unique_and_found(page: str) -> None:
+    """Several figures share a page without taking each other's clip paths and markers."""
+    ids = re.findall(r'\bid="([^"]+)"', page)
+    assert len(ids) == len(set(ids))
+    used = set(re.findall(r"url\(#([^)]+)\)", page)) | set(re.findall(r'href="#([^"]+)"', page))
+    assert used <= set(ids)
+
+
+def test_figures_follow_the_theme(page: str) -> None:
+    """Lines and text are drawn in the page's colours, so that black does not vanish on black."""
+    figures = "".join(re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL))
+    assert not re.findall(r"(?:fill|stroke): ?#(?!ffffff)[0-9a-f]{6}", figures)
+    for variable in ("--ink", "--nominal", "--corrected", "--band"):
+        assert f"var({variable})" in figures
+
+
+def test_same_diagnosis_same_page(found: Any, page: str) -> None:
+    """The page is reproducible to the byte."""
+    assert html.render(found) == page
+
+
+def test_replay_separates_models(found: Any) -> None:
+    """The corrected motion is within the noise, the nominal one is not."""
+    for path in replay(found):
+        miss = {
+            w: np.sqrt(np.mean(((getattr(path, w) - path.measured) / SIGMA) ** 2)) for w in ("nominal", "corrected")
+        }
+        assert miss["corrected"] == pytest.approx(1.0, abs=0.1)
+        assert miss["nominal"] > 3
+
+
+def test_misses_are_in_small_units(found: Any) -> None:
+    """Rows by channel and horizon, whole episodes last, in mm and degrees."""
+    rows = misses(found)
+    assert [r.horizon for r in rows[:3]] == ["0.5 s", "1 s", "whole episode"]
+    yaw = next(r for r in rows if r.channel == "yaw")
+    assert yaw.before == pytest.approx(math.degrees(9e-3))
+
+
+def test_autocorrelation_of_a_first_order_process() -> None:
+    """phi^k for x[t] = phi x[t-1] + e, and no more than chance for white noise."""
+    rng, phi = np.random.default_rng(0), 0.6
+    e = rng.standard_normal((20, 2000))
+    x = np.zeros_like(e)
+    for t in range(1, e.shape[1]):
+        x[:, t] = phi * x[:, t - 1] + e[:, t]
+    r, count = autocorrelation(x, 3)
+    assert count == x.size
+    assert r == pytest.approx(phi ** np.arange(1, 4), abs=0.02)
+    white, _ = autocorrelation(e, 100)
+    assert np.mean(np.abs(white) > 1.96 / np.sqrt(e.size)) < 0.12
+
+
+def test_whiteness_tells_a_right_model_from_a_wrong_one(found: Any, page: str) -> None:
+    """Residuals of the true model pass; those of a model without the effect don't."""
+    right = said(page)
+    assert "Nothing is left" in right
+    wrong = said(html.render(changed(found, effects=(Friction(0.28),))))
+    assert "Something is left" in wrong
+
+
+def test_terminal_summary(found: Any) -> None:
+    """The verdict, the ranking and the miss of every channel."""
+    text = printed(found)
+    assert "The floor is more slippery than believed" in text
+    assert re.search(r"friction +0\.98 +friction 0\.2704 ± 0\.0012 instead of 0\.300 +87 %", text)
+    assert re.search(r"position x \[mm\] +4\.5 +0\.55 +0\.50", text)
+
+
+@pytest.fixture(scope="module")
+def log(found: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The log of the diagnosis."""
+    return write_rrd(found, tmp_path_factory.mktemp("log"))
+
+
+def test_log_verifies(log: Path) -> None:
+    """The file has its footer and is sound."""
+    verdict = subprocess.run(
+        [sys.executable, "-m", "rerun", "rrd", "verify", str(log)], capture_output=True, text=True, timeout=60
+    )
+    assert verdict.returncode == 0, verdict.stdout + verdict.stderr
+
+
+def test_log_holds_all_motions(found: Any, log: Path) -> None:
+    """Three bodies and the residuals of every channel, all episodes one after another, held-out ones first."""
+    rows: dict[str, int] = {}
+    times = []
+    for chunk in rr.chunk.RrdReader(log).stream():
+        batch = chunk.to_record_batch()
+        entity = chunk.entity_path.lstrip("/")
+        if "sim_time" in batch.schema.names:
+            rows[entity] = rows.get(entity, 0) + batch.num_rows
+            if entity == "world/nominal":
+                times.append(batch.column("sim_time").to_numpy(zero_copy_only=False))
+    samples = sum(len(e) for e in found.recording.episodes)
+    for entity in ("world/measured", "world/nominal", "world/corrected", "world/command", "residual/x", "residual/wz"):
+        assert rows[entity] == samples
+    assert rows["episode"] == 3
+    time_s = np.concatenate(times).astype("timedelta64[ns]").astype(float) * 1e-9
+    assert np.all(np.diff(time_s) > 0)
+    assert rr.chunk.RrdReader(log).blueprints()
+
+
+def test_log_of_none_has_no_corrected_body(found: Any, tmp_path: Path) -> None:
+    """Where nothing is corrected nothing is shown in orange."""
+    nothing = changed(found, ranked=(ranked(("none",), 1.0),), effects=(), corrected_starts=found.nominal_starts)
+    path = write_rrd(nothing, tmp_path / "none.rrd")
+    entities = {c.entity_path for c in rr.chunk.RrdReader(path).stream()}
+    assert "/world/nominal" in entities
+    assert "/world/corrected" not in entities
+
+
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+
+
+@needs_chromium
+def test_page_in_a_browser(found: Any, tmp_path: Path) -> None:
+    """It opens from the file, shows the verdict, draws its figures, fetches nothing and says nothing in the console."""
+    page = write_html(found, tmp_path)
+    seen = asyncio.run(_opened(page, tmp_path / "profile"))
+    assert seen["verdict"] == words.verdict(found)
+    assert seen["figures"] >= 3
+    assert seen["smallest_figure_px"] > 100
+    assert seen["overflow_px"] <= 0
+    assert seen["messages"] == []
+    assert [r for r in seen["requests"] if not r.startswith(("file://", "data:"))] == []
+
+
+async def _opened(page: Path, profile: Path) -> dict[str, Any]:
+    """Open a page through the DevTools port; return what it shows, its console messages and its requests."""
+    import websockets
+
+    assert CHROMIUM is not None
+    browser = await asyncio.create_subprocess_exec(
+        CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--remote-debugging-port=0", "--window-size=1200,900",
+        f"--user-data-dir={profile}", "about:blank", stderr=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        assert browser.stderr is not None
+        address = ""
+        while not address:
+            line = (await asyncio.wait_for(browser.stderr.readline(), 60)).decode()
+            assert line, "Chromium ended before it listened"
+            address = line.split("listening on ")[-1].strip() if "listening on" in line else ""
+        async with websockets.connect(address, max_size=None) as socket:
+            return await asyncio.wait_for(_visit(socket, page.as_uri()), 60)
+    finally:
+        if browser.returncode is None:
+            browser.terminate()
+        await browser.wait()
+
+
+async def _visit(socket: Any, uri: str) -> dict[str, Any]:
+    seen: dict[str, Any] = {"messages": [], "requests": []}
+    sent = 0
+    loaded = asyncio.Event()
+
+    async def ask(method: str, session: str | None = None, **params: Any) -> Any:
+        nonlocal sent
+        sent += 1
+        number = sent
+        await socket.send(
+            json.dumps({"id": number, "method": method, "params": params} | ({"sessionId": session} if session else {}))
+        )
+        while True:
+            event = json.loads(await socket.recv())
+            if event.get("id") == number:
+                return event.get("result", {})
+            note(event)
+
+    def note(event: dict[str, Any]) -> None:
+        kind, data = event.get("method", ""), event.get("params", {})
+        if kind == "Network.requestWillBeSent":
+            seen["requests"].append(data["request"]["url"])
+        elif kind in ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded"):
+            seen["messages"].append(data)
+        elif kind == "Page.loadEventFired":
+            loaded.set()
+
+    target = (await ask("Target.createTarget", url="about:blank"))["targetId"]
+    session = (await ask("Target.attachToTarget", targetId=target, flatten=True))["sessionId"]
+    for domain in ("Page", "Network", "Runtime", "Log"):
+        await ask(f"{domain}.enable", session)
+    await ask("Page.navigate", session, url=uri)
+    while not loaded.is_set():
+        note(json.loads(await socket.recv()))
+    script = """JSON.stringify({
+      verdict: document.getElementById("verdict").textContent,
+      figures: document.querySelectorAll("figure svg").length,
+      smallest_figure_px: Math.min(...[...document.querySelectorAll("figure svg")].map(
+          s => s.getBoundingClientRect().height)),
+      overflow_px: document.documentElement.scrollWidth - document.documentElement.clientWidth})"""
+    answer = await ask("Runtime.evaluate", session, expression=script)
+    return seen | json.loads(answer["result"]["value"])
