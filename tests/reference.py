@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -195,7 +196,7 @@ class Box:
         end_s = times_s[-1]
         for left_s, right_s in pairwise([times_s[0], *breaks_s, end_s]):
             inside = times_s[(times_s >= left_s) & ((times_s < right_s) | (right_s == end_s))]
-            limits = {"rtol": tolerance, "atol": tolerance, "max_step": 0.05}
+            limits: dict[str, Any] = {"rtol": tolerance, "atol": tolerance, "max_step": 0.05}
             solution = solve_ivp(rate, (left_s, right_s), state, "LSODA", dense_output=True, **limits)
             assert solution.success
             assert solution.sol is not None

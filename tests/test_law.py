@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,7 +41,7 @@ def towards(angle_rad: float, size: float = 1.0) -> np.ndarray:
 
 
 @st.composite
-def situations(draw: st.DrawFn) -> tuple[BodyConfig, dict[str, float], np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def situations(draw: st.DrawFn) -> tuple[BodyConfig, dict[str, Any], np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """A body, its law, gravity, a motion, and a push, with every option somewhere."""
 
     def number(low: float, high: float) -> float:
@@ -57,7 +58,7 @@ def situations(draw: st.DrawFn) -> tuple[BodyConfig, dict[str, float], np.ndarra
         inertia_kg_m2=tuple(mass * 0.1 * inertia),
         base=draw(st.sampled_from(Base)),
     )
-    record: dict[str, float] = {}
+    record: dict[str, Any] = {}
     if draw(st.booleans()):
         record |= {"along": number(0.5, 1.5), "across": number(0.5, 1.5), "aniso_angle": number(-3, 3)}
     if draw(st.booleans()):
@@ -79,7 +80,7 @@ def situations(draw: st.DrawFn) -> tuple[BodyConfig, dict[str, float], np.ndarra
 
 @given(situations())
 def test_law_agrees_with_independent_equations(
-    case: tuple[BodyConfig, dict[str, float], np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    case: tuple[BodyConfig, dict[str, Any], np.ndarray, np.ndarray, np.ndarray, np.ndarray],
 ) -> None:
     """In a vanishing step, acceleration, friction and load are those of equations written about the CoM."""
     body, record, gravity, state, force, point = case
@@ -409,7 +410,7 @@ def test_body_that_should_tip_slides_on() -> None:
 
 @given(situations(), st.floats(0.0, 10.0))
 def test_any_situation_stays_finite(
-    case: tuple[BodyConfig, dict[str, float], np.ndarray, np.ndarray, np.ndarray, np.ndarray], strength: float
+    case: tuple[BodyConfig, dict[str, Any], np.ndarray, np.ndarray, np.ndarray, np.ndarray], strength: float
 ) -> None:
     """However hard a body is pushed, the law gives finite motion, and friction never does work on it."""
     body, record, gravity, state, force, point = case
@@ -501,7 +502,7 @@ def test_stiction() -> None:
 def test_friction_patch_on_the_floor(change: float) -> None:
     """Inside a disc friction is mu (1 + p), outside mu; across its edge the motion is that of the integration."""
     small = replace(CUBE, half_size_m=(0.1, 0.1, 0.1))
-    options = {"patch": change, "patch_x": 2.0, "patch_y": 0.0, "patch_radius": 0.6}
+    options: dict[str, Any] = {"patch": change, "patch_x": 2.0, "patch_y": 0.0, "patch_radius": 0.6}
     for x, factor in ((2.0, 1 + change), (0.0, 1.0)):
         scene = make(small, **options)
         track = play(scene, 10 * STEP_S, start=(x, 0, 0, 1.0, 0, 0))
@@ -619,7 +620,13 @@ def test_free_body_with_the_mass_off_centre(push: tuple[float, float]) -> None:
 def test_neutral_record_leaves_the_bits_alone() -> None:
     """Each option at its neutral value gives the same bits, whatever its other parameters are."""
     plain = play(make(CUBE), 1.0, weave, (0, 0, 0, 1, 0, 2)).raw
-    off = {"aniso_angle": 0.7, "stribeck_speed": 0.3, "stiction_speed": 0.01, "patch_x": 1.0, "patch_radius": 0.2}
+    off: dict[str, Any] = {
+        "aniso_angle": 0.7,
+        "stribeck_speed": 0.3,
+        "stiction_speed": 0.01,
+        "patch_x": 1.0,
+        "patch_radius": 0.2,
+    }
     np.testing.assert_array_equal(play(make(CUBE, **off), 1.0, weave, (0, 0, 0, 1, 0, 2)).raw, plain)
 
 
