@@ -152,16 +152,15 @@ class Simulator:
 
     def predict(self, episode: int, runs: Sequence[Run]) -> np.ndarray:
         """Return what would be measured at the samples of an episode, (len(runs), T, 6): pose, then twist."""
-        t_s = self.recording.episodes[episode].t_s - self.recording.episodes[episode].t_s[0]
-        out = np.empty((len(runs), len(t_s), 6))
+        out = np.empty((len(runs), len(self.recording.episodes[episode]), 6))
         groups: dict[tuple[type[AbstractEffect], ...], list[int]] = {}
         for i, run in enumerate(runs):
             groups.setdefault(tuple(type(e) for e in run.effects if e.structural), []).append(i)
         for members in groups.values():
-            self._predict(episode, [runs[i] for i in members], t_s, out, members)
+            self._predict(episode, [runs[i] for i in members], out, members)
         return out
 
-    def _predict(self, episode: int, runs: Sequence[Run], t_s: np.ndarray, out: np.ndarray, rows: list[int]) -> None:
+    def _predict(self, episode: int, runs: Sequence[Run], out: np.ndarray, rows: list[int]) -> None:
         base = self._base(runs[0].effects)
         command = self._commands[episode]
         n = len(command)
@@ -182,13 +181,14 @@ class Simulator:
             start[i, 1:4] += 0.5 * self.step_s * run.start[3:]
         state, _ = self._pool.rollout(models, list(base.data), start, control, control_spec=USERDATA, chunk_size=1)
         self.simulated_s += n * self.step_s * len(runs)
-        sampled = state[:, self.steps_per_sample - 1 :: self.steps_per_sample, 1:7]
-        motion = np.concatenate([start[:, None, 1:7], sampled], axis=1)
+        motion = np.concatenate([start[:, None, 1:7], state[:, :, 1:7]], axis=1)
         motion[:, :, :3] -= 0.5 * self.step_s * motion[:, :, 3:]
+        time = np.arange(n + 1) * self.step_s
         for effects in known:
             which = [i for i, run in enumerate(runs) if run.effects == effects]
-            measured = Motion(t_s, motion[which, :, :3], motion[which, :, 3:])
+            measured = Motion(time, motion[which, :, :3], motion[which, :, 3:])
             for effect in effects:
                 measured = effect.edit_measurement(measured)
             target = [rows[i] for i in which]
-            out[target, :, :3], out[target, :, 3:] = measured.pose, measured.twist
+            sampled = slice(None, None, self.steps_per_sample)
+            out[target, :, :3], out[target, :, 3:] = measured.pose[:, sampled], measured.twist[:, sampled]

@@ -10,7 +10,7 @@ from typing import ClassVar, Self
 import numpy as np
 from scipy.signal import lfilter
 
-from runner.effects.base import AbstractEffect, Context, Parameter, effect
+from runner.effects.base import AbstractEffect, Context, Motion, Parameter, ahead, effect, late
 from runner.errors import check_range
 
 
@@ -41,7 +41,7 @@ class ActuatorGain(AbstractEffect):
 @effect
 @dataclass(frozen=True)
 class ActuatorDelay(AbstractEffect):
-    """The command takes effect `delay_s` late; steps that hold a switch get the time mean, so no impulse is lost."""
+    """The command takes effect `delay_s` late."""
 
     name: ClassVar[str] = "actuator_delay"
     label: ClassVar[str] = "a push that comes late"
@@ -51,13 +51,10 @@ class ActuatorDelay(AbstractEffect):
         check_range("actuator_delay.delay_s", self.delay_s, 0.0, 100.0, unit="s")
 
     def edit_command(self, columns: np.ndarray, step_s: float) -> np.ndarray:
-        # the impulse so far is piecewise linear in time: shift it, and difference it again
-        time = np.arange(len(columns) + 1) * step_s
-        impulse = np.vstack([np.zeros(columns.shape[1]), np.cumsum(columns, axis=0)])
-        whole, part = divmod(self.delay_s / step_s, 1.0)
-        k = np.arange(len(time)) - int(whole)
-        late = (1 - part) * impulse[np.clip(k, 0, None)] + part * impulse[np.clip(k - 1, 0, None)]
-        return np.diff(late, axis=0)
+        return late(columns, self.delay_s, step_s)
+
+    def edit_measurement(self, motion: Motion) -> Motion:
+        return ahead(motion, self.delay_s)
 
     @classmethod
     def parameters(cls, context: Context) -> tuple[Parameter, ...]:

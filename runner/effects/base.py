@@ -87,7 +87,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Motion:
-    """A predicted or measured motion: `t_s` (T,), `pose` and `twist` (..., T, 3): x, y, yaw and their rates."""
+    """A motion at every physics step: `t_s` (T,), `pose` and `twist` (..., T, 3): x, y, yaw and their rates."""
 
     t_s: np.ndarray
     pose: np.ndarray
@@ -133,6 +133,36 @@ class AbstractEffect(ABC):
     def report(self) -> dict[str, float]:
         """The effect's values by name, SI units."""
         return {f.name: float(getattr(self, f.name)) for f in fields(self)}  # type: ignore[arg-type]
+
+
+def late(columns: np.ndarray, delay_s: float, step_s: float) -> np.ndarray:
+    """Return a command (n, 12) that comes late by the next whole number of steps; `ahead` makes up for the rest.
+
+    A command that switches within a step can't be replaced by its mean: half a force may not overcome friction.
+    """
+    steps = min(whole_steps(delay_s, step_s), len(columns))
+    return np.vstack([np.zeros((steps, columns.shape[1])), columns[: len(columns) - steps]])
+
+
+def ahead(motion: Motion, delay_s: float) -> Motion:
+    """Read a motion at every step (see `Motion`) by the part of a step that `late` has delayed too much.
+
+    Between steps the velocity is linear: forces switch at steps. The last sample goes on uniformly.
+    """
+    step = float(motion.t_s[1] - motion.t_s[0])
+    part = whole_steps(delay_s, step) - delay_s / step
+    following = np.concatenate([motion.twist[..., 1:, :], motion.twist[..., -1:, :]], axis=-2)
+    change = following - motion.twist
+    return Motion(
+        motion.t_s,
+        motion.pose + part * step * (motion.twist + 0.5 * part * change),
+        motion.twist + part * change,
+    )
+
+
+def whole_steps(delay_s: float, step_s: float) -> int:
+    """Return the least number of steps that is no shorter than a delay."""
+    return int(np.ceil(delay_s / step_s - 1e-9))
 
 
 EFFECTS: dict[str, list[type[AbstractEffect]]] = {}

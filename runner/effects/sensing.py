@@ -8,16 +8,19 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
-from runner.effects.base import AbstractEffect, Context, Motion, Parameter, effect
+from runner.effects.base import AbstractEffect, Context, Motion, Parameter, ahead, effect, late
 from runner.errors import check_range
 
 
 @effect
 @dataclass(frozen=True)
 class ObservationDelay(AbstractEffect):
-    """The measured state is `delay_s` older than its time stamp. Before the start, uniform motion is assumed."""
+    """The measured state is `delay_s` older than its time stamp.
+
+    The state at the first time stamp is then that of `delay_s` before any command: for an observer it is the same as
+    a command that comes late, and is simulated so.
+    """
 
     name: ClassVar[str] = "observation_delay"
     label: ClassVar[str] = "a measurement that is older than its time stamp"
@@ -26,15 +29,11 @@ class ObservationDelay(AbstractEffect):
     def __post_init__(self) -> None:
         check_range("observation_delay.delay_s", self.delay_s, 0.0, 100.0, unit="s")
 
+    def edit_command(self, columns: np.ndarray, step_s: float) -> np.ndarray:
+        return late(columns, self.delay_s, step_s)
+
     def edit_measurement(self, motion: Motion) -> Motion:
-        t, late = motion.t_s, motion.t_s - self.delay_s
-        inside = np.maximum(late, t[0])
-        pose = CubicHermiteSpline(t, motion.pose, motion.twist, axis=-2)(inside)
-        pose += (late - inside)[:, None] * motion.twist[..., :1, :]
-        i = np.clip(np.searchsorted(t, inside, side="right") - 1, 0, len(t) - 2)
-        part = ((inside - t[i]) / (t[i + 1] - t[i]))[:, None]
-        twist = (1 - part) * motion.twist[..., i, :] + part * motion.twist[..., i + 1, :]
-        return Motion(t, pose, twist)
+        return ahead(motion, self.delay_s)
 
     @classmethod
     def parameters(cls, context: Context) -> tuple[Parameter, ...]:
