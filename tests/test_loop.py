@@ -236,9 +236,7 @@ def test_experiments_that_can_not_be_run_are_refused(changes: dict[str, Any], me
 
 def test_what_all_cubes_share_can_not_be_changed_for_one() -> None:
     """A tilted floor would tilt under the local cube as well, so it is refused."""
-    with pytest.raises(
-        ConfigError, match=r"effects\.tilt: 'floor_tilt' changes what all cubes of a scene share"
-    ):
+    with pytest.raises(ConfigError, match=r"effects\.tilt: 'floor_tilt' changes what all cubes of a scene share"):
         loop.run(experiment(remote=RemoteConfig(effects={"tilt": FloorTilt(0.05, 0.0)})))
 
 
