@@ -96,7 +96,9 @@ def split(count: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
         RecordingError: If there are fewer than two.
     """
     if count < 2:
-        raise RecordingError(f"a diagnosis needs at least 2 episodes, one of them to check the explanation, got {count}.")
+        raise RecordingError(
+            f"a diagnosis needs at least 2 episodes, one of them to check the explanation, got {count}."
+        )
     held = HELD_OUT if count > HELD_OUT + 1 else 1
     return tuple(range(count - held)), tuple(range(count - held, count))
 
@@ -219,7 +221,9 @@ def _unknown(found: Search, excess: float) -> float:
     return float(np.clip(1 / (1 + np.exp(-score)), 0.003, 0.97))
 
 
-def values_of(contender: Contender, context: Context) -> tuple[dict[str, dict[str, float]], dict[str, dict[str, float]]]:
+def values_of(
+    contender: Contender, context: Context
+) -> tuple[dict[str, dict[str, float]], dict[str, dict[str, float]]]:
     """Return parameters and their standard errors by effect, in physical units (the delta method)."""
     x, covariance = contender.fit.x, contender.evidence.covariance
     parameters, errors, i = {}, {}, 0
@@ -275,7 +279,9 @@ def close(before: Fit, after: Fit, measured: Measured, fitter: Fitter, effects: 
     total = _closed(squares)
     draws = np.random.default_rng(0).integers(len(squares), size=(400, len(squares)))
     closed = np.array([_closed(squares[d])[0] for d in draws])
-    return Closure(pd.DataFrame(rows), total[0], float(np.quantile(closed, 0.025)), float(np.quantile(closed, 0.975)), total[1])
+    return Closure(
+        pd.DataFrame(rows), total[0], float(np.quantile(closed, 0.025)), float(np.quantile(closed, 0.975)), total[1]
+    )
 
 
 def _closed(squares: np.ndarray) -> tuple[float, float]:
@@ -303,7 +309,7 @@ ADVICE = {
         "Repeat with a known weight added: the pull of a tilted floor grows with the mass, a constant force does not."
     ),
     frozenset({"actuator_delay", "observation_delay"}): (
-        "Record a motion that no command starts, such as a release from a known speed: only a late measurement shifts it."
+        "Add an event that is timed by itself, such as an impact or a second sensor: only a late measurement shifts it."
     ),
     frozenset({"actuator_delay", "actuator_lag"}): (
         "Use short pulses: a delay shifts them whole, a lag lowers and smears them."
@@ -313,7 +319,9 @@ ADVICE = {
     ),
     frozenset({"viscous_drag", "air_drag"}): "Coast from the highest speed that is safe: only then do they part.",
     frozenset({"stribeck", "friction"}): "Push at several steady speeds, slow ones included.",
-    frozenset({"stiction", "friction"}): "Raise the force slowly from zero, several times: the start of motion shows it.",
+    frozenset(
+        {"stiction", "friction"}
+    ): "Raise the force slowly from zero, several times: the start of motion shows it.",
 }
 
 
@@ -334,5 +342,7 @@ def notes(
     if len(held_out) < HELD_OUT:
         out.append("Only one episode was left to check the explanation.")
     if excess > UNKNOWN_EXCESS / 2:
-        out.append(f"The best explanation leaves {100 * excess:.0f} % more than the noise: something else is at work too.")
+        out.append(
+            f"The best explanation leaves {100 * excess:.0f} % more than the noise: something else is at work too."
+        )
     return tuple(out)

@@ -94,7 +94,7 @@ class Surroundings:
 
 
 def surroundings(fit: Fit, known: Survey) -> Surroundings:
-    """Set a fit amid the directions of a survey that was made around it or near it, those of its own effects left out."""
+    """Set a fit amid the directions of a survey made around it or near it; those of its own effects are left out."""
     keep = [i for i, d in enumerate(known.directions) if d.kind not in fit.explanation.kinds]
     gram = []
     for column, jacobian, residual, q in zip(known.columns, fit.jacobian, fit.residual, fit.basis.q, strict=True):
@@ -206,7 +206,9 @@ def promise(around: Surroundings, level: float) -> dict[type[AbstractEffect], tu
         if len(around.directions[members[0]].vector) == len(members):
             h = inner[np.ix_(index, index)] + 0.05 * np.eye(len(index))
             step = -np.linalg.solve(h, left[index])
-            vector = step * np.array([np.max(np.abs(around.directions[m].vector)) / abs(around.directions[m].per) for m in members])
+            vector = step * np.array(
+                [np.max(np.abs(around.directions[m].vector)) / abs(around.directions[m].per) for m in members]
+            )
             out[kind] = float(-left[index] @ step), vector
         else:
             gain = left[index] ** 2 / (np.diag(inner)[index] + 0.05)

@@ -1,0 +1,81 @@
+"""The verdict as data: what stands in `verdict.json` and `verdicts.json`."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from runner.diagnose.diagnosis import Diagnosis
+from runner.errors import ResultError
+
+FILE = "verdict.json"
+ALL = "verdicts.json"
+CHANCE = 0.05  # of the cells that exceed chance, so many may do so by chance
+WHERE = ["factor", "cell", "share", "lift", "q"]
+
+
+def verdict(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Return a diagnosis as plain data; the probabilities sum to 1 over all explanations."""
+    return {
+        "ranked": [
+            {
+                "effects": list(r.effects),
+                "equivalent": [list(e) for e in r.equivalent],
+                "probability": r.probability,
+                "parameters": r.parameters,
+                "standard_errors": r.errors,
+                "gap_closed": r.gap_closed,
+                "log_evidence": r.log_evidence,
+            }
+            for r in diagnosis.ranked
+        ],
+        "abstain": diagnosis.abstain,
+        "gap_closed": diagnosis.gap_closed,
+        "gap_closed_interval": [diagnosis.closure.gap_closed_low, diagnosis.closure.gap_closed_high],
+        "closable_closed": diagnosis.closure.closable_closed,
+        "residual_excess": diagnosis.excess,
+        "where": {
+            "sentence": diagnosis.where.sentence,
+            "p": diagnosis.where.p,
+            "cells": diagnosis.where.cells.loc[lambda c: c["q"] < CHANCE, WHERE].to_dict("records"),
+        },
+        "next_push": diagnosis.next_push,
+        "notes": list(diagnosis.notes),
+    }
+
+
+def write_verdict(path: Path, content: dict[str, Any]) -> None:
+    """Write JSON, numbers that don't exist as null; a reader never sees half a file."""
+    part = path.with_suffix(".part")
+    part.write_text(json.dumps(_finite(content), indent=1) + "\n", encoding="utf-8")
+    part.replace(path)
+
+
+def read_verdicts(path: Path) -> dict[str, dict[str, Any]]:
+    """Read `verdicts.json`, or the one in a folder.
+
+    Raises:
+        ResultError: If there is none, or it is something else.
+    """
+    path = path / ALL if path.is_dir() else path
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ResultError(f"{path}: no such file; `runner diagnose recording=DIR_OF_CASES` writes one.") from None
+    except ValueError as error:
+        raise ResultError(f"{path}: not JSON ({error}).") from None
+    if not isinstance(content, dict) or not all(isinstance(v, dict) and "ranked" in v for v in content.values()):
+        raise ResultError(f"{path}: must hold an object with a verdict for each case, as `runner diagnose` writes it.")
+    return content
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
