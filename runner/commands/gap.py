@@ -87,7 +87,9 @@ def _print(recording: Recording, gap: Gap, console: Console) -> None:
     for note in recording.notes:
         console.print(f"Note: {note}.", highlight=False)
     horizons = list(dict.fromkeys(gap.table["horizon"]))
-    table = Table(title=f"{recording.path}: gap, RMS = noises", title_justify="left", box=box.SIMPLE_HEAD)
+    table = Table(
+        title=f"{recording.path}: gap, RMS = noises", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False
+    )
     table.add_column("channel", no_wrap=True)
     for name in ("noise", *("episodes" if h == WHOLE_EPISODE else h for h in horizons)):
         table.add_column(name, justify="right", no_wrap=True)
@@ -104,7 +106,7 @@ def _print(recording: Recording, gap: Gap, console: Console) -> None:
                 cells = [f"{row['rms'] * factor:.3g} = {mark}{row['noises']:.2f}" for row in rows]
             noise = f"{mark}{rows[0]['noise'] * factor:.3g}"
             last = c == len(CHANNELS) - 1
-            table.add_row(f"  {channel}, {unit}", noise, *cells, end_section=last)
+            table.add_row(f" {channel}, {unit}", noise, *cells, end_section=last)
     console.print(table)
     console.print(
         "Starts measured: compare with what noise alone makes of it. Starts fitted: 1 for a perfect model."
