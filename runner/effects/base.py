@@ -147,12 +147,12 @@ def late(columns: np.ndarray, delay_s: float, step_s: float) -> np.ndarray:
 def ahead(motion: Motion, delay_s: float) -> Motion:
     """Read a motion at every step (see `Motion`) by the part of a step that `late` has delayed too much.
 
-    Between steps the velocity is linear: forces switch at steps. The last sample goes on uniformly.
+    Between steps the velocity is linear: forces switch at steps. Beyond the last it goes on as it did.
     """
     step = float(motion.t_s[1] - motion.t_s[0])
     part = whole_steps(delay_s, step) - delay_s / step
-    following = np.concatenate([motion.twist[..., 1:, :], motion.twist[..., -1:, :]], axis=-2)
-    change = following - motion.twist
+    change = np.diff(motion.twist, axis=-2)
+    change = np.concatenate([change, change[..., -1:, :]], axis=-2)
     return Motion(
         motion.t_s,
         motion.pose + part * step * (motion.twist + 0.5 * part * change),
