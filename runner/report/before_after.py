@@ -10,6 +10,9 @@ import numpy as np
 import pandas as pd
 
 from runner.diagnose.measured import CHANNELS, UNITS
+from runner.gap import measure_gap
+from runner.report.motions import GRID
+from runner.simulate import Simulator
 
 if TYPE_CHECKING:
     from runner.diagnose.diagnosis import Diagnosis
@@ -22,6 +25,7 @@ NAMES = {
     "vy": "velocity y",
     "wz": "yaw rate",
 }
+HORIZONS_S = (0.1, 0.5, 1.0, 2.0)
 # the unit that a small amount is shown in, and what one SI unit is of it
 SMALL = {"m": ("mm", 1e3), "rad": ("°", 180 / math.pi), "m/s": ("mm/s", 1e3), "rad/s": ("°/s", 180 / math.pi)}
 
@@ -49,27 +53,42 @@ class Miss:
 
 
 def misses(diagnosis: Diagnosis) -> list[Miss]:
-    """Return the held-out episodes' misses, by channel, then by horizon, whole episodes last."""
-    table = getattr(diagnosis.closure, "table", None)
-    if table is None or not len(table):
-        return []
-    if "horizon_s" not in table:
-        table = table.assign(horizon_s=math.nan)
+    """Return the held-out episodes' misses, by channel, then by horizon, whole episodes last.
+
+    The model starts anew every so many seconds; its start states are fitted to the window that follows.
+    """
+    simulator = Simulator(diagnosis.recording, grid=GRID)
+    shortest = min(float(diagnosis.recording.episodes[e].t_s[-1]) for e in diagnosis.held_out)
+    begins = min(float(diagnosis.recording.episodes[e].t_s[0]) for e in diagnosis.held_out)
+    horizons = [h for h in HORIZONS_S if h < shortest - begins]
+    tables = []
+    for effects in ((), tuple(diagnosis.effects)):
+        gap = measure_gap(
+            simulator, diagnosis.measured, effects=effects, horizons_s=horizons, episodes=diagnosis.held_out
+        )
+        tables.append(gap.table[gap.table["starts"] == "fitted"].set_index(["channel", "horizon"]))
+    before, after = tables
+    at_last = {m.channel: m for m in whole(diagnosis)}
     out = []
     for channel in CHANNELS:
         unit, scale = SMALL[UNITS[CHANNELS.index(channel)]]
-        of_channel = table[table["channel"] == channel]
-        for horizon, part in of_channel.groupby("horizon_s", dropna=False, sort=True):
-            before, after, noise = (scale * _rms(part[c]) for c in ("before", "after", "noise"))
-            out.append(Miss(channel, unit, float(horizon), before, after, noise))  # type: ignore[arg-type]
+        for horizon in horizons:
+            key = (channel, f"{horizon:g} s")
+            values = (before.loc[key, "rms"], after.loc[key, "rms"], before.loc[key, "noise"])
+            out.append(Miss(channel, unit, horizon, *(scale * float(v) for v in values)))  # type: ignore[arg-type]
+        out += [at_last[channel]] if channel in at_last else []
     return out
 
 
-def longest(diagnosis: Diagnosis) -> list[Miss]:
-    """Return the misses at the longest horizon, one per channel."""
-    found = misses(diagnosis)
-    last = {m.channel: m for m in found}
-    return list(last.values())
+def whole(diagnosis: Diagnosis) -> list[Miss]:
+    """Return the misses over whole held-out episodes, one per channel, as the verdict has them."""
+    out = []
+    for channel in CHANNELS:
+        unit, scale = SMALL[UNITS[CHANNELS.index(channel)]]
+        part = diagnosis.closure.table[diagnosis.closure.table["channel"] == channel]
+        if len(part):
+            out.append(Miss(channel, unit, math.nan, *(scale * _rms(part[c]) for c in ("before", "after", "noise"))))
+    return out
 
 
 def _rms(values: pd.Series) -> float:

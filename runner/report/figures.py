@@ -13,16 +13,27 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Rectangle
 
 from runner.diagnose.measured import CHANNELS, UNITS
+from runner.effects import AbstractEffect, FrictionPatch
 from runner.report.before_after import NAMES, SMALL, Miss
 from runner.report.motions import Paths, autocorrelation
+from runner.report.wrench import COMPONENTS, Mean, Wrench
 
 # colours that stand for the page's: what is drawn in them follows the theme
-INK, GREY, ORANGE, FAINT, BAND = "#010203", "#8a8d91", "#d55e01", "#c1c2c3", "#e1e2e3"
-VARIABLES = {INK: "--ink", GREY: "--nominal", ORANGE: "--corrected", FAINT: "--rule", BAND: "--band"}
+INK, GREY, ORANGE, FAINT, BAND, ACCENT = "#010203", "#8a8d91", "#d55e01", "#c1c2c3", "#e1e2e3", "#0b5a8e"
+VARIABLES = {
+    INK: "--ink",
+    GREY: "--nominal",
+    ORANGE: "--corrected",
+    FAINT: "--rule",
+    BAND: "--band",
+    ACCENT: "--accent",
+}
 STYLE: dict[str, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "runner",
@@ -71,15 +82,20 @@ def _escaped(text: str) -> str:
     return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
 
 
-def _new(width: float, height: float) -> Figure:
-    return Figure(figsize=(width, height), layout="constrained")
+def _new(width: float, height: float, *, left: float = 0.5) -> Figure:
+    """Return a figure with margins in inches; a layout engine would take longer than all else."""
+    figure = Figure(figsize=(width, height))
+    figure.subplots_adjust(
+        left=left / width, right=1 - 0.1 / width, bottom=0.48 / height, top=1 - 0.26 / height, wspace=0.24, hspace=0.42
+    )
+    return figure
 
 
 def trajectory(path: Paths, sigma: np.ndarray, number: int, name: str) -> str:
     """Return the way over the floor, and every channel with its residual, of one episode."""
     with mpl.rc_context(STYLE):
-        figure = _new(11.0, 6.2)
-        grid = figure.add_gridspec(4, 4, width_ratios=[1.25, 1, 1, 1], height_ratios=[1.5, 1, 1.5, 1])
+        figure = _new(11.0, 6.6, left=0.6)
+        grid = figure.add_gridspec(4, 4, width_ratios=[1.25, 1, 1, 1], height_ratios=[1.6, 1, 1.6, 1], wspace=0.38)
         _way(figure.add_subplot(grid[:, 0]), path)
         for i in range(len(CHANNELS)):
             row, column = 2 * (i // 3), 1 + i % 3
@@ -151,7 +167,7 @@ def horizons(found: Sequence[Miss], name: str) -> str:
 def bars(found: Sequence[Miss], name: str) -> str:
     """Return the misses before and after in multiples of the noise, one row per channel."""
     with mpl.rc_context(STYLE):
-        figure = _new(8.0, 2.6)
+        figure = _new(8.0, 2.6, left=0.9)
         ax = figure.add_subplot()
         y = np.arange(len(found))
         before, after = (np.array([getattr(m, k) / m.noise for m in found]) for k in ("before", "after"))
@@ -166,6 +182,92 @@ def bars(found: Sequence[Miss], name: str) -> str:
         ax.invert_yaxis()
         ax.set_xlabel("missed, in noise levels (dotted: the noise itself, no simulator can do better)")
         return svg(figure, name, "Misses before and after in noise levels, per channel")
+
+
+def regimes(before: Sequence[Mean], after: Sequence[Mean], name: str) -> str:
+    """Return the mean missing wrench by regime with 95 % intervals, one panel per component."""
+    order = list(dict.fromkeys(m.regime for m in before)) or [""]
+    with mpl.rc_context(STYLE):
+        figure = _new(11.0, 0.9 + 0.34 * len(order), left=2.1)
+        axes = figure.subplots(1, len(COMPONENTS), sharey=True, gridspec_kw={"wspace": 0.12})
+        for ax, (component, title) in zip(axes, COMPONENTS.items(), strict=True):
+            ax.axvline(0, color=INK, lw=0.6)
+            for means, colour, shift in ((before, GREY, -0.13 if after else 0.0), (after, ORANGE, 0.13)):
+                part = [m for m in means if m.component == component and m.regime in order]
+                y = np.array([order.index(m.regime) for m in part]) + shift
+                x, half = np.array([m.value for m in part]), 1.96 * np.array([m.error for m in part])
+                ax.hlines(y, x - half, x + half, color=colour, lw=2)
+                ax.plot(x, y, "o", color=colour, ms=4.5)
+            ax.set_title(title, fontsize=9)
+            everything = [m for m in (*before, *after) if m.component == component and m.regime in order]
+            ax.set_xlim(*_span([m.value for m in everything], [1.96 * m.error for m in everything]))
+            ax.locator_params(axis="x", nbins=4)
+            ax.tick_params(axis="y", length=0)
+        axes[0].set_yticks(range(len(order)), order)
+        axes[0].set_ylim(len(order) - 0.5, -0.5)
+        return svg(figure, name, "Mean missing force and moment by regime, before and after")
+
+
+def _span(values: Sequence[float], halves: Sequence[float]) -> tuple[float, float]:
+    """Return limits that show zero and what is known; what is known badly may reach beyond them."""
+    value, half = np.asarray(values, float), np.asarray(halves, float)
+    known = np.isfinite(value) & np.isfinite(half)
+    if not known.any():
+        return -1.0, 1.0
+    value, half = value[known], half[known]
+    good = half <= 4 * np.median(half)
+    low, high = min(0.0, float((value - half)[good].min())), max(0.0, float((value + half)[good].max()))
+    room = 0.12 * max(high - low, 1e-9)
+    return low - room, high + room
+
+
+def wrench(before: Wrench, after: Wrench | None, name: str) -> str:
+    """Return the missing wrench of one episode over time, with bands of two standard errors."""
+    with mpl.rc_context(STYLE):
+        figure = _new(11.0, 2.5)
+        titles = ("towards world x [N]", "towards world y [N]", "moment about z [N m]")
+        for i, (ax, title) in enumerate(zip(figure.subplots(1, 3, sharex=True), titles, strict=True)):
+            ax.axhline(0, color=INK, lw=0.6)
+            for found, colour in ((before, GREY), (after, ORANGE)):
+                if found is None:
+                    continue
+                value = np.column_stack([found.force_n, found.moment_nm])[:, i]
+                low, high = value - 2 * found.error[:, i], value + 2 * found.error[:, i]
+                ax.fill_between(found.t_s, low, high, color=colour, alpha=0.25, lw=0)
+                ax.plot(found.t_s, value, ".-", color=colour, lw=1.4, ms=5)
+            shown = [f for f in (before, after) if f is not None]
+            values = np.concatenate([np.column_stack([f.force_n, f.moment_nm])[:, i] for f in shown])
+            ax.set_ylim(*_span(values.tolist(), np.concatenate([2 * f.error[:, i] for f in shown]).tolist()))
+            ax.set_title(title)
+            ax.set_xlabel("time [s]")
+        return svg(figure, name, "Missing force and moment over time")
+
+
+def floor(places: pd.DataFrame, paths: Sequence[Paths], effects: Sequence[AbstractEffect], name: str) -> str:
+    """Return the map of the floor: how much worse than elsewhere the simulator is in each cell."""
+    x, y, lift = (places[c].to_numpy(float) for c in ("x_m", "y_m", "lift"))
+    gaps = np.concatenate([np.diff(np.unique(np.round(v, 6))) for v in (x, y)])
+    side = float(gaps[gaps > 1e-6].min()) if (gaps > 1e-6).any() else 0.1
+    with mpl.rc_context(STYLE):
+        figure = _new(6.4, 5.2, left=0.6)
+        ax = figure.add_subplot()
+        top = max(float(np.nanmax(lift)), 1.0)
+        for px, py, value, q in zip(x, y, lift, places["q"], strict=True):
+            corner = (px - side / 2, py - side / 2)
+            strength = float(np.clip(np.nan_to_num(value) / top, 0, 1))
+            ax.add_patch(Rectangle(corner, side, side, facecolor=ACCENT, alpha=0.75 * strength, lw=0))
+            if q < 0.05:
+                ax.add_patch(Rectangle(corner, side, side, facecolor="none", edgecolor=INK, lw=1.6))
+            ax.text(px, py + 0.32 * side, f"{value:.1f}×", ha="center", va="center", fontsize=8.5)
+        for path in paths:
+            ax.plot(path.measured[:, 0], path.measured[:, 1], color=INK, lw=0.6, alpha=0.55)
+        for effect in effects:
+            if isinstance(effect, FrictionPatch):
+                ax.add_patch(Circle((effect.x_m, effect.y_m), effect.radius_m, fill=False, edgecolor=ORANGE, lw=2))
+        ax.set_aspect("equal")
+        ax.autoscale_view()
+        ax.set(xlabel="x [m]", ylabel="y [m]")
+        return svg(figure, name, "Map of the floor: gap in each place against the average")
 
 
 def whiteness(before: np.ndarray, after: np.ndarray, step_s: float, name: str, longest_s: float = 0.5) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +15,9 @@ from scipy.stats import chi2
 from runner.diagnose.measured import CHANNELS, UNITS
 from runner.recording import Contact
 from runner.report import figures, words
-from runner.report.before_after import NAMES, SMALL, Miss, longest, misses
-from runner.report.motions import Paths, autocorrelation, replay, whitened
+from runner.report.before_after import NAMES, SMALL, Miss, misses, whole
+from runner.report.motions import Paths, autocorrelation, replay, where_after, whitened
+from runner.report.wrench import Wrench, by_regime, missing_wrench
 
 if TYPE_CHECKING:
     from runner.diagnose.diagnosis import Diagnosis, Ranked
@@ -69,7 +69,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "trajectories": _trajectories(diagnosis, paths),
         "closure": _closure(diagnosis),
         "whiteness": _whiteness(diagnosis, paths),
-        "where": _where(diagnosis),
+        "where": _where(diagnosis, paths),
         "noise": _noise(diagnosis),
         "believed": _believed(diagnosis),
         "notes": list(dict.fromkeys([*diagnosis.notes, *diagnosis.recording.notes])),
@@ -96,16 +96,13 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         facts.append(("of the gap closed, on episodes that were not fitted", value))
         if (share := getattr(closure, "closable_closed", None)) is not None and np.isfinite(share):
             facts.append(("of what is above the noise closed", words.percent(share)))
-    at_last = {m.channel: m for m in longest(diagnosis)}
+    at_last = {m.channel: m for m in whole(diagnosis)}
     if {"x", "y"} <= set(at_last):
         before, after = (
             1e-3 * float(np.hypot(getattr(at_last["x"], k), getattr(at_last["y"], k))) for k in ("before", "after")
         )
         text = words.length(before) + (f" → {words.length(after)}" if diagnosis.effects else "")
-        over = at_last["x"].horizon
-        facts.append(
-            (f"position missed, root mean square over {over if over[0].isdigit() else 'whole episodes'}", text)
-        )
+        facts.append(("position missed on them, root mean square", text))
     return facts
 
 
@@ -146,24 +143,31 @@ def _parameters(ranked: Ranked) -> list[tuple[str, str]]:
 def _trajectories(diagnosis: Diagnosis, paths: list[Paths]) -> list[dict[str, Any]]:
     """Return the figures of the held-out episodes, worst first; without any, of the episode that was missed most."""
 
-    def missed(path: Paths) -> float:
-        return float(np.sqrt(np.nanmean(((path.nominal - path.measured) / diagnosis.measured.sigma) ** 2)))
-
-    shown = sorted([p for p in paths if p.held_out], key=missed, reverse=True) or sorted(paths, key=missed)[-1:]
     out = []
-    for path in shown[:3]:
+    for path in _shown(diagnosis, paths)[:3]:
         number = diagnosis.recording.episodes[path.episode].index
-        after = float(np.sqrt(np.nanmean(((path.corrected - path.measured) / diagnosis.measured.sigma) ** 2)))
+        before, after = (_missed(diagnosis, path, which) for which in ("nominal", "corrected"))
         out.append(
             {
                 "episode": number,
                 "held_out": path.held_out,
-                "before": words.number(missed(path), 2),
+                "before": words.number(before, 2),
                 "after": words.number(after, 2),
                 "svg": Markup(figures.trajectory(path, diagnosis.measured.sigma, number, f"path{path.episode}")),
             }
         )
     return out
+
+
+def _missed(diagnosis: Diagnosis, path: Paths, which: str) -> float:
+    """Root mean square of what a model misses of an episode, in noise levels."""
+    return float(np.sqrt(np.nanmean(((getattr(path, which) - path.measured) / diagnosis.measured.sigma) ** 2)))
+
+
+def _shown(diagnosis: Diagnosis, paths: list[Paths]) -> list[Paths]:
+    """Return the held-out episodes, worst first; without any, the episode that was missed most."""
+    ranked = sorted(paths, key=lambda p: -_missed(diagnosis, p, "nominal"))
+    return [p for p in ranked if p.held_out] or ranked[:1]
 
 
 def _closure(diagnosis: Diagnosis) -> dict[str, Any] | None:
@@ -193,7 +197,7 @@ def _closure(diagnosis: Diagnosis) -> dict[str, Any] | None:
             }
             for part in rows.values()
         ],
-        "svg": Markup(figures.horizons(found, "closure") if several else figures.bars(longest(diagnosis), "closure")),
+        "svg": Markup(figures.horizons(found, "closure") if several else figures.bars(whole(diagnosis), "closure")),
     }
 
 
@@ -220,29 +224,60 @@ def _whiteness(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | Non
     }
 
 
-def _where(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Return the tables of where the gap is: title, header, rows."""
+def _where(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | None:
+    """Return where the gap is: a sentence, the missing wrench, the map, and shares by what went on."""
     where = diagnosis.where
-    if where is None or not dataclasses.is_dataclass(where):
-        return []
-    out = []
-    for item in dataclasses.fields(where):
-        table = getattr(where, item.name)
-        if isinstance(table, pd.DataFrame) and 0 < len(table) <= 60:
-            out.append(
-                {
-                    "title": item.name.replace("_", " "),
-                    "header": [str(c).replace("_", " ") for c in table.columns],
-                    "rows": [[_cell(v) for v in row] for row in table.itertuples(index=False)],
-                }
-            )
-    return out
+    if where is None:
+        return None
+    after = where_after(diagnosis)
+    places = where.cells[where.cells["factor"] == "place"].dropna(subset=["x_m", "y_m"])
+    worst = _shown(diagnosis, paths)[:1]
+    wrenches = [(missing_wrench(diagnosis, w, p.episode), p) for p in worst for w in (where, after)]
+    return {
+        "exceeds": where.exceeds,
+        "sentence": _spelt(where.sentence),
+        "after": None if after is None else {"exceeds": after.exceeds, "sentence": _spelt(after.sentence)},
+        "left": None if after is None else words.percent(max(after.excess, 0.0) / max(where.excess, 1e-9)),
+        "regimes": Markup(
+            figures.regimes(by_regime(diagnosis, where), by_regime(diagnosis, after) if after else [], "regimes")
+        ),
+        "map": Markup(figures.floor(places, paths, diagnosis.effects, "floor")) if len(places) > 1 else None,
+        "over_time": _over_time(diagnosis, wrenches),
+        "factors": [_factor(where.cells, name) for name in dict.fromkeys(where.cells["factor"]) if name != "place"],
+    }
 
 
-def _cell(value: Any) -> str:
-    if isinstance(value, bool | np.bool_):
-        return "yes" if value else ""
-    return words.number(float(value)) if isinstance(value, float | np.floating) else str(value)
+def _over_time(diagnosis: Diagnosis, wrenches: list[tuple[Wrench | None, Paths]]) -> dict[str, Any] | None:
+    if not wrenches or wrenches[0][0] is None:
+        return None
+    before, after = wrenches[0][0], wrenches[1][0]
+    number = diagnosis.recording.episodes[wrenches[0][1].episode].index
+    return {"episode": number, "svg": Markup(figures.wrench(before, after, "wrench"))}
+
+
+def _spelt(sentence: str) -> str:
+    """Return the sentence of where the gap is with the channel in words."""
+    first, comma, rest = sentence.partition(",")
+    return NAMES.get(first, first) + comma + rest
+
+
+def _factor(cells: pd.DataFrame, factor: str) -> dict[str, Any]:
+    part = cells[cells["factor"] == factor]
+    top = max(float(part["share"].max()), float((part["share"] / part["lift"]).max()), 1e-9)
+    rows = []
+    for row in part.to_dict("records"):
+        share, lift = float(row["share"]), float(row["lift"])
+        even = share / lift if lift else 0.0
+        rows.append(
+            {
+                "name": NAMES.get(str(row["cell"]), str(row["cell"])),
+                "share": words.percent(share) if np.isfinite(share) else "–",
+                "width": f"{100 * float(np.clip(np.nan_to_num(share) / top, 0, 1)):.1f}",
+                "even": f"{100 * float(np.clip(np.nan_to_num(even) / top, 0, 1)):.1f}",
+                "stands_out": bool(row["q"] < 0.05),
+            }
+        )
+    return {"name": factor, "rows": rows}
 
 
 def _noise(diagnosis: Diagnosis) -> list[dict[str, str]]:

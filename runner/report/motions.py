@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from runner.diagnose.where import Where, localise
 from runner.simulate import Run, Simulator
 
 if TYPE_CHECKING:
@@ -52,6 +53,14 @@ def replay(diagnosis: Diagnosis) -> list[Paths]:
         t_s = np.asarray(episode.t_s) - episode.t_s[0]
         out.append(Paths(e, e in diagnosis.held_out, t_s, measured, before, after))
     return out
+
+
+def where_after(diagnosis: Diagnosis) -> Where | None:
+    """Return where the corrected model still misses; None: nothing was corrected, or nobody asked where."""
+    if not diagnosis.effects or diagnosis.where is None:
+        return None
+    simulator = Simulator(diagnosis.recording, grid=GRID)
+    return localise(simulator, diagnosis.measured, diagnosis.corrected_starts, tuple(diagnosis.effects))
 
 
 def autocorrelation(residual: np.ndarray, most: int) -> tuple[np.ndarray, int]:

@@ -175,7 +175,7 @@ def _send_forces(log: rr.RecordingStream, diagnosis: Diagnosis, paths: list[Path
     tip = motion[:, :2] + np.column_stack([c * point[:, 0] - s * point[:, 1], s * point[:, 0] + c * point[:, 1]])
     scale = reach / max(float(np.percentile(np.linalg.norm(command, axis=1), 98)), 1e-9)
     _send_arrows(log, "world/command", time_s, tip - scale * command, scale * command, top)
-    found = [missing_wrench(diagnosis, p.episode) for p in paths]
+    found = [missing_wrench(diagnosis, diagnosis.where, p.episode) for p in paths]
     parts = [(b + w.t_s, w, p) for b, w, p in zip(_begins(paths), found, paths, strict=True) if w is not None]
     if not parts:
         return
@@ -184,11 +184,15 @@ def _send_forces(log: rr.RecordingStream, diagnosis: Diagnosis, paths: list[Path
     where = np.concatenate(
         [np.column_stack([np.interp(w.t_s, p.t_s, _whole(p.measured)[:, k]) for k in (0, 1)]) for _, w, p in parts]
     )
-    scale = reach / max(float(np.percentile(np.linalg.norm(force, axis=1), 98)), 1e-9)
-    _send_arrows(log, "world/missing_force", time_s, where, scale * force, top)
-    _send_scalars(log, "wrench/force", time_s, force)
     moment = np.concatenate([w.moment_nm for _, w, _ in parts])
-    _send_scalars(log, "wrench/moment", time_s, moment[:, None])
+    # where friction holds the body no force can be seen: no arrow there
+    seen = np.isfinite(force).all(axis=1) & np.isfinite(moment)
+    if not seen.any():
+        return
+    scale = reach / max(float(np.percentile(np.linalg.norm(force[seen], axis=1), 98)), 1e-9)
+    _send_arrows(log, "world/missing_force", time_s, where, scale * np.where(seen[:, None], force, 0.0), top)
+    _send_scalars(log, "wrench/force", time_s[seen], force[seen])
+    _send_scalars(log, "wrench/moment", time_s[seen], moment[seen, None])
 
 
 def _send_arrows(

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from runner.report import words
-from runner.report.before_after import longest
+from runner.report.before_after import whole
 
 if TYPE_CHECKING:
     from runner.diagnose.diagnosis import Diagnosis
@@ -60,11 +60,11 @@ def ranking(diagnosis: Diagnosis) -> Table:
 
 def gap_table(diagnosis: Diagnosis) -> Table | None:
     """Return what is missed before and after, per channel, at the longest horizon; None: there are no numbers."""
-    found = longest(diagnosis)
+    found = whole(diagnosis)
     if not found:
         return None
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    table.add_column(f"missed ({found[0].horizon}, not fitted)")
+    table.add_column("missed on episodes not fitted")
     for name in ("before", "after", "noise"):
         table.add_column(name, justify="right")
     for m in found:
