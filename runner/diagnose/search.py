@@ -78,7 +78,16 @@ def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS)
                 key = _key(explanation)
                 if key not in seen:
                     seen.add(key)
-                    fits.append(fitter.fit(explanation, episodes, x=x, near=contender.fit, target=target, iterations=8 if size == 1 else 12))
+                    fits.append(
+                        fitter.fit(
+                            explanation,
+                            episodes,
+                            x=x,
+                            near=contender.fit,
+                            target=target,
+                            iterations=8 if size == 1 else 12,
+                        )
+                    )
                     target = min(target, fits[-1].total)
         if not fits:
             break

@@ -16,7 +16,7 @@ themselves, the test is of what the regimes leave: a place stands out only if it
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -73,7 +73,7 @@ class Where:
         gap: Per channel and horizon, start states fitted: `channel`, `unit`, `horizon`, `rms`, `noise`, `noises`.
         windows: One row per window: `episode`, `t_s` (its middle), `x_m`, `y_m`, `yaw_rad`, `speed_m_s`, `rate_rad_s`,
             a column for each factor of `cells` but the channel, `excess`, `excess_<channel>`, `freedom`.
-        wrench: One row per window, the missing wrench: `fx_n`, `fy_n`, `mz_n_m` (world; moment about the vertical
+        wrench: One row per window of the shortest length, the missing wrench: `fx_n`, `fy_n`, `mz_n_m` (world; moment about the vertical
             through the geometric centre), `fx_body_n`, `fy_body_n`, each with `_se`; NaN: not to be seen.
         cells: One row per cell: `factor`, `cell`, `n` (windows), `excess`, `share` (of all excess), `lift` (share over
             share of the windows), `p` (one-sided, that it is as large by chance), `q` (Benjamini-Hochberg), and for
@@ -129,34 +129,45 @@ def localise(
     squares = np.where(valid, np.concatenate(whole) ** 2, 0.0).sum(axis=0)
     rows += _gap_rows(WHOLE_EPISODE, squares, valid.sum(axis=0) - len(episodes), measured)
 
-    for window_s in WINDOWS_S:
-        windows = windows_of(lengths, max(DEGREE + 1, round(window_s * rate)), episodes)
-        if len(windows) < FEWEST:
-            raise RecordingError(
-                f"{recording.path}: {len(windows)} windows of {window_s:g} s, at least {FEWEST} are needed."
-            )
-        look = _look(restarts, windows, measured)
-        if look.p < SURE or len(windows) < 2 * FEWEST:
+    windows = _windows(simulator, WINDOWS_S[0], episodes)
+    if len(windows) < FEWEST:
+        raise RecordingError(
+            f"{recording.path}: {len(windows)} windows of {WINDOWS_S[0]:g} s, at least {FEWEST} are needed."
+        )
+    shortest = look = _look(restarts, windows, measured, np.ones(len(CHANNELS)))
+    noise = look.noise
+    for window_s in WINDOWS_S[1:]:
+        windows = _windows(simulator, window_s, episodes)
+        if look.p < SURE or len(windows) < FEWEST:
             break
+        longer = _look(restarts, windows, measured, noise)
+        noise = longer.noise
+        look = longer if longer.p < SURE else look
     table = look.tags.assign(
         excess=look.excess.sum(axis=1),
         freedom=look.freedom.sum(axis=1),
         **{f"excess_{c}": look.excess[:, i] for i, c in enumerate(CHANNELS)},
     )
     cells = _cells(table, look.excess, look.freedom, look.places)
-    keys = look.tags[["episode", "t_s", "x_m", "y_m", "yaw_rad"]]
-    wrench = _wrench(look.local, look.tags["yaw_rad"].to_numpy(), simulator, float(look.noise.max()))
+    keys = shortest.tags[["episode", "t_s", "x_m", "y_m", "yaw_rad"]]
+    wrench = _wrench(shortest.local, shortest.tags["yaw_rad"].to_numpy(), simulator, float(shortest.noise.max()))
     return Where(
         gap=pd.DataFrame(rows),
         windows=table,
         wrench=pd.concat([keys, wrench], axis=1),
         cells=cells,
-        window_s=(windows.samples - 1) / rate,
+        window_s=(look.local.raw.shape[1] - 1) / rate,
         excess=float(look.excess.sum()),
         freedom=float(look.freedom.sum()),
         p=look.p,
         sentence=_sentence(cells, look.p),
     )
+
+
+def _windows(simulator: Simulator, window_s: float, episodes: Sequence[int]) -> Windows:
+    lengths = [len(e) for e in simulator.recording.episodes]
+    samples = max(DEGREE + 1, round(window_s * simulator.recording.nominal.rate_hz))
+    return windows_of(lengths, samples, episodes)
 
 
 @dataclass(frozen=True)
@@ -177,14 +188,14 @@ class _Look:
         return float(norm.sf((float(self.excess.sum()) - NOISE_SHARE * free) / np.sqrt(2 * max(free, 1e-9))))
 
 
-def _look(restarts: Restarts, windows: Windows, measured: Signals) -> _Look:
+def _look(restarts: Restarts, windows: Windows, measured: Signals, shorter: np.ndarray) -> _Look:
     simulator = restarts.simulator
     rate = simulator.recording.nominal.rate_hz
     first = _linearised(restarts, windows, measured, smoothed_states(windows, measured, rate))
     local = _linearised(restarts, windows, measured, first.fitted(), wrench_steps(simulator))
     tags, places = _tags(simulator, measured, windows)
     slow, freedom = local.slow()
-    noise = _noise_at_rest(slow, freedom, tags["regime"].to_numpy() == REGIMES[0])
+    noise = _noise_at_rest(slow, freedom, tags["regime"].to_numpy() == REGIMES[0], shorter)
     return _Look(local, tags, places, slow / noise - freedom, freedom, noise)
 
 
@@ -302,10 +313,16 @@ def _linearised(
     )
 
 
-def _noise_at_rest(slow: np.ndarray, freedom: np.ndarray, rest: np.ndarray) -> np.ndarray:
-    """Return how much more slow noise each channel has at rest than it should, at least 1, (6,); 1 if hardly known."""
+def _noise_at_rest(slow: np.ndarray, freedom: np.ndarray, rest: np.ndarray, shorter: np.ndarray) -> np.ndarray:
+    """Return how much more slow noise each channel has at rest than it should, at least 1, (6,).
+
+    Where there is too little rest to tell, noise that was slow in `shorter` windows of half the length is taken for
+    slower still: its ratio squared.
+    """
     free = freedom[rest].sum(axis=0)
-    return np.where(free >= REST_FREEDOM, np.maximum(slow[rest].sum(axis=0) / np.maximum(free, 1e-9), 1.0), 1.0)
+    ratio = slow[rest].sum(axis=0) / np.maximum(free, 1e-9)
+    sure = ratio > 1 + 2 * np.sqrt(2 / np.maximum(free, 1e-9))
+    return np.where(free >= REST_FREEDOM, np.where(sure, ratio, 1.0), shorter**2)
 
 
 def _gap_rows(horizon: str, squares: np.ndarray, count: np.ndarray, measured: Signals) -> list[dict[str, object]]:

@@ -1,0 +1,144 @@
+"""The verdict: right on what is planted, `none` where nothing is, the same for the same data seen otherwise."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runner import effects as fx
+from runner.diagnose.diagnosis import Diagnosis, diagnose, split
+from runner.diagnose.score import read_answers, score
+from runner.diagnose.verdict import read_verdicts, verdict, write_verdict
+from runner.errors import RecordingError, ResultError
+from runner.recording import Episode, Form, Noise, Nominal, Recording
+from runner.simulate import Effects, Run, Simulator
+
+RATE, SECONDS = 60.0, 3.0
+SIGMA = np.array([0.003, 0.003, 0.004, 0.015, 0.015, 0.02])
+NOMINAL = Nominal((0.5, 0.5, 0.5), 3.0, 0.3, 9.81, RATE, noise=Noise(0.003, 0.004, 0.015, 0.02))
+
+
+def recorded(effects: Effects, *, episodes: int = 6, seed: int = 3) -> Recording:
+    """Pushes of a second with rests, simulated with these effects, with noise."""
+    rng = np.random.default_rng(seed)
+    n = int(SECONDS * RATE) + 1
+    blank = np.zeros((n, 3))
+    made = []
+    for i in range(episodes):
+        force, point = np.zeros((n, 3)), np.zeros((n, 3))
+        for begin in (10, 100):
+            angle = rng.uniform(-math.pi, math.pi)
+            force[begin : begin + 45, :2] = rng.uniform(11, 18) * np.array([math.cos(angle), math.sin(angle)])
+            point[begin : begin + 45, :2] = rng.uniform(-0.3, 0.3, 2)
+        made.append(Episode(i, np.arange(n) / RATE, blank, blank, force, point))
+    recording = Recording(Path("made"), Form.PLANAR, NOMINAL, tuple(made))
+    simulator = Simulator(recording, grid=8, threads=1)
+    out = []
+    for i, episode in enumerate(made):
+        start = np.array([*rng.uniform(-1, 1, 2), rng.uniform(-3, 3), 0, 0, 0])
+        state = simulator.predict(i, [Run(effects, start)])[0] + SIGMA * rng.normal(size=(n, 6))
+        out.append(dataclasses.replace(episode, pose=state[:, :3], twist=state[:, 3:]))
+    return dataclasses.replace(recording, episodes=tuple(out))
+
+
+@pytest.fixture(scope="module")
+def tilted() -> Recording:
+    return recorded((fx.FloorTilt(0.02, 0.6),))
+
+
+@pytest.fixture(scope="module")
+def found(tilted: Recording) -> Diagnosis:
+    return diagnose(tilted, threads=1)
+
+
+def test_an_effect_of_no_size_is_none() -> None:
+    """A recording of the nominal model itself needs no effect."""
+    diagnosis = diagnose(recorded((fx.Friction(NOMINAL.friction),)), threads=1)
+    assert diagnosis.ranked[0].effects == ("none",)
+    assert diagnosis.effects == () and diagnosis.gap_closed == 0.0 and not diagnosis.abstain
+
+
+def test_a_tilt_is_found_with_its_twin_and_its_error(found: Diagnosis) -> None:
+    """The first answer is the tilt, a constant force is named as its equal, the true values lie within 4 errors."""
+    first = found.ranked[0]
+    assert {first.effects, *first.equivalent} >= {("floor_tilt",), ("wind",)}
+    assert first.probability > 0.9
+    name = first.effects[0]
+    true = {"floor_tilt": (0.02, "angle_rad"), "wind": (3 * 9.81 * math.sin(0.02), "force_n")}[name]
+    value, error = first.parameters[name][true[1]], first.errors[name][true[1]]
+    assert abs(value - true[0]) < 4 * error and error < 0.1 * true[0]
+    assert found.gap_closed > 0.5 and found.closure.closable_closed > 0.95
+
+
+def test_probabilities_sum_to_one_and_hold_every_kind_of_answer(found: Diagnosis) -> None:
+    """`none` and `unknown` are ranked like the rest."""
+    assert sum(r.probability for r in found.ranked) == pytest.approx(1.0)
+    assert {("none",), ("unknown",)} <= {r.effects for r in found.ranked}
+    assert [r.probability for r in found.ranked] == sorted((r.probability for r in found.ranked), reverse=True)
+
+
+def test_the_same_recording_gives_the_same_verdict(tilted: Recording, found: Diagnosis) -> None:
+    """Bit for bit, apart from the time it took; a shifted clock changes nothing either."""
+    late = dataclasses.replace(
+        tilted, episodes=tuple(dataclasses.replace(e, t_s=e.t_s + 17.0) for e in tilted.episodes)
+    )
+    again = verdict(diagnose(late, threads=1))
+    first = verdict(found)
+    for a, b in zip(first["ranked"], again["ranked"], strict=True):
+        assert a["effects"] == b["effects"]
+        assert a["probability"] == pytest.approx(b["probability"], abs=1e-6)
+
+
+def test_a_turned_world_turns_the_answer(tilted: Recording, found: Diagnosis) -> None:
+    """Turning the world by 90 degrees adds that to the direction and leaves the size."""
+    turn = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])  # row vectors
+    quarter = np.array([0, 0, math.pi / 2])
+    turned = dataclasses.replace(
+        tilted,
+        episodes=tuple(
+            dataclasses.replace(e, pose=e.pose @ turn + quarter, twist=e.twist @ turn, force_n=e.force_n @ turn)
+            for e in tilted.episodes
+        ),
+    )
+    before, after = found.ranked[0], diagnose(turned, threads=1).ranked[0]
+    assert after.effects == before.effects
+    name = before.effects[0]
+    for key, value in before.parameters[name].items():
+        expected = value + math.pi / 2 if key in ("downhill_rad", "direction_rad") else value
+        difference = after.parameters[name][key] - expected
+        if key.endswith("_rad") and key != "angle_rad":
+            difference = (difference + math.pi) % (2 * math.pi) - math.pi
+        assert abs(difference) < max(before.errors[name][key], 1e-6)
+
+
+def test_fitted_and_checked_episodes_do_not_overlap() -> None:
+    """The last two check the explanation; with few episodes, the last; one alone can't be diagnosed."""
+    assert split(8) == (tuple(range(6)), (6, 7))
+    assert split(3) == ((0, 1), (2,))
+    with pytest.raises(RecordingError, match="at least 2 episodes"):
+        split(1)
+
+
+def test_verdicts_are_written_and_scored(found: Diagnosis, tmp_path: Path) -> None:
+    """A right answer scores right, another one wrong; what is missing is said."""
+    write_verdict(tmp_path / "verdicts.json", {"a": verdict(found), "b": verdict(found)})
+    (tmp_path / "answers.json").write_text(
+        json.dumps(
+            {
+                "a": {"effects": [{"name": "floor_tilt", "severity": "strong"}], "accept": ["floor_tilt", "wind"]},
+                "b": {"effects": [{"name": "mass", "severity": "strong"}], "accept": ["mass", "actuator_gain"]},
+            }
+        )
+    )
+    result = score(read_verdicts(tmp_path), read_answers(tmp_path / "answers.json"))
+    assert result.cases.set_index("case")["right"].to_dict() == {"a": True, "b": False}
+    assert result.summary["first_right"] == 0.5
+    with pytest.raises(ResultError, match="no such file"):
+        read_answers(tmp_path / "none.json")
+    with pytest.raises(ResultError, match="no case has both"):
+        score({}, read_answers(tmp_path / "answers.json"))
