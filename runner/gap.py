@@ -146,6 +146,10 @@ def _sums(predict: Predict, windows: Windows, signals: Signals, *, iterations: i
     spread = (change**2).sum(axis=1)
     counts = valid.copy()
     counts[:, 0] = False
+    sound = valid[:, 0].all(axis=1)
+    if sound.any():
+        # a start without all of its measurements says nothing of what measured starts are worth
+        counts[~sound] = False
     fitted = fit_starts(predict, values, valid, signals, measured, iterations=iterations)
     return _Sums(
         len(windows),

@@ -73,8 +73,9 @@ class Where:
         gap: Per channel and horizon, start states fitted: `channel`, `unit`, `horizon`, `rms`, `noise`, `noises`.
         windows: One row per window: `episode`, `t_s` (its middle), `x_m`, `y_m`, `yaw_rad`, `speed_m_s`, `rate_rad_s`,
             a column for each factor of `cells` but the channel, `excess`, `excess_<channel>`, `freedom`.
-        wrench: One row per window of the shortest length, the missing wrench: `fx_n`, `fy_n`, `mz_n_m` (world; moment about the vertical
-            through the geometric centre), `fx_body_n`, `fy_body_n`, each with `_se`; NaN: not to be seen.
+        wrench: The missing wrench, one row per window of the shortest length: `fx_n`, `fy_n`, `mz_n_m` (world; moment
+            about the vertical through the geometric centre), `fx_body_n`, `fy_body_n`, each with `_se`; NaN: not to be
+            seen.
         cells: One row per cell: `factor`, `cell`, `n` (windows), `excess`, `share` (of all excess), `lift` (share over
             share of the windows), `p` (one-sided, that it is as large by chance), `q` (Benjamini-Hochberg), and for
             places `x_m`, `y_m`.

@@ -1,0 +1,272 @@
+"""The gap of a perfect model is the noise and nothing else; the right effect closes that of a wrong one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pandas as pd
+import pytest
+from cases import SIGMA, made
+
+from runner.__main__ import main
+from runner.diagnose.corrected import MODEL, read_corrected, unit, write_corrected
+from runner.diagnose.measured import measure
+from runner.effects import (
+    ActuatorDelay,
+    ComOffset,
+    FloorTilt,
+    Friction,
+    FrictionPatch,
+    Mass,
+    ObservationDelay,
+    SensorScale,
+    Tether,
+    ViscousDrag,
+    ViscousFilm,
+)
+from runner.errors import ConfigError, RecordingError, ResultError
+from runner.gap import WHOLE_EPISODE, measure_gap
+from runner.recording import write_case
+from runner.restarts import Restarts, Windows, windows_of
+from runner.simulate import OBJECT, Effects, Run, Simulator
+
+EXAMPLES = Path(__file__).parent.parent / "examples" / "cases"
+
+
+def noises(table: pd.DataFrame, starts: str, column: str = "noises") -> np.ndarray:
+    """Return multiples of the noise, (horizons, channels)."""
+    chosen = table[table["starts"] == starts]
+    return chosen.pivot_table(index="horizon", columns="channel", values=column, sort=False).to_numpy()
+
+
+def test_windows_share_their_borders_and_stay_inside() -> None:
+    """Windows of 10 steps lie end to end in each episode that is long enough."""
+    windows = windows_of([31, 10, 25], 10)
+    assert windows.samples == 11
+    assert list(zip(windows.episode, windows.first, strict=True)) == [(0, 0), (0, 10), (0, 20), (2, 0), (2, 10)]
+    assert len(windows_of([31, 31], 10, [1])) == 3
+
+
+@pytest.mark.parametrize(
+    "effects", [(), (Mass(2.5), ViscousDrag(1.0)), (ActuatorDelay(0.05),), (SensorScale(1.1),)], ids=str
+)
+def test_windows_continue_an_episode_exactly(effects: Effects) -> None:
+    """A window begun from a state of the simulated episode repeats the rest of it."""
+    recording, starts = made(noise=0.0, episodes=1)
+    simulator = Simulator(recording)
+    whole = simulator.predict(0, [Run(effects, starts[0])])[0]
+    first = np.array([0, 37, 150])
+    windows = Windows(np.zeros(3, int), first, 61)
+    again = Restarts(simulator, effects).predict(windows, whole[first][:, None])[:, 0]
+    for f, part in zip(first, again, strict=True):
+        np.testing.assert_allclose(part, whole[f : f + 61], atol=1e-9)
+
+
+def test_a_delayed_measurement_needs_no_past() -> None:
+    """In windows, a late measurement is a late command: restarted from what was measured, the rest follows."""
+    delay = (ObservationDelay(3 / 60),)
+    recording, _ = made(delay, noise=0.0, episodes=1)
+    whole = recording.episodes[0]
+    shown = np.hstack([whole.pose, whole.twist])
+    first = np.array([30, 120, 200])
+    windows = Windows(np.zeros(3, int), first, 46)
+    again = Restarts(Simulator(recording), delay).predict(windows, shown[first][:, None])[:, 0]
+    for f, part in zip(first, again, strict=True):
+        np.testing.assert_allclose(part, shown[f : f + 46], atol=1e-6)
+
+
+def test_extra_wrench_moves_the_free_body_by_newtons_law() -> None:
+    """Without friction, a force of 3 N and a moment of 0.5 N m on 3 kg and 0.5 kg m2 accelerate by 1 m/s2, 1 rad/s2."""
+    recording, _ = made(noise=0.0, episodes=1)
+    windows = Windows(np.array([0]), np.array([100]), 31)
+    start = np.array([[[0.1, 0.2, 0.7, 0.0, 0.0, 0.0]]]).repeat(2, axis=1)
+    restarts = Restarts(Simulator(recording), (Friction(0.0),))
+    with_wrench = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.5]])
+    without, moved = restarts.predict(windows, start, with_wrench)[0]
+    # the couple turns with the recorded yaw, not with that of this body: right where the two agree
+    pose = recording.episodes[0].pose[100:131, 2]
+    half = moved[-1] - without[-1]
+    assert half[3] == pytest.approx(0.5, rel=1e-3)
+    assert half[0] == pytest.approx(0.125, rel=5e-2)
+    turn = np.cos(moved[:, 2] - pose).mean() * 0.5
+    assert half[5] == pytest.approx(turn, rel=5e-2)
+
+
+def test_perfect_model_leaves_noise_alone() -> None:
+    """Fitted starts: one noise at every horizon; measured starts: what the noise of sample and start makes."""
+    recording, starts = made(episodes=4)
+    gap = measure_gap(Simulator(recording), measure(recording))
+    assert list(dict.fromkeys(gap.table["horizon"])) == ["0.1 s", "0.5 s", "1 s", WHOLE_EPISODE]
+    np.testing.assert_allclose(noises(gap.table, "fitted"), 1.0, atol=0.08)
+    ratio = noises(gap.table, "measured") / noises(gap.table, "measured", "noises_expected")
+    # linear in the noise, so less exact where friction makes it bend
+    np.testing.assert_allclose(ratio[:2], 1.0, atol=0.15)
+    np.testing.assert_allclose(ratio[2], 1.0, atol=0.3)
+    assert noises(gap.table, "measured")[0].min() > 1.1
+    for e, start in gap.starts.items():
+        assert np.all(np.abs(start - starts[e]) < 4 * SIGMA)
+
+
+def test_gap_with_itself_is_zero() -> None:
+    """Without noise, from measured starts, nothing is left, over whole episodes either."""
+    recording, _ = made(noise=0.0, episodes=2)
+    gap = measure_gap(Simulator(recording), measure(recording), horizons_s=(0.5,))
+    assert gap.table["rms"].to_numpy().max() < 1e-9
+    assert gap.episodes["episode"].unique().tolist() == [0, 1]
+
+
+def test_time_origin_does_not_matter() -> None:
+    """A clock that begins elsewhere changes nothing."""
+    recording, _ = made(episodes=2, seconds=3.0)
+    late = replace(recording, episodes=tuple(replace(e, t_s=e.t_s + 100.0) for e in recording.episodes))
+    tables = [measure_gap(Simulator(r), measure(r), horizons_s=(0.5,)).table for r in (recording, late)]
+    np.testing.assert_allclose(tables[0]["rms"], tables[1]["rms"], rtol=1e-6)
+
+
+@pytest.mark.parametrize("effect", [Friction(0.24), FloorTilt(0.03, 1.0), ObservationDelay(0.1)], ids=str)
+def test_right_effect_closes_the_gap(effect: Friction | FloorTilt | ObservationDelay) -> None:
+    """The nominal model misses what was planted by far; with the effect only noise is left at every horizon."""
+    recording, _ = made((effect,), episodes=2)
+    simulator, signals = Simulator(recording), measure(recording)
+    nominal = noises(measure_gap(simulator, signals).table, "fitted")
+    corrected = noises(measure_gap(simulator, signals, effects=(effect,)).table, "fitted")
+    assert nominal[-1].max() > 3
+    assert nominal[2].max() > 1.5
+    np.testing.assert_allclose(corrected, 1.0, atol=0.12)
+
+
+def test_too_long_and_too_short_horizons_are_refused() -> None:
+    """The message says what is possible."""
+    recording, _ = made(episodes=1, seconds=2.0)
+    with pytest.raises(RecordingError, match=r"made: no episode is as long as the horizon 5 s; the longest has 2 s"):
+        measure_gap(Simulator(recording), measure(recording), horizons_s=(5.0,))
+    with pytest.raises(RecordingError, match=r"horizons_s: must be at least one sample, 0.01667 s, got 0.001 s"):
+        measure_gap(Simulator(recording), measure(recording), horizons_s=(0.001,))
+
+
+MANY: Effects = (
+    Mass(3.123456789012345),
+    ComOffset(0.0123456789, -0.02),
+    FrictionPatch(0.3, 0.1, 0.2, 0.5),
+    FloorTilt(0.02, 1.0),
+    ViscousFilm(0.3),
+    Tether(1.2345678901234, 1.0, 2.0, 0.5),
+    ActuatorDelay(0.03),
+)
+
+
+def test_corrected_model_reads_back_and_its_mjcf_holds_the_numbers(tmp_path: Path) -> None:
+    """`corrected.yaml` gives the same effects in the same order; `model.xml` compiles to the simulator's model."""
+    recording, _ = made(noise=0.0, episodes=1, seconds=1.0)
+    simulator = Simulator(recording)
+    path = write_corrected(tmp_path / "new", MANY, simulator)
+    assert read_corrected(path) == MANY
+    assert read_corrected(tmp_path / "new") == MANY
+    model = mujoco.MjModel.from_xml_path(str(path.parent / MODEL))
+    ours = simulator.model(MANY)
+    body = model.body(OBJECT).id
+    assert model.body_mass[body] == pytest.approx(3.123456789012345, rel=1e-15)
+    for name in ("body_user", "body_ipos", "body_inertia", "tendon_stiffness", "dof_invweight0"):
+        np.testing.assert_allclose(getattr(model, name), getattr(ours, name), rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(model.opt.gravity, ours.opt.gravity, rtol=1e-14)
+
+
+def test_no_correction_is_a_model_too(tmp_path: Path) -> None:
+    """`none` writes an empty set of effects, and reads back as that."""
+    recording, _ = made(noise=0.0, episodes=1, seconds=1.0)
+    assert read_corrected(write_corrected(tmp_path, (), Simulator(recording))) == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        ("effects: {frictoin: {mu: 0.2}}", ConfigError, "effects.frictoin: no such effect.*Did you mean 'friction'"),
+        ("effects: {friction: {nu: 0.2}}", ConfigError, "effects.friction.nu: no such parameter.*Did you mean 'mu'"),
+        ("effects: {wind: {force_n: 1.0}}", ConfigError, "effects.wind: must have 'force_n', 'direction_rad', got"),
+        ("effects: {friction: {mu: -1}}", ConfigError, r"effects.friction.mu: must be a finite number in \[0, 10\]"),
+        ("effects: {friction: {mu: much}}", ConfigError, "effects.friction.mu: must be a number, got 'much'"),
+        ("effects: {friction: 0.2}", ConfigError, "effects.friction: must be {parameter: value}, got 0.2"),
+        ("effects: [friction]", ResultError, "must hold 'effects: {name: {parameter: value}}'"),
+        ("friction: 0.2", ResultError, "must hold 'effects: {name: {parameter: value}}'"),
+        ("effects: {", ResultError, "no YAML"),
+    ],
+)
+def test_bad_models_are_refused(tmp_path: Path, text: str, error: type[Exception], message: str) -> None:
+    """One line with the file, the key, and what is allowed."""
+    (tmp_path / "corrected.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(error, match=message) as caught:
+        read_corrected(tmp_path)
+    assert str(tmp_path / "corrected.yaml") in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_model_and_doubled_effect_are_refused(tmp_path: Path) -> None:
+    """A path without a file, and a model that the file can't hold."""
+    with pytest.raises(ResultError, match=r"nowhere.yaml: no such file"):
+        read_corrected(tmp_path / "nowhere.yaml")
+    recording, _ = made(noise=0.0, episodes=1, seconds=1.0)
+    with pytest.raises(ResultError, match="'viscous_drag' can be written once only"):
+        write_corrected(tmp_path, (ViscousDrag(1.0), ViscousFilm(1.0)), Simulator(recording))
+
+
+def test_units_follow_from_names() -> None:
+    """The longest ending counts."""
+    names = ("mass_kg", "mu", "coefficient_n_m_s", "coefficient_n_s_per_m", "speed_m_s", "share_per_s", "force_n")
+    assert [unit(n) for n in names] == ["kg", "", "N m s", "N s/m", "m/s", "1/s", "N"]
+
+
+def test_command_reproduces_the_gap_with_the_model_that_was_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`runner gap DIR model=PATH` writes the same table as the effects give directly."""
+    effect = (Friction(0.26),)
+    recording, _ = made(effect, episodes=2, seconds=4.0)
+    write_case(recording, tmp_path / "case")
+    simulator = Simulator(recording)
+    path = write_corrected(tmp_path / "model", effect, simulator)
+    arguments = ["gap", str(tmp_path / "case"), f"model={path}", f"out={tmp_path / 'out'}"]
+    assert main(arguments) == 0
+    table = pd.read_parquet(tmp_path / "out" / "gap.parquet")
+    want = measure_gap(simulator, measure(recording), effects=effect).table
+    np.testing.assert_allclose(table["rms"], want["rms"], rtol=1e-9)
+    out = capsys.readouterr().out
+    assert "starts fitted" in out
+    assert "noise alone" in out
+    episodes = pd.read_parquet(tmp_path / "out" / "gap_episodes.parquet")
+    assert set(episodes["episode"]) == {0, 1}
+
+
+def test_command_takes_a_folder_of_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Every case below it gets its rows; the example without a difference is at its noise in all windows."""
+    assert main(["gap", str(EXAMPLES), "horizons_s=[0.5]", f"out={tmp_path}"]) == 0
+    table = pd.read_parquet(tmp_path / "gap.parquet")
+    assert {Path(c).name for c in table["case"]} == {"nothing_differs", "slippery_floor"}
+    fitted = [r for r in table.to_dict("records") if (r["starts"], r["horizon"]) == ("fitted", "0.5 s")]
+    worst = {
+        name: max(r["noises"] for r in fitted if r["case"] == str(EXAMPLES / name))
+        for name in ("nothing_differs", "slippery_floor")
+    }
+    assert worst["nothing_differs"] < 1.1
+    assert worst["slippery_floor"] > worst["nothing_differs"]
+    assert "slippery_floor" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("horizons_s=[]", "horizons_s: at least one horizon is needed"),
+        ("horizons_s=[0.1,-1]", r"horizons_s[1]: must be a finite number in ]0, 3600] s, got -1.0"),
+        ("horizons_s=[0.1,0.1]", "horizons_s: each once only"),
+        ("recording=nowhere", "nowhere: no such folder"),
+    ],
+)
+def test_command_refuses_bad_settings(
+    setting: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 2 and one line."""
+    case = [] if setting.startswith("recording") else [str(EXAMPLES / "nothing_differs")]
+    assert main(["gap", *case, setting, f"out={tmp_path / 'out'}"]) == 2
+    assert message in capsys.readouterr().err

@@ -1,0 +1,145 @@
+"""What is planted in one place, at one time or on one channel is found there; where nothing is planted, nothing is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from cases import RATE_HZ, made
+
+from runner.diagnose.measured import measure
+from runner.diagnose.where import Where, localise, smoothed_states
+from runner.effects import ActuatorDelay, FrictionPatch, Inertia, Wind
+from runner.errors import RecordingError
+from runner.restarts import windows_of
+from runner.simulate import Effects, Simulator
+
+PATCH = FrictionPatch(0.5, 0.8, 0.3, 0.5)
+
+
+def where(planted: Effects, *, held: Effects = (), episodes: int = 5, seconds: float = 6.0, seed: int = 0) -> Where:
+    """Localise the gap of a recording with these effects in it."""
+    recording, starts = made(planted, episodes=episodes, seconds=seconds, seed=seed)
+    return localise(Simulator(recording), measure(recording), dict(enumerate(starts)), held)
+
+
+@pytest.fixture(scope="module")
+def patch() -> Where:
+    """A floor patch with more friction."""
+    return where((PATCH,))
+
+
+@pytest.fixture(scope="module")
+def nothing() -> Where:
+    """Noise alone."""
+    return where(())
+
+
+def test_noise_alone_exceeds_nothing(nothing: Where) -> None:
+    """No gap, no cell, a missing wrench of zero within its errors, and one noise at all horizons."""
+    assert not nothing.exceeds
+    assert nothing.sentence == "nothing exceeds chance"
+    assert (nothing.cells["q"].to_numpy()[nothing.cells["factor"] != "channel"] > 0.05).all()
+    assert nothing.gap["noises"].to_numpy() == pytest.approx(1.0, abs=0.12)
+    for name in ("fx_n", "fy_n", "mz_n_m"):
+        ratio = (nothing.wrench[name] / nothing.wrench[f"{name}_se"]).dropna().to_numpy()
+        assert len(ratio) > 50
+        assert abs(np.mean(ratio)) < 4 / np.sqrt(len(ratio))
+        assert 0.6 < np.std(ratio) < 1.3
+
+
+def test_floor_patch_shows_at_its_place(patch: Where) -> None:
+    """Of all places, the worst is within the patch's radius, and its excess is beyond chance."""
+    assert patch.exceeds
+    places = [row for row in patch.cells.to_dict("records") if row["factor"] == "place"]
+    worst = max(places, key=lambda row: row["excess"])
+    assert np.hypot(worst["x_m"] - PATCH.x_m, worst["y_m"] - PATCH.y_m) < PATCH.radius_m + 0.5
+    assert worst["lift"] > 1.5
+    assert worst["p"] < 0.02
+    windows = patch.windows
+    xy = windows[["x_m", "y_m"]].to_numpy()
+    inside = np.hypot(xy[:, 0] - PATCH.x_m, xy[:, 1] - PATCH.y_m) < PATCH.radius_m
+    assert windows["excess"].to_numpy()[inside].sum() > 0.5 * patch.excess
+    assert inside.mean() < 0.4
+
+
+def test_right_effect_takes_the_gap_away() -> None:
+    """With the planted effect in the model, nothing exceeds chance."""
+    assert not where((PATCH,), held=(PATCH,)).exceeds
+
+
+def test_wind_is_the_missing_wrench() -> None:
+    """A planted wind of 1.2 N comes out in the world, within its error, with no moment."""
+    found = where((Wind(1.2, 2.0),)).wrench
+    for name, true in (("fx_n", 1.2 * np.cos(2.0)), ("fy_n", 1.2 * np.sin(2.0)), ("mz_n_m", 0.0)):
+        known = found[[name, f"{name}_se"]].dropna().to_numpy()
+        weight = known[:, 1] ** -2
+        mean, error = (known[:, 0] @ weight) / weight.sum(), weight.sum() ** -0.5
+        assert abs(mean - true) < 4 * error
+        assert error < 0.1
+    turned = found["fx_n"] * np.cos(found["yaw_rad"]) + found["fy_n"] * np.sin(found["yaw_rad"])
+    both = turned.notna() & found["fx_body_n"].notna()
+    assert both.to_numpy().sum() > 30
+    np.testing.assert_allclose(turned[both], found.loc[both, "fx_body_n"], atol=1e-9)
+
+
+def test_wrong_inertia_shows_in_yaw() -> None:
+    """An inertia 1.5 times as large: most of the excess is in the yaw rate, and the sentence begins with it."""
+    found = where((Inertia(1.5),))
+    channels = found.cells[found.cells["factor"] == "channel"].set_index("cell")
+    assert channels.index[np.argmax(channels["share"].to_numpy())] == "wz"
+    assert found.sentence.startswith("wz")
+
+
+def test_late_push_shows_after_changes_of_command() -> None:
+    """A delay of the actuator is a gap just after the command changes."""
+    found = where((ActuatorDelay(0.1),))
+    row = next(r for r in found.cells.to_dict("records") if r["cell"] == "just after a change of command")
+    assert row["share"] > 0.6
+    assert row["lift"] > 1.2
+    assert row["q"] < 0.05
+    assert "just after a change of command" in found.sentence
+
+
+def test_shares_of_a_factor_add_up(patch: Where) -> None:
+    """Every window is in one regime, one place, one quarter, one episode; so is all of the excess."""
+    cells = patch.cells
+    for factor in ("regime", "push", "place", "time", "episode"):
+        inside = (cells["factor"] == factor).to_numpy()
+        assert cells["n"].to_numpy()[inside].sum() == len(patch.windows)
+        assert cells["share"].to_numpy()[inside].sum() == pytest.approx(1.0)
+    channels = (cells["factor"] == "channel").to_numpy()
+    assert cells["share"].to_numpy()[channels].sum() == pytest.approx(1.0)
+    p, q = cells["p"].to_numpy(), cells["q"].to_numpy()
+    assert np.all((p >= 0) & (p <= q + 1e-12) & (q <= 1))
+
+
+def test_same_recording_same_answer() -> None:
+    """The permutations are drawn the same every time."""
+    one, two = (where((PATCH,), episodes=2, seconds=4.0) for _ in range(2))
+    assert one.sentence == two.sentence
+    np.testing.assert_array_equal(one.cells["p"], two.cells["p"])
+
+
+def test_smoothed_states_are_exact_on_a_cubic() -> None:
+    """Local cubics return position and velocity of a cubic motion."""
+    t = np.arange(121) / RATE_HZ
+    rate = np.stack([1 + t - 0.5 * t**2, 0 * t + 0.3, 2 * t], axis=1)
+    pose = np.stack([t + t**2 / 2 - t**3 / 6, 0.3 * t, t**2], axis=1)
+
+    class Cubic:
+        values = (np.hstack([pose, rate]),)
+        valid = (np.ones((121, 6), bool),)
+        sigma = np.array([0.01, 0.01, 0.01, 0.1, 0.1, 0.1])
+        colour = np.zeros(6)
+        stated = np.ones(6, bool)
+
+    windows = windows_of([121], 20)
+    states = smoothed_states(windows, Cubic(), RATE_HZ)
+    np.testing.assert_allclose(states, Cubic.values[0][windows.first], atol=1e-9)
+
+
+def test_too_little_to_look_at_is_refused() -> None:
+    """A second of one episode has no eight windows."""
+    recording, starts = made(episodes=1, seconds=1.0)
+    with pytest.raises(RecordingError, match=r"windows of 0.25 s, at least 8 are needed"):
+        localise(Simulator(recording), measure(recording), {0: starts[0]})
