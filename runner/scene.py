@@ -211,7 +211,7 @@ def build(scene: SceneConfig, bodies: Mapping[str, BodyConfig]) -> mjcf.RootElem
     else:
         root.option.cone = "elliptic"
         root.option.tolerance = 1e-10
-        root.option.impratio = _impratio()
+        root.option.impratio = _impratio(scene)
     root.worldbody.add("geom", name="floor", type="plane", size=(50, 50, 1), contype=0, conaffinity=0)
     for i, (name, body) in enumerate(bodies.items()):
         _add_body(root, scene, name, body, law.USERDATA_SIZE * i)
@@ -265,16 +265,22 @@ def _foot_radius_m(body: BodyConfig, grid: int) -> float:
 # that grows with slip, D_n mu b_t |slip|, which makes a sliding box hop. The tiny `IMPEDANCE` makes the normal rows so
 # soft that the push drowns; a direct `solref` puts the wanted spring and damper back; `solreffriction` gives the
 # friction rows their own rate b_t; `impratio` makes those rows hard again, in proportion to the mass.
-# Measured: acceleration exact to 1e-12, creep below 0.5 um/s, from 0.3 to 10 kg and friction 0.05 to 1. With many feet
-# the push adds up, and the faster ones take more of the load, so their rate is lower: a turning cube (mu 0.5, 6 rad/s)
-# stops 0.4 % early, and the last 0.1 m/s fade within 0.1 s instead of stopping dead.
+# Measured: acceleration exact to 1e-12, creep below 0.8 um/s, from 0.3 to 10 kg and friction 0.05 to 1.
+#
+# What remains is in b_t, whatever the step: the push gives faster points a little more load (in proportion to b_t and
+# to the number of contacts; a body that can tip evens some of it out), and speeds below mu g / b_t fade instead of
+# stopping dead. `FRICTION_RATE` is the best compromise over 20 s episodes of sliding and spinning.
 IMPEDANCE = 1e-4  # the least that MuJoCo takes
-FRICTION_RATE = 6.4  # of all contacts together, per step; at most 1 for each
-FRICTION_REGULARISER = 1e-4
+FRICTION_RATE = {Dof.planar: 400.0, Dof.free: 1600.0}  # b_t times the root of the number of contacts, 1/s
+FRICTION_REGULARISER = 3.5e-5  # per root of the number of contacts, times the mass; the creep is in proportion to it
 
 
-def _impratio() -> float:
-    return 1 / IMPEDANCE / FRICTION_REGULARISER
+def _contacts(scene: SceneConfig) -> int:
+    return scene.grid**2 if scene.contact is Contact.feet else 4
+
+
+def _impratio(scene: SceneConfig) -> float:
+    return 1 / IMPEDANCE / FRICTION_REGULARISER / math.sqrt(_contacts(scene))
 
 
 def _penetration_m(scene: SceneConfig) -> float:
@@ -283,11 +289,11 @@ def _penetration_m(scene: SceneConfig) -> float:
 
 
 def _add_pair(root: mjcf.RootElement, scene: SceneConfig, body: BodyConfig, geom: mjcf.Element) -> None:
-    contacts = scene.grid**2 if scene.contact is Contact.feet else 4
+    contacts = _contacts(scene)
     pen = _penetration_m(scene)
     stiffness = scene.gravity_m_s2 / contacts / pen
     damping = 2 * math.sqrt(scene.gravity_m_s2 / pen) / contacts
-    rate = min(1.0, FRICTION_RATE / contacts) / scene.timestep_s
+    rate = min(FRICTION_RATE[scene.dof] / math.sqrt(contacts), 1 / scene.timestep_s)
     root.contact.add(
         "pair",
         geom1="floor",
