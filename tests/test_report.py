@@ -23,6 +23,7 @@ import rerun as rr
 from rich.console import Console
 
 from runner.diagnose.measured import CHANNELS, UNITS, Measured
+from runner.diagnose.where import localise
 from runner.effects import EFFECTS, Friction
 from runner.recording import Episode, Form, Noise, Nominal, Recording
 from runner.report import html, words
@@ -31,6 +32,7 @@ from runner.report.html import write_html
 from runner.report.motions import autocorrelation, replay
 from runner.report.record import write_rrd
 from runner.report.terminal import summary
+from runner.report.wrench import by_regime
 from runner.simulate import Run, Simulator
 
 RATE_HZ, DURATION_S = 60.0, 3.0
@@ -74,10 +76,10 @@ def found(recording: Recording) -> Any:
     """A diagnosis that found the friction."""
     values = tuple(np.hstack([e.pose, e.twist]) for e in recording.episodes)
     valid = tuple(np.ones(v.shape, bool) for v in values)
+    measured = Measured(values, SIGMA, np.zeros(6), valid, np.ones(6, bool))
     rows = [
-        {"episode": 5, "channel": c, "horizon_s": h, "before": 9 * s, "after": 1.1 * s, "noise": s, "unit": u}
+        {"episode": 5, "channel": c, "before": 9 * s, "after": 1.1 * s, "noise": s, "unit": u}
         for c, s, u in zip(CHANNELS, SIGMA, UNITS, strict=True)
-        for h in (0.5, 1.0, math.nan)
     ]
     friction = ranked(
         ("friction",),
@@ -95,10 +97,10 @@ def found(recording: Recording) -> Any:
         effects=(TRUE,),
         fitted=(0, 1),
         held_out=(2,),
-        measured=Measured(values, SIGMA, np.zeros(6), valid, np.ones(6, bool)),
+        measured=measured,
         nominal_starts={e: np.zeros(6) for e in range(3)},
         corrected_starts={e: np.zeros(6) for e in range(3)},
-        where=None,
+        where=localise(Simulator(recording, grid=8), measured, {e: np.zeros(6) for e in range(3)}),
         closure=SimpleNamespace(
             table=pd.DataFrame(rows), gap_closed=0.87, gap_closed_low=0.85, gap_closed_high=0.88, closable_closed=0.99
         ),
@@ -257,7 +259,7 @@ def test_page_shows_everything(found: Any, page: str) -> None:
         "corrected.yaml",
         "Episode 5, kept from the fit",
         "Only <one> episode was left",
-        "87 % (85 % to 88 %)",
+        "87 % (85–88 %)",
     ):
         assert part in text
     assert "Episode 3" not in text  # fitted episodes prove nothing
@@ -309,9 +311,13 @@ def test_replay_separates_models(found: Any) -> None:
 def test_misses_are_in_small_units(found: Any) -> None:
     """Rows by channel and horizon, whole episodes last, in mm and degrees."""
     rows = misses(found)
-    assert [r.horizon for r in rows[:3]] == ["0.5 s", "1 s", "whole episode"]
-    yaw = next(r for r in rows if r.channel == "yaw")
+    assert [r.horizon for r in rows[:5]] == ["0.1 s", "0.5 s", "1 s", "2 s", "whole episode"]
+    yaw = next(r for r in rows if r.channel == "yaw" and r.horizon == "whole episode")
     assert yaw.before == pytest.approx(math.degrees(9e-3))
+    # the corrected model is the true one: nothing but noise at any horizon
+    for row in rows:
+        assert row.after < 1.4 * row.noise
+        assert row.noise > 0
 
 
 def test_autocorrelation_of_a_first_order_process() -> None:
@@ -334,6 +340,25 @@ def test_whiteness_tells_a_right_model_from_a_wrong_one(found: Any, page: str) -
     assert "Nothing is left" in right
     wrong = said(html.render(changed(found, effects=(Friction(0.28),))))
     assert "Something is left" in wrong
+
+
+def test_missing_wrench_of_less_friction_is_along_the_motion(found: Any) -> None:
+    """A floor with 0.03 less friction lacks 0.03 m g along the motion, and nothing across it."""
+    means = {m.component: m for m in by_regime(found, found.where) if m.regime == "coasting"}
+    lacking = 0.03 * 3.0 * 9.81
+    assert means["along"].value == pytest.approx(lacking, abs=max(4 * means["along"].error, 0.1 * lacking))
+    assert abs(means["left"].value) < 4 * means["left"].error
+    assert means["along"].value > 4 * means["along"].error
+
+
+def test_page_says_where(found: Any, page: str) -> None:
+    """The missing force by regime, the shares of the gap with ticks for even ones, and what is left after."""
+    text = said(page)
+    assert "Where and when the simulator misses" in text
+    assert "by regime" in text
+    assert "coasting" in text
+    assert "missing force over time, episode 5" in text
+    assert "no such excess over the noise is left" in text
 
 
 def test_terminal_summary(found: Any) -> None:
@@ -373,6 +398,7 @@ def test_log_holds_all_motions(found: Any, log: Path) -> None:
     for entity in ("world/measured", "world/nominal", "world/corrected", "world/command", "residual/x", "residual/wz"):
         assert rows[entity] == samples
     assert rows["episode"] == 3
+    assert rows["world/missing_force"] == len(found.where.wrench)
     time_s = np.concatenate(times).astype("timedelta64[ns]").astype(float) * 1e-9
     assert np.all(np.diff(time_s) > 0)
     assert rr.chunk.RrdReader(log).blueprints()

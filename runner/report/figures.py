@@ -91,51 +91,51 @@ def _new(width: float, height: float, *, left: float = 0.5) -> Figure:
     return figure
 
 
-def trajectory(path: Paths, sigma: np.ndarray, number: int, name: str) -> str:
+def trajectory(path: Paths, sigma: np.ndarray, number: int, name: str, *, after: str = ORANGE) -> str:
     """Return the way over the floor, and every channel with its residual, of one episode."""
     with mpl.rc_context(STYLE):
         figure = _new(11.0, 6.6, left=0.6)
         grid = figure.add_gridspec(4, 4, width_ratios=[1.25, 1, 1, 1], height_ratios=[1.6, 1, 1.6, 1], wspace=0.38)
-        _way(figure.add_subplot(grid[:, 0]), path)
+        _way(figure.add_subplot(grid[:, 0]), path, after)
         for i in range(len(CHANNELS)):
             row, column = 2 * (i // 3), 1 + i % 3
             upper = figure.add_subplot(grid[row, column])
             lower = figure.add_subplot(grid[row + 1, column], sharex=upper)
-            _channel(upper, path, i)
-            _residual(lower, path, i, sigma)
+            _channel(upper, path, i, after)
+            _residual(lower, path, i, sigma, after)
         return svg(figure, name, f"Episode {number}: measured, nominal and corrected motion with residuals")
 
 
-def _way(ax: Axes, path: Paths) -> None:
+def _way(ax: Axes, path: Paths, after: str) -> None:
     ax.plot(path.nominal[:, 0], path.nominal[:, 1], color=GREY, lw=2.2)
-    ax.plot(path.corrected[:, 0], path.corrected[:, 1], color=ORANGE, lw=2.2)
+    ax.plot(path.corrected[:, 0], path.corrected[:, 1], color=after, lw=2.2)
     ax.plot(path.measured[:, 0], path.measured[:, 1], color=INK, lw=1.0, ls=(0, (4, 2)))
     begin = path.measured[np.isfinite(path.measured[:, 0])][:1]
     ax.plot(begin[:, 0], begin[:, 1], "o", color=INK, ms=5)
-    for motion, colour in ((path.nominal, GREY), (path.corrected, ORANGE)):
+    for motion, colour in ((path.nominal, GREY), (path.corrected, after)):
         ax.plot(*motion[-1, :2], "s", color=colour, ms=5)
-    ax.set_aspect("equal", "datalim")
+    ax.set_aspect("equal", "box", anchor="NW")
     ax.set(title="way over the floor", xlabel="x [m]", ylabel="y [m]")
     ax.margins(0.1)
 
 
-def _channel(ax: Axes, path: Paths, i: int) -> None:
+def _channel(ax: Axes, path: Paths, i: int, after: str) -> None:
     scale = 180 / np.pi if UNITS[i].startswith("rad") else 1.0
     unit = UNITS[i].replace("rad", "°")
     ax.plot(path.t_s, scale * path.nominal[:, i], color=GREY, lw=2.0)
-    ax.plot(path.t_s, scale * path.corrected[:, i], color=ORANGE, lw=2.0)
+    ax.plot(path.t_s, scale * path.corrected[:, i], color=after, lw=2.0)
     ax.plot(path.t_s, scale * path.measured[:, i], color=INK, lw=0.9)
     ax.set_title(f"{NAMES[CHANNELS[i]]} [{unit}]")
     ax.tick_params(labelbottom=False)
 
 
-def _residual(ax: Axes, path: Paths, i: int, sigma: np.ndarray) -> None:
+def _residual(ax: Axes, path: Paths, i: int, sigma: np.ndarray, colour: str) -> None:
     unit, scale = SMALL[UNITS[i]]
     ax.axhspan(-2 * scale * sigma[i], 2 * scale * sigma[i], color=BAND, lw=0)
     ax.axhline(0, color=INK, lw=0.6)
     before, after = (scale * (m - path.measured)[:, i] for m in (path.nominal, path.corrected))
     ax.plot(path.t_s, before, color=GREY, lw=1.2)
-    ax.plot(path.t_s, after, color=ORANGE, lw=1.0)
+    ax.plot(path.t_s, after, color=colour, lw=1.0)
     top = max(float(np.nanpercentile(np.abs(np.concatenate([before, after])), 99.8)), 3 * scale * float(sigma[i]))
     ax.set_ylim(-1.1 * top, 1.1 * top)
     ax.set_ylabel(f"miss [{unit}]")
@@ -145,7 +145,7 @@ def _residual(ax: Axes, path: Paths, i: int, sigma: np.ndarray) -> None:
         ax.tick_params(labelbottom=False)
 
 
-def horizons(found: Sequence[Miss], name: str) -> str:
+def horizons(found: Sequence[Miss], name: str, *, after: str = ORANGE) -> str:
     """Return the misses over the horizon, before and after, against the noise, one panel per channel."""
     with mpl.rc_context(STYLE):
         figure = _new(11.0, 3.9)
@@ -156,7 +156,7 @@ def horizons(found: Sequence[Miss], name: str) -> str:
                 continue
             x = np.arange(len(part))
             ax.plot(x, [m.before for m in part], "o-", color=GREY, ms=4)
-            ax.plot(x, [m.after for m in part], "o-", color=ORANGE, ms=4)
+            ax.plot(x, [m.after for m in part], "o-", color=after, ms=4)
             ax.plot(x, [m.noise for m in part], color=INK, lw=0.9, ls=(0, (1, 2)))
             ax.set_ylim(0, None)
             ax.set_xticks(x, [m.horizon.replace("whole ", "") for m in part])
@@ -164,7 +164,7 @@ def horizons(found: Sequence[Miss], name: str) -> str:
         return svg(figure, name, "Error before and after over the horizon, per channel")
 
 
-def bars(found: Sequence[Miss], name: str) -> str:
+def bars(found: Sequence[Miss], name: str, *, colour: str = ORANGE) -> str:
     """Return the misses before and after in multiples of the noise, one row per channel."""
     with mpl.rc_context(STYLE):
         figure = _new(8.0, 2.6, left=0.9)
@@ -173,7 +173,7 @@ def bars(found: Sequence[Miss], name: str) -> str:
         before, after = (np.array([getattr(m, k) / m.noise for m in found]) for k in ("before", "after"))
         ax.hlines(y, after, before, color=FAINT, lw=3)
         ax.plot(before, y, "o", color=GREY, ms=8)
-        ax.plot(after, y, "o", color=ORANGE, ms=8)
+        ax.plot(after, y, "o", color=colour, ms=8)
         ax.axvline(1, color=INK, lw=0.9, ls=(0, (1, 2)))
         ax.set_xscale("log")
         ax.xaxis.set_major_formatter(lambda v, _: f"{v:g}")
@@ -270,7 +270,9 @@ def floor(places: pd.DataFrame, paths: Sequence[Paths], effects: Sequence[Abstra
         return svg(figure, name, "Map of the floor: gap in each place against the average")
 
 
-def whiteness(before: np.ndarray, after: np.ndarray, step_s: float, name: str, longest_s: float = 0.5) -> str:
+def whiteness(
+    before: np.ndarray, after: np.ndarray, step_s: float, name: str, *, colour: str = ORANGE, longest_s: float = 0.5
+) -> str:
     """Return the autocorrelation of the whitened residuals (C, E, T), with the band of white noise."""
     lags = max(5, min(round(longest_s / step_s), before.shape[2] // 4))
     t = step_s * np.arange(1, lags + 1)
@@ -283,8 +285,8 @@ def whiteness(before: np.ndarray, after: np.ndarray, step_s: float, name: str, l
             ax.axhspan(-band, band, color=BAND, lw=0)
             ax.axhline(0, color=INK, lw=0.6)
             ax.plot(t, first, color=GREY, lw=1.5)
-            ax.vlines(t, 0, second, color=ORANGE, lw=1.6)
-            ax.plot(t, second, ".", color=ORANGE, ms=3.5)
+            ax.vlines(t, 0, second, color=colour, lw=1.6)
+            ax.plot(t, second, ".", color=colour, ms=3.5)
             ax.set_title(NAMES[CHANNELS[i]])
             ax.set_ylim(-0.5, 1.05)
             ax.set_yticks([0, 0.5, 1])

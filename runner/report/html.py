@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +15,7 @@ from markupsafe import Markup
 from scipy.stats import chi2
 
 from runner.diagnose.measured import CHANNELS, UNITS
+from runner.diagnose.where import REGIMES
 from runner.recording import Contact
 from runner.report import figures, words
 from runner.report.before_after import NAMES, SMALL, Miss, misses, whole
@@ -24,6 +27,7 @@ if TYPE_CHECKING:
 
 FILE = "report.html"
 TEMPLATE = "template.html.j2"
+LONG = 220  # letters of a verdict, from which on it is set smaller
 SHOWN = 8  # explanations in the ranking; the rest are summed up
 WHITE_AT = 0.01  # significance below which residuals are called structured
 LAGS = 20
@@ -61,8 +65,9 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "case": diagnosis.case,
         "kind": _kind(diagnosis),
         "verdict": words.verdict(diagnosis),
+        "long": len(words.verdict(diagnosis)) > LONG,
         "confounded": words.confounded(diagnosis),
-        "steps": words.next_steps(diagnosis),
+        "steps": [_with_code(step) for step in words.next_steps(diagnosis)],
         "facts": _facts(diagnosis),
         "ranking": _ranking(diagnosis),
         "corrected": bool(diagnosis.effects),
@@ -75,6 +80,12 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "notes": list(dict.fromkeys([*diagnosis.notes, *diagnosis.recording.notes])),
         "effort": _effort(diagnosis),
     }
+
+
+def _with_code(text: str) -> Markup:
+    """Return text with what stands between backticks as code."""
+    parts = text.split("`")
+    return Markup("").join(Markup("<code>{}</code>").format(p) if i % 2 else p for i, p in enumerate(parts))
 
 
 def _kind(diagnosis: Diagnosis) -> str:
@@ -92,17 +103,17 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         low, high = getattr(closure, "gap_closed_low", None), getattr(closure, "gap_closed_high", None)
         value = words.percent(diagnosis.gap_closed)
         if low is not None and high is not None and np.isfinite([low, high]).all():
-            value += f" ({words.percent(low)} to {words.percent(high)})"
-        facts.append(("of the gap closed, on episodes that were not fitted", value))
+            value += f" ({100 * low:.0f}–{100 * high:.0f} %)".replace("-", "−")
+        facts.append(("of the gap closed on episodes that were not fitted", value))
         if (share := getattr(closure, "closable_closed", None)) is not None and np.isfinite(share):
-            facts.append(("of what is above the noise closed", words.percent(share)))
+            facts.append(("of what can be closed, all but the noise", words.percent(share)))
     at_last = {m.channel: m for m in whole(diagnosis)}
     if {"x", "y"} <= set(at_last):
         before, after = (
             1e-3 * float(np.hypot(getattr(at_last["x"], k), getattr(at_last["y"], k))) for k in ("before", "after")
         )
         text = words.length(before) + (f" → {words.length(after)}" if diagnosis.effects else "")
-        facts.append(("position missed on them, root mean square", text))
+        facts.append(("position missed on episodes that were not fitted (root mean square)", text))
     return facts
 
 
@@ -120,7 +131,7 @@ def _ranking(diagnosis: Diagnosis) -> dict[str, Any]:
                 "amounts": [p.amount for p in words.phrases(ranked, nominal) if p.amount],
                 "parameters": _parameters(ranked),
                 "gap": "" if ranked.gap_closed is None else words.percent(ranked.gap_closed),
-                "equivalent": [words.title(e) for e in ranked.equivalent],
+                "equivalent": [words.title(e) for e in words.equals(ranked)],
             }
         )
     rest = everything[SHOWN:]
@@ -153,10 +164,19 @@ def _trajectories(diagnosis: Diagnosis, paths: list[Paths]) -> list[dict[str, An
                 "held_out": path.held_out,
                 "before": words.number(before, 2),
                 "after": words.number(after, 2),
-                "svg": Markup(figures.trajectory(path, diagnosis.measured.sigma, number, f"path{path.episode}")),
+                "svg": Markup(
+                    figures.trajectory(
+                        path, diagnosis.measured.sigma, number, f"path{path.episode}", after=_after(diagnosis)
+                    )
+                ),
             }
         )
     return out
+
+
+def _after(diagnosis: Diagnosis) -> str:
+    """Return the colour of what is left: orange is for what was corrected."""
+    return figures.ORANGE if diagnosis.effects else figures.GREY
 
 
 def _missed(diagnosis: Diagnosis, path: Paths, which: str) -> float:
@@ -197,7 +217,11 @@ def _closure(diagnosis: Diagnosis) -> dict[str, Any] | None:
             }
             for part in rows.values()
         ],
-        "svg": Markup(figures.horizons(found, "closure") if several else figures.bars(whole(diagnosis), "closure")),
+        "svg": Markup(
+            figures.horizons(found, "closure", after=_after(diagnosis))
+            if several
+            else figures.bars(whole(diagnosis), "closure", colour=_after(diagnosis))
+        ),
     }
 
 
@@ -220,7 +244,7 @@ def _whiteness(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | Non
         "lags": LAGS,
         "size": words.number(float(np.sqrt(np.nanmean(after**2))), 3),
         "before": words.number(float(np.sqrt(np.nanmean(before**2))), 3),
-        "svg": Markup(figures.whiteness(before, after, step_s, "white")),
+        "svg": Markup(figures.whiteness(before, after, step_s, "white", colour=_after(diagnosis))),
     }
 
 
@@ -230,20 +254,31 @@ def _where(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | None:
     if where is None:
         return None
     after = where_after(diagnosis)
+    # windows of another length show another force: not to be drawn side by side
+    alike = after if after is not None and math.isclose(after.window_s, where.window_s) else None
     places = where.cells[where.cells["factor"] == "place"].dropna(subset=["x_m", "y_m"])
+    mapped = where.exceeds and len(places) > 1
     worst = _shown(diagnosis, paths)[:1]
-    wrenches = [(missing_wrench(diagnosis, w, p.episode), p) for p in worst for w in (where, after)]
+    wrenches = [(missing_wrench(diagnosis, w, p.episode), p) for p in worst for w in (where, alike)]
     return {
         "exceeds": where.exceeds,
         "sentence": _spelt(where.sentence),
         "after": None if after is None else {"exceeds": after.exceeds, "sentence": _spelt(after.sentence)},
-        "left": None if after is None else words.percent(max(after.excess, 0.0) / max(where.excess, 1e-9)),
+        "left": None
+        if alike is None or where.excess <= 0
+        else words.percent(max(alike.excess, 0.0) / max(where.excess, 1e-9)),
+        "alike": alike is not None,
+        "window": f"{where.window_s:.3g} s",
         "regimes": Markup(
-            figures.regimes(by_regime(diagnosis, where), by_regime(diagnosis, after) if after else [], "regimes")
+            figures.regimes(by_regime(diagnosis, where), by_regime(diagnosis, alike) if alike else [], "regimes")
         ),
-        "map": Markup(figures.floor(places, paths, diagnosis.effects, "floor")) if len(places) > 1 else None,
+        "map": Markup(figures.floor(places, paths, diagnosis.effects, "floor")) if mapped else None,
         "over_time": _over_time(diagnosis, wrenches),
-        "factors": [_factor(where.cells, name) for name in dict.fromkeys(where.cells["factor"]) if name != "place"],
+        "factors": [
+            _factor(where.cells, name)
+            for name in dict.fromkeys(where.cells["factor"])
+            if where.exceeds and name != "place"
+        ],
     }
 
 
@@ -261,8 +296,20 @@ def _spelt(sentence: str) -> str:
     return NAMES.get(first, first) + comma + rest
 
 
+ORDER = (*CHANNELS, *REGIMES, *(f"the {q} quarter" for q in ("first", "second", "third", "last")))
+
+
+def _place(cell: str) -> tuple[float, str]:
+    """Return what puts cells into their natural order: channels and regimes, numbers by size, the rest by name."""
+    if cell in ORDER:
+        return ORDER.index(cell), cell
+    number = re.search(r"-?\d+(\.\d+)?", cell)
+    return (float(number.group()) if number else math.inf), cell
+
+
 def _factor(cells: pd.DataFrame, factor: str) -> dict[str, Any]:
     part = cells[cells["factor"] == factor]
+    part = part.iloc[sorted(range(len(part)), key=lambda i: _place(str(part["cell"].iloc[i])))]
     top = max(float(part["share"].max()), float((part["share"] / part["lift"]).max()), 1e-9)
     rows = []
     for row in part.to_dict("records"):
@@ -270,8 +317,8 @@ def _factor(cells: pd.DataFrame, factor: str) -> dict[str, Any]:
         even = share / lift if lift else 0.0
         rows.append(
             {
-                "name": NAMES.get(str(row["cell"]), str(row["cell"])),
-                "share": words.percent(share) if np.isfinite(share) else "–",
+                "name": NAMES.get(str(row["cell"]), re.sub(r"^-", "−", str(row["cell"]))),
+                "share": words.percent(max(share, 0.0)) if np.isfinite(share) else "–",
                 "width": f"{100 * float(np.clip(np.nan_to_num(share) / top, 0, 1)):.1f}",
                 "even": f"{100 * float(np.clip(np.nan_to_num(even) / top, 0, 1)):.1f}",
                 "stands_out": bool(row["q"] < 0.05),

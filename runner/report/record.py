@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 FILE = "diagnosis.rrd"
 PAUSE_S = 1.0  # between two episodes on the timeline
+TRAIL_S = 4.0  # how much of the way is seen behind each body
 MEASURED, NOMINAL, CORRECTED = (25, 27, 30), (130, 135, 142), (213, 94, 0)
 WRENCH, COMMAND = (0, 114, 178), (0, 158, 115)
 PAPER, INK = (247, 247, 245), (60, 62, 66)
@@ -94,6 +95,8 @@ def _send_look(log: rr.RecordingStream, diagnosis: Diagnosis) -> None:
             radii=0.016 * float(half.mean()),
         )
         log.log(f"world/{body}", box, static=True)
+        trail = rr.LineStrips3D.from_fields(colors=BODIES[body], radii=0.02 * float(half.mean()))
+        log.log(f"world/trail/{body}", trail, static=True)
     arrow = 0.05 * float(half.mean())
     log.log("world/command", rr.Arrows3D.from_fields(colors=COMMAND, radii=arrow), static=True)
     log.log("world/missing_force", rr.Arrows3D.from_fields(colors=WRENCH, radii=arrow), static=True)
@@ -119,6 +122,7 @@ def _send_motion(log: rr.RecordingStream, diagnosis: Diagnosis, paths: list[Path
         log.send_columns(
             f"world/{body}", _index(time_s), rr.Transform3D.columns(translation=place, quaternion=quaternion)
         )
+        _send_trail(log, body, paths, 1.02 * 2 * height)
     recorded = diagnosis.recording.episodes
     texts = [
         f"### Episode {recorded[p.episode].index}\n"
@@ -130,6 +134,19 @@ def _send_motion(log: rr.RecordingStream, diagnosis: Diagnosis, paths: list[Path
         _index(_begins(paths)),
         rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts)),
     )
+
+
+def _send_trail(log: rr.RecordingStream, body: str, paths: list[Paths], height_m: float) -> None:
+    """Send the way of a body's top, as one short line per tick of about 1 / 15 s; none joins two episodes."""
+    times, strips = [], []
+    for begin, path in zip(_begins(paths), paths, strict=True):
+        every = max(1, round(1 / 15 / float(path.t_s[1] - path.t_s[0])))
+        place = _whole(getattr(path, body))[::every, :2]
+        top = np.column_stack([place, np.full(len(place), height_m)])
+        times.append(begin + path.t_s[::every])
+        strips.append(np.stack([np.vstack([top[:1], top[:-1]]), top], axis=1))
+    lines = rr.LineStrips3D.columns(strips=np.concatenate(strips).tolist())
+    log.send_columns(f"world/trail/{body}", _index(np.concatenate(times)), lines)
 
 
 def _whole(motion: np.ndarray) -> np.ndarray:
@@ -229,10 +246,16 @@ def _blueprint(diagnosis: Diagnosis, paths: list[Paths]) -> rrb.Blueprint:
     low, high = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
     reach = float(np.max(high - low)) / 2 + 2.0 * half
     middle = (*((low + high) / 2).tolist(), half)
-    eye = np.array(middle) + reach * np.array([0.7, -1.2, 1.3])
+    eye = np.array(middle) + 0.8 * reach * np.array([0.6, -1.2, 1.3])
     paper = rrb.archetypes.PlotBackground(color=PAPER)
+    recent = rrb.VisibleTimeRange(
+        "sim_time",
+        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-TRAIL_S),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
     scene = rrb.Spatial3DView(
         origin="/world",
+        overrides={f"/world/trail/{body}": rrb.VisibleTimeRanges([recent]) for body in BODIES},
         name="measured (black), as believed (grey), corrected (orange)",
         background=list(PAPER),
         line_grid=rrb.LineGrid3D(visible=True, spacing=0.5, color=[120, 124, 130, 90]),
@@ -259,7 +282,9 @@ def _blueprint(diagnosis: Diagnosis, paths: list[Paths]) -> rrb.Blueprint:
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(scene, texts, row_shares=[2, 1]),
-            rrb.Vertical(rrb.Grid(*plots, grid_columns=2), rrb.Horizontal(*wrench), row_shares=[3, 1]),
+            rrb.Vertical(rrb.Grid(*plots, grid_columns=2), rrb.Horizontal(*wrench), row_shares=[3, 1])
+            if diagnosis.where is not None
+            else rrb.Grid(*plots, grid_columns=2),
             column_shares=[1, 1],
         ),
         rrb.BlueprintPanel(state="hidden"),

@@ -49,7 +49,7 @@ def ranking(diagnosis: Diagnosis) -> Table:
             words.probability(ranked.probability),
             "\n".join(amounts),
             "" if ranked.gap_closed is None else words.percent(ranked.gap_closed),
-            ", ".join(words.title(e) for e in ranked.equivalent),
+            ", ".join(words.title(e) for e in words.equals(ranked)),
         )
     if rest := everything[SHOWN:]:
         table.add_row(

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 Values = Mapping[str, float]
 NONE, UNKNOWN = "none", "unknown"
 DEGREES = 180.0 / math.pi
+SURE = 0.9  # an answer less likely than this asks for more data
 NOTEWORTHY = 0.02  # explanations less likely than this are not worth a sentence
 
 
@@ -463,10 +464,16 @@ def verdict(diagnosis: Diagnosis) -> str:
 def confounded(diagnosis: Diagnosis) -> str:
     """Return which explanations these data can't tell from the first; empty: there is none."""
     top = likeliest(diagnosis)
-    if not top.equivalent:
+    others = equals(top)
+    if not others:
         return ""
-    names = listed([title(e) for e in top.equivalent], "or")
+    names = listed([title(e) for e in others], "or")
     return f"These data would fit {names} just as well: nothing in the recording tells it from {title(top.effects)}."
+
+
+def equals(ranked: Ranked) -> list[tuple[str, ...]]:
+    """Return the other explanations that the data can't tell from this one, without the one that holds nothing."""
+    return [e for e in ranked.equivalent if e and e != (NONE,)]
 
 
 def ordered(diagnosis: Diagnosis) -> list[Ranked]:
@@ -507,22 +514,27 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
             " ".join(p.remedy for p in found) + " The corrected model is ready in model.xml and corrected.yaml, "
             "in the folder of this report."
         )
-        if top.equivalent:
-            others = listed([title(e) for e in top.equivalent], "or")
+        if equals(top):
+            others = listed([title(e) for e in equals(top)], "or")
             steps.append(
                 f"Decide between {title(top.effects)} and {others} by a measurement of another kind: "
                 "more recordings like this one can't."
             )
         checks = [p.check for p in found if p.check]
-        for names in top.equivalent:
+        for names in equals(top):
             checks += [c for n in names if (c := phrase(n, {}, {}, nominal).check) and "?" not in c and c not in checks]
         steps.append("Confirm it by hand. " + " ".join(checks))
     if diagnosis.next_push:
         text = diagnosis.next_push.strip()
         steps.append(f"Next push: {text}" + ("" if text.endswith((".", "!")) else "."))
-    if not _is(top, NONE):
+    if top.probability < SURE:
         steps.append(
-            "Record again after the change and diagnose that recording with the corrected values as "
-            "nominal.yaml: the answer should be `none`."
+            "The answer is likely, not certain: record more episodes, with stronger and more varied pushes, "
+            "and diagnose all of them together."
+        )
+    if settled(diagnosis):
+        steps.append(
+            "Record again, other pushes than before, and let the corrected model predict them: "
+            "`runner gap recording=NEW model=corrected.yaml` should show the noise and no more."
         )
     return steps
