@@ -108,7 +108,7 @@ class Experiment:
             raise ConfigError(f"estimator: '{REMOTE}' is the name of the remote cube, choose another.")
         update_steps(self.link, self.scene.timestep_s, 0)
         for name, effect in self.remote.effects.items():
-            if type(effect).edit_measurement is not AbstractEffect.edit_measurement:
+            if effect.of_sensor:
                 raise ConfigError(
                     f"remote.effects.{name}: '{effect.name}' changes a measurement after the fact, which a closed "
                     "loop can't do; link.delay_s makes states arrive late."

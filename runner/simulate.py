@@ -19,8 +19,8 @@ from mujoco import rollout
 from runner import law
 from runner.effects.base import AbstractEffect, Context, Motion, Target
 from runner.errors import RecordingError
-from runner.recording import Episode, Form, Nominal, Recording
 from runner.recording import Contact as BearsOn
+from runner.recording import Episode, Form, Nominal, Recording
 from runner.scene import Base, BodyConfig, Dof, SceneConfig, build, push_columns
 
 Effects = tuple[AbstractEffect, ...]

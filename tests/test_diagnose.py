@@ -60,7 +60,9 @@ def test_an_effect_of_no_size_is_none() -> None:
     """A recording of the nominal model itself needs no effect."""
     diagnosis = diagnose(recorded((fx.Friction(NOMINAL.friction),)), threads=1)
     assert diagnosis.ranked[0].effects == ("none",)
-    assert diagnosis.effects == () and diagnosis.gap_closed == 0.0 and not diagnosis.abstain
+    assert diagnosis.effects == ()
+    assert diagnosis.gap_closed == 0.0
+    assert not diagnosis.abstain
 
 
 def test_a_tilt_is_found_with_its_twin_and_its_error(found: Diagnosis) -> None:
@@ -71,8 +73,10 @@ def test_a_tilt_is_found_with_its_twin_and_its_error(found: Diagnosis) -> None:
     name = first.effects[0]
     true = {"floor_tilt": (0.02, "angle_rad"), "wind": (3 * 9.81 * math.sin(0.02), "force_n")}[name]
     value, error = first.parameters[name][true[1]], first.errors[name][true[1]]
-    assert abs(value - true[0]) < 4 * error and error < 0.1 * true[0]
-    assert found.gap_closed > 0.5 and found.closure.closable_closed > 0.95
+    assert abs(value - true[0]) < 4 * error
+    assert error < 0.1 * true[0]
+    assert found.gap_closed > 0.5
+    assert found.closure.closable_closed > 0.95
 
 
 def test_probabilities_sum_to_one_and_hold_every_kind_of_answer(found: Diagnosis) -> None:

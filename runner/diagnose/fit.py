@@ -2,7 +2,7 @@
 
 The start states are measured with noise like everything else, so they are unknowns of the fit and not truth. Each
 belongs to one episode only; they are eliminated episode by episode (variable projection, Golub & Pereyra 1973), and
-what is left is a small bounded least-squares problem, solved by Levenberg-Marquardt steps of `scipy.optimize.lsq_linear`.
+what is left is a small bounded least-squares problem: Levenberg-Marquardt steps by `scipy.optimize.lsq_linear`.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ NONE = Explanation(())
 
 @dataclass(frozen=True)
 class Basis:
-    """Derivatives of the whitened residuals by the start states, per episode: orthonormal (n, 6) and triangle (6, 6)."""
+    """Derivatives of the whitened residuals by the start states, per episode: orthonormal (n, 6), triangle (6, 6)."""
 
     q: tuple[np.ndarray, ...]
     r: tuple[np.ndarray, ...]
@@ -250,7 +250,7 @@ class Fitter:
 
     @staticmethod
     def _step(point: _Point, parameters: Sequence[Parameter], damping: float) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return a step of the parameters (p,), of the start states (E, 6), and the gain in the loss that it promises."""
+        """Return a step of the parameters (p,), of the start states (E, 6), and the gain in the loss it promises."""
         episodes = list(zip(point.residual, point.jacobian, point.basis.q, point.basis.r, strict=True))
         p = len(point.x)
         dx = np.zeros(p)

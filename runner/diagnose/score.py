@@ -102,7 +102,12 @@ def _right(named: list[str], truth: list[str], accept: set[str]) -> bool:
 
 def _groups(cases: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     single = cases[cases["effects"] == 1]
-    out = [("all", cases), (NONE, cases[cases["effects"] == 0]), ("one effect", single), ("two effects", cases[cases["effects"] > 1])]
+    out = [
+        ("all", cases),
+        (NONE, cases[cases["effects"] == 0]),
+        ("one effect", single),
+        ("two effects", cases[cases["effects"] > 1]),
+    ]
     out += [(f"one effect, {s}", part) for s, part in single.groupby("severity")]
     out += [(str(name), part) for name, part in single.groupby("truth")]
     return [(name, part) for name, part in out if len(part)]

@@ -24,6 +24,7 @@ class ObservationDelay(AbstractEffect):
 
     name: ClassVar[str] = "observation_delay"
     label: ClassVar[str] = "a measurement that is older than its time stamp"
+    of_sensor: ClassVar[bool] = True
     delay_s: float
 
     def __post_init__(self) -> None:
@@ -51,6 +52,7 @@ class SensorScale(AbstractEffect):
 
     name: ClassVar[str] = "sensor_scale"
     label: ClassVar[str] = "measured lengths that are a multiple of the true ones"
+    of_sensor: ClassVar[bool] = True
     ratio: float
 
     def __post_init__(self) -> None:
