@@ -18,6 +18,7 @@ from enum import Enum
 import mujoco
 import numpy as np
 from dm_control import mjcf
+from numpy.typing import ArrayLike
 
 from runner import law
 from runner.errors import ConfigError, check_range, check_vector, nearest
@@ -185,16 +186,16 @@ def rotate(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return vector + w * t + np.cross(u, t)
 
 
-def push_columns(force_n: np.ndarray, point_m: np.ndarray) -> np.ndarray:
+def push_columns(force_n: ArrayLike, point_m: ArrayLike) -> np.ndarray:
     """Return what the law takes for forces at body-fixed points, (..., 12): the force, then p x F^T row by row.
 
     Args:
         force_n: Force, world axes, (..., 3).
         point_m: Point of application relative to the geometric centre, body axes, (..., 3).
     """
-    force_n, point_m = np.broadcast_arrays(np.asarray(force_n, float), np.asarray(point_m, float))
-    moment = point_m[..., :, None] * force_n[..., None, :]
-    return np.concatenate([force_n, moment.reshape(*moment.shape[:-2], 9)], axis=-1)
+    force, point = np.broadcast_arrays(np.asarray(force_n, float), np.asarray(point_m, float))
+    moment = point[..., :, None] * force[..., None, :]
+    return np.concatenate([force, moment.reshape(*moment.shape[:-2], 9)], axis=-1)
 
 
 def build(scene: SceneConfig, bodies: Mapping[str, BodyConfig]) -> mjcf.RootElement:

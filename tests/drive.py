@@ -8,6 +8,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 
 from runner import law
 from runner.scene import BodyConfig, Contact, Dof, Scene, SceneConfig, compile_scene, push_columns
@@ -44,10 +45,10 @@ def make(
     return scene
 
 
-def set_push(scene: Scene, force_n: object, point_m: object = (0, 0, 0), name: str = "b0") -> None:
+def set_push(scene: Scene, force_n: ArrayLike, point_m: ArrayLike = (0, 0, 0), name: str = "b0") -> None:
     """Push a body until told otherwise."""
     adr = scene.body(name).push_adr
-    scene.data.userdata[adr : adr + law.PUSH_SIZE] = push_columns(np.asarray(force_n), np.asarray(point_m))
+    scene.data.userdata[adr : adr + law.PUSH_SIZE] = push_columns(force_n, point_m)
 
 
 def outputs(scene: Scene, name: str = "b0") -> np.ndarray:
@@ -71,7 +72,7 @@ def twist(scene: Scene, name: str = "b0") -> np.ndarray:
     return scene.body(name).twist(scene.data.qpos, scene.data.qvel)
 
 
-def set_planar(scene: Scene, start: object, name: str = "b0") -> None:
+def set_planar(scene: Scene, start: ArrayLike, name: str = "b0") -> None:
     """Write x, y, yaw, vx, vy, wz of a body that can't tip."""
     columns = scene.body(name).planar_columns()
     scene.data.qpos[list(columns[0])], scene.data.qvel[list(columns[1])] = np.split(np.asarray(start, float), 2)
@@ -97,7 +98,7 @@ class Track:
         return state
 
 
-def play(scene: Scene, duration_s: float, push: Push | None = None, start: object = (0.0,) * 6) -> Track:
+def play(scene: Scene, duration_s: float, push: Push | None = None, start: ArrayLike = (0.0,) * 6) -> Track:
     """Move a body that can't tip from a state (6,); the push of each step is that of its middle."""
     h = scene.config.timestep_s
     n = round(duration_s / h)

@@ -7,12 +7,14 @@ over the base; as friction is linear in it, both follow from one 3 x 3 system, w
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
 Push = Callable[[float], tuple[np.ndarray, np.ndarray]]  # t_s -> force (3,), world axes, N; point (3,), body axes, m
@@ -91,50 +93,49 @@ class Box:
     film_n_s_m: float = 0.0
     air_n_s2_m2: float = 0.0
     leak_per_s: float = 0.0
+    _weights: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not len(self.points):
             object.__setattr__(self, "points", cells(self.half_size_m, 8))
         if not len(self.areas):
             object.__setattr__(self, "areas", np.full(len(self.points), 1 / len(self.points)))
+        weights = self.areas * self.pressure
+        object.__setattr__(self, "_weights", weights / weights.sum())
 
     def loads(self, t_s: float, state: np.ndarray, push: Push) -> Loads:
         """Return what acts; `state` is the CoM's position, yaw and their rates, (6,)."""
-        c, s = np.cos(state[2]), np.sin(state[2])
+        c, s = math.cos(state[2]), math.sin(state[2])
         turn = np.array([[c, -s], [s, c]])
-        com = turn @ np.array(self.com_m[:2])
-        arm = self.points @ turn.T - com  # (n, 2), from the CoM
-        slip = state[3:5] + state[5] * arm[:, ::-1] * [-1.0, 1.0]
+        com_x, com_y = turn @ self.com_m[:2]
+        arm = self.points @ turn.T - (com_x, com_y)  # (n, 2), from the CoM
+        slip = np.empty_like(arm)
+        slip[:, 0], slip[:, 1] = state[3] - state[5] * arm[:, 1], state[4] + state[5] * arm[:, 0]
         drag = self._drag(slip, state[:2] + arm, turn)  # (n, 2), friction per load
         mass = self.mass_kg * (1 - self.leak_per_s * t_s)
-        force, point = push(t_s)
-        x, y = turn @ point[:2] - com
+        (fx, fy, fz), point = push(t_s)
+        x, y = c * point[0] - s * point[1] - com_x, s * point[0] + c * point[1] - com_y
         z = point[2] - self.com_m[2]
-        carried = -mass * self.gravity_m_s2[2] - force[2]
+        gx, gy, gz = self.gravity_m_s2
+        carried = -mass * gz - fz
         height = self.com_m[2] + self.half_size_m[2]  # of the CoM above the floor
-        smear = -self.film_n_s_m * self.areas[:, None] * slip
-        middle = state[3:5] + state[5] * np.array([com[1], -com[0]])
-        air = -self.air_n_s2_m2 * np.hypot(*middle) * middle
+        middle_x, middle_y = state[3] + state[5] * com_y, state[4] - state[5] * com_x
+        air = -self.air_n_s2_m2 * math.hypot(middle_x, middle_y)
+        ax, ay = air * middle_x, air * middle_y
         # moments about the CoM of all but friction and load; the film acts at the floor, the air on the middle
-        film = smear.sum(axis=0)
-        moment = np.array(
-            [
-                y * force[2] - z * force[1] + self.com_m[2] * air[1] + height * film[1],
-                z * force[0] - x * force[2] - self.com_m[2] * air[0] - height * film[0],
-            ]
-        )
-        share = self._share(arm, drag, carried, height, moment)
-        rub = smear + carried * (self._weights * share)[:, None] * drag
-        torque = x * force[1] - y * force[0] + np.sum(arm[:, 0] * rub[:, 1] - arm[:, 1] * rub[:, 0])
-        torque += com[1] * air[0] - com[0] * air[1]
+        mx, my = y * fz - z * fy + self.com_m[2] * ay, z * fx - x * fz - self.com_m[2] * ax
+        smear = np.zeros_like(slip)
+        if self.film_n_s_m:
+            smear = -self.film_n_s_m * self.areas[:, None] * slip
+            film_x, film_y = smear.sum(axis=0)
+            mx, my = mx + height * film_y, my - height * film_x
+        share = self._share(arm, drag, carried, height, mx, my)
+        load = self._weights * share
+        rub = smear + (carried * load)[:, None] * drag
+        torque = x * fy - y * fx + arm[:, 0] @ rub[:, 1] - arm[:, 1] @ rub[:, 0] + com_y * ax - com_x * ay
         friction = rub.sum(axis=0)
-        total = force[:2] + friction + air + mass * np.array(self.gravity_m_s2[:2])
-        return Loads(total, torque, friction, carried, com + (self._weights * share) @ arm, share)
-
-    @property
-    def _weights(self) -> np.ndarray:
-        weights = self.areas * self.pressure
-        return weights / weights.sum()
+        total = friction + np.array([fx + ax + mass * gx, fy + ay + mass * gy])
+        return Loads(total, torque, friction, carried, (com_x, com_y) + load @ arm, share)
 
     def _drag(self, slip: np.ndarray, place: np.ndarray, turn: np.ndarray) -> np.ndarray:
         speed = np.sqrt((slip**2).sum(axis=1) + self.slip_eps_m_s**2)
@@ -149,20 +150,21 @@ class Box:
         return -mu * (local * stretch) @ rotate.T
 
     def _share(
-        self, arm: np.ndarray, drag: np.ndarray, carried: float, height: float, moment: np.ndarray
+        self, arm: np.ndarray, drag: np.ndarray, carried: float, height: float, mx: float, my: float
     ) -> np.ndarray:
         table = np.empty((len(arm), 5))  # 1, x, y, friction per load
         table[:, 0], table[:, 1:3], table[:, 3:] = 1.0, arm, drag
-        bearing = all_weights = self._weights
+        bearing = self._weights
         share = np.ones(len(arm))
         for _ in range(100):
             # load = carried * w * (a + b x + c y); sums over the base of 1, x, y, friction, per a, b, c
             sums = (table[:, :3] * bearing[:, None]).T @ table  # (3, 5)
             # about the CoM: N y + height * f_y = -Mx, -N x - height * f_x = -My
-            system = np.array([sums[:, 0], sums[:, 1] + height * sums[:, 3], sums[:, 2] + height * sums[:, 4]])
-            share = table[:, :3] @ np.linalg.solve(system, [1.0, moment[1] / carried, -moment[0] / carried])
-            now = np.where(share > 0, all_weights, 0.0)
-            if np.array_equal(now, bearing):
+            system = sums[:, :3].T.copy()
+            system[1:] += height * sums[:, 3:].T
+            share = table[:, :3] @ np.linalg.solve(system, (1.0, my / carried, -mx / carried))
+            now = np.where(share > 0, self._weights, 0.0)
+            if (now == bearing).all():
                 break
             bearing = now
         return np.maximum(share, 0.0)
@@ -171,7 +173,7 @@ class Box:
         self,
         times_s: np.ndarray,
         push: Push = no_push,
-        start: object = (0.0,) * 6,
+        start: ArrayLike = (0.0,) * 6,
         breaks_s: tuple[float, ...] = (),
         tolerance: float = 1e-6,
     ) -> np.ndarray:
