@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
+from numpy.typing import ArrayLike
 
 from runner.diagnose.measured import CHANNELS, UNITS
 from runner.gap import measure_gap
@@ -91,5 +91,5 @@ def whole(diagnosis: Diagnosis) -> list[Miss]:
     return out
 
 
-def _rms(values: pd.Series) -> float:
-    return float(np.sqrt(np.nanmean(values.to_numpy(float) ** 2)))
+def _rms(values: ArrayLike) -> float:
+    return float(np.sqrt(np.nanmean(np.asarray(values, float) ** 2)))

@@ -34,7 +34,7 @@ VARIABLES = {
     BAND: "--band",
     ACCENT: "--accent",
 }
-STYLE: dict[str, Any] = {
+STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "runner",
     "font.family": "sans-serif",
@@ -158,7 +158,7 @@ def horizons(found: Sequence[Miss], name: str, *, after: str = ORANGE) -> str:
             ax.plot(x, [m.before for m in part], "o-", color=GREY, ms=4)
             ax.plot(x, [m.after for m in part], "o-", color=after, ms=4)
             ax.plot(x, [m.noise for m in part], color=INK, lw=0.9, ls=(0, (1, 2)))
-            ax.set_ylim(0, None)
+            ax.set_ylim(0, 1.12 * max(max(m.before, m.after, m.noise) for m in part))
             ax.set_xticks(x, [m.horizon.replace("whole ", "") for m in part])
             ax.set_title(f"{part[0].name} [{part[0].unit}]")
         return svg(figure, name, "Error before and after over the horizon, per channel")

@@ -30,6 +30,7 @@ TEMPLATE = "template.html.j2"
 LONG = 220  # letters of a verdict, from which on it is set smaller
 SHOWN = 8  # explanations in the ranking; the rest are summed up
 WHITE_AT = 0.01  # significance below which residuals are called structured
+STRUCTURE = 0.12  # of the noise's variance, over all channels: more than this is a cause of its own, not a trace
 LAGS = 20
 
 
@@ -112,7 +113,7 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         before, after = (
             1e-3 * float(np.hypot(getattr(at_last["x"], k), getattr(at_last["y"], k))) for k in ("before", "after")
         )
-        text = words.length(before) + (f" → {words.length(after)}" if diagnosis.effects else "")
+        text = words.change(before, after) if diagnosis.effects else words.length(before)
         facts.append(("position missed on episodes that were not fitted (root mean square)", text))
     return facts
 
@@ -230,17 +231,18 @@ def _whiteness(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | Non
         return None
     before, after = (whitened(diagnosis, paths, which) for which in ("nominal", "corrected"))
     step_s = diagnosis.recording.episodes[0].step_s
-    structured, left = [], []
+    structured, extra = [], [0.0]
     for i, channel in enumerate(CHANNELS):
         lags = min(LAGS, after.shape[2] // 4)
         r, count = autocorrelation(after[i], lags)
         q = count * (count + 2) * float(np.sum(r**2 / (count - np.arange(1, lags + 1))))
         if chi2.sf(q, lags) < WHITE_AT / len(CHANNELS):
             structured.append(NAMES[channel])
-            left.append(float(np.abs(r).max()))
+            extra.append(float(np.nanmean(after[i] ** 2)) - 1.0)
     return {
         "structured": words.listed(structured),
-        "strong": any(a > 0.2 for a in left),
+        "strong": float(np.nanmean(after**2)) - 1.0 > STRUCTURE,
+        "extra": words.percent(max(extra)),
         "lags": LAGS,
         "size": words.number(float(np.sqrt(np.nanmean(after**2))), 3),
         "before": words.number(float(np.sqrt(np.nanmean(before**2))), 3),
@@ -256,7 +258,7 @@ def _where(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | None:
     after = where_after(diagnosis)
     # windows of another length show another force: not to be drawn side by side
     alike = after if after is not None and math.isclose(after.window_s, where.window_s) else None
-    places = where.cells[where.cells["factor"] == "place"].dropna(subset=["x_m", "y_m"])
+    places = where.cells.loc[where.cells["factor"] == "place"].dropna(subset=["x_m", "y_m"])
     mapped = where.exceeds and len(places) > 1
     worst = _shown(diagnosis, paths)[:1]
     wrenches = [(missing_wrench(diagnosis, w, p.episode), p) for p in worst for w in (where, alike)]
@@ -308,7 +310,7 @@ def _place(cell: str) -> tuple[float, str]:
 
 
 def _factor(cells: pd.DataFrame, factor: str) -> dict[str, Any]:
-    part = cells[cells["factor"] == factor]
+    part = cells.loc[cells["factor"] == factor]
     part = part.iloc[sorted(range(len(part)), key=lambda i: _place(str(part["cell"].iloc[i])))]
     top = max(float(part["share"].max()), float((part["share"] / part["lift"]).max()), 1e-9)
     rows = []

@@ -203,7 +203,7 @@ def _send_forces(log: rr.RecordingStream, diagnosis: Diagnosis, paths: list[Path
     )
     moment = np.concatenate([w.moment_nm for _, w, _ in parts])
     # where friction holds the body no force can be seen: no arrow there
-    seen = np.isfinite(force).all(axis=1) & np.isfinite(moment)
+    seen = np.concatenate([w.seen for _, w, _ in parts])
     if not seen.any():
         return
     scale = reach / max(float(np.percentile(np.linalg.norm(force[seen], axis=1), 98)), 1e-9)

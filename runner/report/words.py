@@ -82,14 +82,23 @@ def probability(p: float) -> str:
     return "< 0.01" if p < 0.01 else f"{p:.2f}"
 
 
+LENGTHS = ((1e3, "mm", 0.02), (1e2, "cm", 1.0), (1.0, "m", math.inf))  # factor, unit, up to how many m
+
+
 def length(value_m: float, error_m: float | None = None) -> str:
     """Return a length in m, cm or mm, whichever reads best."""
-    factor, unit = next(
-        (f, u)
-        for f, u, top in ((1e3, "mm", 0.02), (1e2, "cm", 1.0), (1.0, "m", math.inf))
-        if max(abs(value_m), error_m or 0.0) < top
-    )
+    factor, unit = _unit_of(max(abs(value_m), error_m or 0.0))
     return plus_minus(value_m * factor, None if error_m is None else error_m * factor, unit)
+
+
+def change(before_m: float, after_m: float) -> str:
+    """Return `6.8 → 0.81 cm`: two lengths in the unit that suits the first."""
+    factor, unit = _unit_of(before_m)
+    return f"{number(factor * before_m, 2)} → {number(factor * after_m, 2)} {unit}"
+
+
+def _unit_of(length_m: float) -> tuple[float, str]:
+    return next((factor, unit) for factor, unit, top in LENGTHS if length_m < top or top == math.inf)
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:

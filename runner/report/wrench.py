@@ -25,6 +25,7 @@ COMPONENTS = {
 
 
 LEAST = 3  # windows that make a mean
+BADLY = 3.0  # times the usual error: what is known worse than that is not drawn
 
 
 @dataclass(frozen=True)
@@ -43,13 +44,22 @@ class Wrench:
     moment_nm: np.ndarray
     error: np.ndarray
 
+    @property
+    def seen(self) -> np.ndarray:
+        """Where it is known about as well as it usually is, (n,)."""
+        known = np.asarray(np.isfinite(self.error).all(axis=1))
+        if not known.any():
+            return known
+        usual = np.median(self.error[known], axis=0)
+        return np.asarray(known & (np.nan_to_num(self.error, nan=np.inf) <= BADLY * usual).all(axis=1))
+
 
 def missing_wrench(diagnosis: Diagnosis, where: Where | None, episode: int) -> Wrench | None:
     """Return the missing wrench of an episode (its place in the recording); None: it was not worked out."""
     if where is None:
         return None
     recorded = diagnosis.recording.episodes[episode]
-    table = where.wrench[where.wrench["episode"] == f"episode {recorded.index}"]
+    table = where.wrench.loc[where.wrench["episode"] == f"episode {recorded.index}"]
     if not len(table):
         return None
     names = ["fx_n", "fy_n", "mz_n_m"]
@@ -77,7 +87,7 @@ def by_regime(diagnosis: Diagnosis, where: Where) -> list[Mean]:
     table = along_motion(diagnosis, where).assign(regime=where.windows["regime"].to_numpy())
     out = []
     for regime in REGIMES:
-        part = table[table["regime"] == regime]
+        part = table.loc[table["regime"] == regime]
         for component in COMPONENTS:
             value, error = part[component].to_numpy(float), part[f"{component}_se"].to_numpy(float)
             known = np.isfinite(value) & np.isfinite(error) & (error > 0)
