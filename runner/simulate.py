@@ -53,7 +53,7 @@ def body_of(nominal: Nominal) -> BodyConfig:
     inertia = nominal.inertia_kg_m2
     if isinstance(inertia, float | int):
         # only the yaw inertia is known; the others don't move a planar body
-        inertia = (float(inertia),) * 3
+        inertia = (float(inertia), float(inertia), float(inertia))
     return BodyConfig(
         mass_kg=nominal.mass_kg,
         friction=nominal.friction,

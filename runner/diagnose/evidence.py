@@ -172,7 +172,7 @@ def evidence(around: Surroundings, context: Context, temper: float = 1.0) -> Evi
             schur = schur + np.diag(1e-2 / scale**2)
             covariance = np.linalg.inv(schur)
             loss -= float(g @ covariance @ g)
-            volume = 0.5 * p * np.log(2 * np.pi) - 0.5 * float(np.linalg.slogdet(schur)[1]) + prior
+            volume = 0.5 * p * np.log(2 * np.pi) - 0.5 * float(np.linalg.slogdet(schur).logabsdet) + prior
         logs.append(-0.5 * loss - float(np.log(np.diag(inner[0])).sum()) + volume)
         losses.append(loss * temper)
         covariances.append(covariance)

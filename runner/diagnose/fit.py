@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import qr, solve_triangular
+from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
 from runner.diagnose.measured import Measured
@@ -41,7 +41,7 @@ class Explanation:
         out, i = [], 0
         for kind in self.kinds:
             n = len(kind.parameters(context))
-            out.append(kind.from_vector(np.asarray(x[i : i + n], float), context))
+            out.append(kind.from_vector(x[i : i + n], context))
             i += n
         return tuple(out)
 
@@ -159,6 +159,7 @@ class Fitter:
         x: np.ndarray | None = None,
         near: Fit | None = None,
         target: float = np.inf,
+        patience: int = 0,
         iterations: int = 15,
         tolerance: float = 0.3,
     ) -> Fit:
@@ -172,6 +173,7 @@ class Fitter:
             x: Where to start, (p,); None: zero, the effect absent.
             near: A fit of the same episodes whose start states, and their derivatives, are a good beginning.
             target: A loss that others have reached; a fit that won't come near it is not finished.
+            patience: So many steps are taken before that is judged.
             iterations: At most so many steps.
             tolerance: In units of the loss (2 log likelihood).
         """
@@ -187,7 +189,7 @@ class Fitter:
             dx, ds, promised = self._step(point, parameters, damping)
             excess = max(point.total - count, 0.0)
             enough = tolerance + 2e-3 * excess
-            if iteration > 0 and point.total - 3 * promised > target + 0.5 * (target - count) + 100.0:
+            if iteration > patience and point.total - 3 * promised > target + 0.5 * (target - count) + 100.0:
                 behind = True
                 break
             if promised < enough:
@@ -240,9 +242,8 @@ class Fitter:
             residual.append(rows[0])
             jacobian.append(((rows[1 : len(effects)] - rows[0]) / steps[:, None]).T)
             if basis is None:
-                q, r = qr(
-                    ((rows[len(effects) :] - rows[0]) / START_STEP[:, None]).T, mode="economic", check_finite=False
-                )
+                by_start = ((rows[len(effects) :] - rows[0]) / START_STEP[:, None]).T
+                q, r = np.linalg.qr(by_start)
                 qs.append(q)
                 rs.append(r)
         fresh = basis is None
@@ -257,8 +258,7 @@ class Fitter:
         if p:
             # with the start states projected out, each episode is p + 1 rows of the same normal equations
             small = [
-                qr(_project(np.column_stack([j, r]), q), mode="r", check_finite=False)[0][: p + 1]
-                for r, j, q, _ in episodes
+                np.asarray(np.linalg.qr(_project(np.column_stack([j, r]), q), mode="r")) for r, j, q, _ in episodes
             ]
             matrix = np.vstack([s[:, :p] for s in small])
             right = -np.concatenate([s[:, p] for s in small])

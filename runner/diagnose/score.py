@@ -114,7 +114,7 @@ def _groups(cases: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
 
 
 def _row(name: str, part: pd.DataFrame) -> dict[str, Any]:
-    right = int(part["right"].sum())
+    right = int(np.count_nonzero(part["right"]))
     interval = binomtest(right, len(part)).proportion_ci(method="wilson")
     return {
         "group": name,
@@ -122,8 +122,8 @@ def _row(name: str, part: pd.DataFrame) -> dict[str, Any]:
         "first_right": right / len(part),
         "low": interval.low,
         "high": interval.high,
-        "first_three_right": float(part["in_first_three"].mean()),
-        "one_right": float(part["one_right"].mean()),
+        "first_three_right": float(np.mean(part["in_first_three"].to_numpy(float))),
+        "one_right": float(np.mean(part["one_right"].to_numpy(float))),
     }
 
 

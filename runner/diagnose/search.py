@@ -91,6 +91,7 @@ def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS)
                     x=x,
                     near=contender.fit,
                     target=target,
+                    patience=0 if size == 1 else 3,
                     iterations=8 if size == 1 else 12,
                 )
                 if size == 1 or contender.fit.total - fit.total > worth:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
 from scipy.signal import lfilter
 
-from runner.effects.base import AbstractEffect, Context, Motion, Parameter, ahead, effect, late
+from runner.effects.base import AbstractEffect, Context, Motion, Parameter, Vector, ahead, effect, late
 from runner.errors import check_range
 
 
@@ -34,7 +33,7 @@ class ActuatorGain(AbstractEffect):
         return (Parameter("log_gain", "", 0.15, -1.6, 1.6),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(math.exp(x[0]))
 
 
@@ -61,7 +60,7 @@ class ActuatorDelay(AbstractEffect):
         return (Parameter("delay_s", "s", 0.08, 0.0, 1.0),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(max(x[0], 0.0))
 
 
@@ -91,7 +90,7 @@ class ActuatorLag(AbstractEffect):
         return (Parameter("time_constant_s", "s", 0.08, 0.0, 2.0),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(max(x[0], 0.0))
 
 
@@ -116,7 +115,7 @@ class ActuatorSaturation(AbstractEffect):
         return (Parameter("cut_share", "", 0.2, 0.0, 0.95),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(context.force_n * (1 - x[0]))
 
     @classmethod
@@ -150,7 +149,7 @@ class ApplicationPointOffset(AbstractEffect):
         return (Parameter("x_m", "m", 0.1 * hx, -2 * hx, 2 * hx), Parameter("y_m", "m", 0.1 * hy, -2 * hy, 2 * hy))
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(x[0], x[1])
 
 
@@ -176,5 +175,5 @@ class ForceMisalignment(AbstractEffect):
         return (Parameter("angle_rad", "rad", 0.1, -1.5, 1.5),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(x[0])

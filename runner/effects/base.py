@@ -27,6 +27,8 @@ from dm_control import mjcf
 
 from runner.law import LawView
 
+Vector = Sequence[float] | np.ndarray
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -123,7 +125,7 @@ class AbstractEffect(ABC):
 
     @classmethod
     @abstractmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         """Make the effect from its fitted vector."""
 
     @classmethod

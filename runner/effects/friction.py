@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import AbstractEffect, Context, Parameter, Target, effect
+from runner.effects.base import AbstractEffect, Context, Parameter, Target, Vector, effect
 from runner.errors import check_range
 
 
@@ -37,7 +36,7 @@ class Friction(AbstractEffect):
         return (Parameter("log_mu_ratio", "", 0.15, -2.5, 1.6),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(max(context.friction, 1e-3) * math.exp(x[0]))
 
 
@@ -69,7 +68,7 @@ class AnisotropicFriction(AbstractEffect):
         return tuple(Parameter(n, "", 0.1, -0.6, 0.6) for n in ("contrast_cos", "contrast_sin"))
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         a = math.hypot(x[0], x[1])
         return cls((1 + a) / (1 - a), 0.5 * math.atan2(x[1], x[0]))
 
@@ -99,7 +98,7 @@ class Stribeck(AbstractEffect):
         )
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(x[0], 0.2 * math.exp(x[1]))
 
     @classmethod
@@ -127,7 +126,7 @@ class Stiction(AbstractEffect):
         return (Parameter("excess", "", 0.3, 0.0, 3.0),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(x[0])
 
     @classmethod
@@ -170,7 +169,7 @@ class FrictionPatch(AbstractEffect):
         )
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(x[0], x[1], x[2], math.exp(x[3]))
 
     @classmethod
@@ -201,7 +200,7 @@ class ContactPressure(AbstractEffect):
         return (Parameter("share", "", 0.5, -15.0, 8.0),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(x[0])
 
 
@@ -225,5 +224,5 @@ class ViscousFilm(AbstractEffect):
         return (Parameter("film_n_s_per_m", "N s/m", 0.1 * context.friction_n, 0.0, 5 * context.friction_n),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(x[0])

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import mujoco
 
-from runner.effects.base import AbstractEffect, Context, Parameter, Target, effect
+from runner.effects.base import AbstractEffect, Context, Parameter, Target, Vector, effect
 from runner.errors import check_range
 
 
@@ -37,7 +36,7 @@ class Mass(AbstractEffect):
         return (Parameter("log_mass_ratio", "", 0.15, -1.6, 1.6),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(context.mass_kg * math.exp(x[0]))
 
 
@@ -62,7 +61,7 @@ class Inertia(AbstractEffect):
         return (Parameter("log_inertia_ratio", "", 0.25, -2.0, 1.6),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(math.exp(x[0]))
 
 
@@ -93,7 +92,7 @@ class ComOffset(AbstractEffect):
         )
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(x[0], x[1])
 
 
@@ -117,5 +116,5 @@ class MassLeak(AbstractEffect):
         return (Parameter("share_per_s", "1/s", 0.03, -0.3, 0.12),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(x[0])

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
 from dm_control import mjcf
 
-from runner.effects.base import AbstractEffect, Context, Parameter, Target, effect
+from runner.effects.base import AbstractEffect, Context, Parameter, Target, Vector, effect
 from runner.errors import check_range
 
 
@@ -42,7 +41,7 @@ class FloorTilt(AbstractEffect):
         return tuple(Parameter(n, "rad", 0.02, -0.3, 0.3) for n in ("tilt_x", "tilt_y"))
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(math.hypot(x[0], x[1]), math.atan2(x[1], x[0]))
 
 
@@ -72,7 +71,7 @@ class Wind(AbstractEffect):
         return tuple(Parameter(n, "N", 0.02 * weight, -0.3 * weight, 0.3 * weight) for n in ("force_x", "force_y"))
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(math.hypot(x[0], x[1]), math.atan2(x[1], x[0]))
 
 
@@ -97,7 +96,7 @@ class ViscousDrag(AbstractEffect):
         return (Parameter("coefficient_n_s_per_m", "N s/m", 0.1 * context.friction_n, 0.0, 5 * context.friction_n),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(x[0])
 
 
@@ -121,7 +120,7 @@ class AirDrag(AbstractEffect):
         return (Parameter("coefficient_n_s2_per_m2", "N s2/m2", 0.1 * context.friction_n, 0.0, 5 * context.friction_n),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(x[0])
 
 
@@ -146,7 +145,7 @@ class RotationalDamping(AbstractEffect):
         return (Parameter("coefficient_n_m_s", "N m s", moment, 0.0, 50 * moment),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(x[0])
 
 
@@ -198,7 +197,7 @@ class Tether(AbstractEffect):
         )
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(max(x[0], 0.0), x[1], x[2], max(x[3], 0.0))
 
     @classmethod

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import AbstractEffect, Context, Motion, Parameter, ahead, effect, late
+from runner.effects.base import AbstractEffect, Context, Motion, Parameter, Vector, ahead, effect, late
 from runner.errors import check_range
 
 
@@ -41,7 +40,7 @@ class ObservationDelay(AbstractEffect):
         return (Parameter("delay_s", "s", 0.08, 0.0, 1.0),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(max(x[0], 0.0))
 
 
@@ -67,5 +66,5 @@ class SensorScale(AbstractEffect):
         return (Parameter("log_ratio", "", 0.05, -1.0, 1.0),)
 
     @classmethod
-    def from_vector(cls, x: Sequence[float], context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(math.exp(x[0]))
