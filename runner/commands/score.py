@@ -31,9 +31,11 @@ def main(config: ScoreConfig, job: Job) -> None:
     result = score(read_verdicts(config.verdicts), read_answers(config.answers))
     console = Console()
     console.print(_table("First answers, with 95 % Wilson intervals", result.table))
-    wrong = result.cases[~result.cases["right"]]
+    wrong = pd.DataFrame(
+        result.cases[~result.cases["right"]], columns=["case", "truth", "severity", "first", "probability"]
+    )
     if len(wrong):
-        console.print(_table("Wrong", wrong.filter(items=["case", "truth", "severity", "first", "probability"])))
+        console.print(_table("Wrong", wrong))
     console.print(_table("What was named (across) for what (down)", result.confusion.reset_index()))
     for name, value in result.summary.items():
         console.print(f"{name.replace('_', ' ')}: {value:.3f}", highlight=False)

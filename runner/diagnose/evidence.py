@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.special import logsumexp
 
 from runner.diagnose.fit import Explanation, Fit, Fitter, bounds, difference_steps
 from runner.effects.base import EFFECTS, AbstractEffect, Context
@@ -177,7 +176,9 @@ def evidence(around: Surroundings, context: Context, temper: float = 1.0) -> Evi
         losses.append(loss * temper)
         covariances.append(covariance)
     best = int(np.argmax(logs))
-    return Evidence(float(logsumexp(logs)) - np.log(len(LEVELS)), np.array(logs), losses[best], covariances[best])
+    return Evidence(
+        float(np.logaddexp.reduce(logs) - np.log(len(LEVELS))), np.array(logs), losses[best], covariances[best]
+    )
 
 
 def promise(around: Surroundings, level: float) -> dict[type[AbstractEffect], tuple[float, np.ndarray]]:
