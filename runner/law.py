@@ -48,7 +48,10 @@ PUSH_SIZE = 12
 OUT_SIZE = 10
 USERDATA_SIZE = PUSH_SIZE + OUT_SIZE  # per body
 
-# Offsets inside the `userdata` block of a body, after the push.
+# Offsets inside the `userdata` block of a body, after the push: friction (world axes, N, film included), its moment
+# about the body frame (N m), where the moments ask the load's centre to be (body axes, m; beyond the base it would tip),
+# share of the base that is lifted, speed at the end of the step (m/s), power of friction (W, mean over the step), load
+# on the base (N), yaw rate (rad/s).
 OUT_FORCE, OUT_TORQUE, OUT_COP, OUT_LIFTED, OUT_SLIP, OUT_POWER, OUT_LOAD, OUT_TURN = 0, 2, 3, 5, 6, 7, 8, 9
 
 
@@ -349,9 +352,11 @@ def _share_load(n, rx, ry, w, centre, weight, whole, load, share):
 
 
 @njit(cache=True, error_model="numpy")
-def _lifted_share(a, b, c, hx, hy):
-    """Share of the base |x| <= hx, |y| <= hy where a + b x + c y < 0: above zero as soon as a corner lifts."""
-    b, c = abs(b) * hx, abs(c) * hy
+def _lifted_share(share, turn, half, reach):
+    """Share of the base |x| <= hx, |y| <= hy where the load is negative: above zero as soon as a corner lifts."""
+    a, p, q = share[0], share[1], share[2]
+    b = abs(turn[0] * p - turn[1] * q) * max(half[0], reach[0])
+    c = abs(turn[1] * p + turn[0] * q) * max(half[1], reach[1])
     b, c = max(b, c), min(b, c)
     if a >= b + c:
         return 0.0
@@ -634,10 +639,12 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, heights, free, pla
         y = y[0] + e0 + l0 * d0 + l1 * d1 + l2 * d2, y[1] + e1 + n0 * d0 + n1 * d1 + n2 * d2
     lifted = 1.0
     if bears:
-        lifted = _lifted_share(
-            share[0], cr * share[1] - sr * share[2], sr * share[1] + cr * share[2],
-            max(num[r + _HALF_X], reach_x), max(num[r + _HALF_Y], reach_y),
-        )  # fmt: skip
+        lifted = _lifted_share(share, turn, (num[r + _HALF_X], num[r + _HALF_Y]), reach)
+        if follow[0] < 1.0 or follow[2] < 1.0:
+            # as if it could bear all that the moments ask for: four corners are held down until they tip
+            a, b_x, b_y = _solve3(whole[0], whole[1], whole[2], whole[3], whole[4], whole[5], 1.0, y[0], y[1])
+            share[0], share[1], share[2] = a, b_x, b_y
+            lifted = max(lifted, _lifted_share(share, turn, (num[r + _HALF_X], num[r + _HALF_Y]), reach))
     # from the balance of momentum: exact also where the regularised law is stiff
     i0, i1, i2 = _times(dry, x)
     rub = ((i0 - b[0]) / h, (i1 - b[1]) / h, (i2 - b[2]) / h)
