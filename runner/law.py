@@ -49,7 +49,7 @@ OUT_SIZE = 10
 USERDATA_SIZE = PUSH_SIZE + OUT_SIZE  # per body
 
 # Offsets inside the `userdata` block of a body, after the push: friction (world axes, N, film included), its moment
-# about the body frame (N m), where the moments ask the load's centre to be (body axes, m; beyond the base it would tip),
+# about the body frame (N m), where the moments ask the load to be (body axes, m; beyond the base it would tip),
 # share of the base that is lifted, speed at the end of the step (m/s), power of friction (W, mean over the step), load
 # on the base (N), yaw rate (rad/s).
 OUT_FORCE, OUT_TORQUE, OUT_COP, OUT_LIFTED, OUT_SLIP, OUT_POWER, OUT_LOAD, OUT_TURN = 0, 2, 3, 5, 6, 7, 8, 9
