@@ -24,10 +24,13 @@ from runner.diagnose.evidence import (
 )
 from runner.diagnose.fit import NONE, Explanation, Fit, Fitter
 from runner.effects.base import EFFECTS, AbstractEffect
+from runner.effects.friction import Friction
+from runner.effects.inertial import Mass
 
 MOST_EFFECTS = 3
 BEAM = 2
 CANDIDATES = 8  # fitted per explanation in the beam, from the second effect on
+COMMON = (Mass, Friction)
 FINISHED = 4  # leaders whose fit is carried on until it rests
 SURVEYED = 7  # explanations of one size that are compared by evidence
 ONE_MORE = 5.0  # log prior odds against each further effect
@@ -78,7 +81,10 @@ def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS)
         for contender in beam:
             offers = _offers(contender, fitter)
             if size > 1:
-                offers = [o for o in offers if o[0] > worth][:CANDIDATES]
+                if contender.fit.total - count < worth:
+                    continue  # nothing is left that would be worth an effect
+                # far from a good fit the linear promise misleads: the commonest effects are always tried
+                offers = [o for i, o in enumerate(offers) if i < CANDIDATES or o[1] in COMMON]
             for _, kind, vector in offers:
                 explanation, x = joined(contender.fit, kind, vector)
                 key = _key(explanation)
