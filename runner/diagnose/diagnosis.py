@@ -20,7 +20,7 @@ from runner.recording import Recording
 from runner.simulate import Effects, Simulator, context_of
 
 HELD_OUT = 2  # by the convention of the format, the last two episodes check the explanation
-TEMPER = 2.0  # log odds are divided by it: evidence differences are overconfident, see docs/calibration.md
+TEMPER = 2.0  # log odds are divided by it, against overconfidence; not yet calibrated
 UNKNOWN_EXCESS = 0.12  # see `_unknown`
 UNKNOWN_WIDTH = 0.4
 
@@ -214,8 +214,8 @@ def _commonness(fit: Fit) -> tuple[int, ...]:
 def _unknown(found: Search, excess: float) -> float:
     """Probability that none of the explanations holds, from what the best one leaves behind.
 
-    A logistic in the log of the residual's excess over the noise; its middle and width were set on recordings made by
-    another physics, of seeds that no figure in the documentation was made from.
+    A logistic in the log of the residual's excess over the noise. Its middle and width are chosen by hand and not yet
+    calibrated.
     """
     score = (np.log(max(excess, 1e-4)) - np.log(UNKNOWN_EXCESS)) / UNKNOWN_WIDTH
     return float(np.clip(1 / (1 + np.exp(-score)), 0.003, 0.97))
