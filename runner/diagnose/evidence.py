@@ -139,13 +139,13 @@ def log_prior(fit: Fit, context: Context) -> float:
     return float(total)
 
 
-def evidence(around: Surroundings, context: Context, temper: float = 1.0) -> Evidence:
-    """Integrate the mismatch and the parameters out. `temper` > 1 counts correlated residuals for less."""
+def evidence(around: Surroundings, context: Context) -> Evidence:
+    """Integrate the mismatch and the parameters out."""
     p = len(around.fit.x)
     if around.fit.at_bound.any():
         # an effect that the data push out of its range is absent, or is not what is going on
         return Evidence(-np.inf, np.full(len(LEVELS), -np.inf), float(around.fit.total), np.full((p, p), np.nan))
-    total = around.gram.sum(axis=0) / temper
+    total = around.gram.sum(axis=0)
     spread = np.array([d.mismatch for d in around.directions])
     mismatch = np.flatnonzero(spread > 0)
     own, rest = np.arange(p), p + mismatch
@@ -173,7 +173,7 @@ def evidence(around: Surroundings, context: Context, temper: float = 1.0) -> Evi
             loss -= float(g @ covariance @ g)
             volume = 0.5 * p * np.log(2 * np.pi) - 0.5 * float(np.linalg.slogdet(schur).logabsdet) + prior
         logs.append(-0.5 * loss - float(np.log(np.diag(inner[0])).sum()) + volume)
-        losses.append(loss * temper)
+        losses.append(loss)
         covariances.append(covariance)
     best = int(np.argmax(logs))
     return Evidence(

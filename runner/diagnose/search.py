@@ -54,10 +54,9 @@ class Contender:
 
 @dataclass(frozen=True)
 class Search:
-    """All contenders, likeliest first, and fits that fell behind (their loss is an upper bound)."""
+    """All contenders, likeliest first, and the fit of the nominal model."""
 
     contenders: tuple[Contender, ...]
-    behind: tuple[Fit, ...]
     nominal: Fit
 
     @property
@@ -73,7 +72,6 @@ def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS)
     contenders = [_contend(fitter, nominal, survey(fitter, nominal, every))]
     count = sum(fitter.measured.count(e) for e in episodes)
     worth = WORTH * count + WORTH_SHARE * max(nominal.total - count, 0.0)
-    behind: list[Fit] = []
     beam, seen = contenders[:1], {NONE.kinds}
     for size in range(1, most + 1):
         fits: list[Fit] = []
@@ -108,7 +106,6 @@ def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS)
         fits = _finished(fitter, sorted(fits, key=lambda f: f.total), worth)
         around_best = survey(fitter, fits[0], every)
         new = [_contend(fitter, fit, around_best) for fit in fits[:SURVEYED]]
-        behind += fits[SURVEYED:]
         best = max(c.log_posterior for c in contenders)
         contenders += new
         new.sort(key=lambda c: -c.log_posterior)
@@ -124,7 +121,7 @@ def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS)
             if near and len(beam) < BEAM and not any(are_twins(contender.fit, b.fit) for b in beam):
                 beam.append(contender)
     contenders.sort(key=lambda c: -c.log_posterior)
-    return Search(tuple(contenders), tuple(behind), nominal)
+    return Search(tuple(contenders), nominal)
 
 
 def _finished(fitter: Fitter, fits: list[Fit], worth: float) -> list[Fit]:
