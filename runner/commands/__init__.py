@@ -32,12 +32,14 @@ class Job:
         config: The resolved config as plain containers (what `config.yaml` in the folder holds).
         overrides: What the user, or the sweep, set: `key -> value`, values typed as in YAML.
         number: Place in the sweep, from 0; None outside a sweep.
+        experiment: The experiment that was chosen, None if there was none to choose.
     """
 
     folder: Path | None
     config: Mapping[str, Any] = field(default_factory=dict)
     overrides: Mapping[str, Any] = field(default_factory=dict)
     number: int | None = None
+    experiment: str | None = None
 
     @property
     def results(self) -> Path:

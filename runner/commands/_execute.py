@@ -278,6 +278,7 @@ def _job(folder: Path | None, composed: DictConfig, *, number: int | None) -> Jo
         config={str(k): v for k, v in plain.items()},
         overrides={o.get_key_element(): None if o.is_delete() else o.value() for o in parsed},
         number=number,
+        experiment=HydraConfig.get().runtime.choices.get("experiment"),
     )
 
 

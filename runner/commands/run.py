@@ -44,8 +44,8 @@ class RunConfig(Experiment):
 
 
 def about(job: Job) -> dict[str, Any]:
-    """Return what a row says of the job: its number in a sweep, and what was set."""
-    number = {} if job.number is None else {"job": job.number}
+    """Return what a row says of the job: its experiment, its number in a sweep, and what was set."""
+    number = {"experiment": job.experiment} | ({} if job.number is None else {"job": job.number})
     plain = {k: v if isinstance(v, bool | int | float | str) else str(v) for k, v in job.overrides.items()}
     return number | plain
 

@@ -1,0 +1,115 @@
+"""The one look of all figures: colours, sizes, and the marks that come back in many of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+
+INK, GREY, FAINT, BAND = "#16191d", "#8a8d91", "#d9dbde", "#eceef0"
+ORANGE, BLUE, GREEN, PURPLE = "#d55e00", "#0b6aa8", "#1b8a62", "#a04a94"
+SERIES = (ORANGE, BLUE, GREEN, PURPLE, GREY, INK)  # told apart with any eyes
+PAPER = BLUE  # what the paper states
+ORDERED = LinearSegmentedColormap.from_list("runner", ["#fbb463", "#d55e00", "#7c2150", "#20184a"])
+FLOOR = 1e-16  # an exact estimate is drawn here: the resolution of the numbers
+
+STYLE: dict[Any, Any] = {
+    "svg.fonttype": "path",
+    "svg.hashsalt": "runner",
+    "font.family": "sans-serif",
+    "font.size": 10,
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": GREY,
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": BAND,
+    "grid.linewidth": 0.8,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.minor.visible": False,
+    "ytick.minor.visible": False,
+    "lines.linewidth": 1.6,
+    "lines.markersize": 6,
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+    "axes.unicode_minus": True,
+}
+TITLE_IN = 0.5  # room for two lines of title on top
+
+
+def canvas(
+    *, xlabel: str = "", ylabel: str = "", width_in: float = 8.0, height_in: float = 4.6, title: str = ""
+) -> tuple[Figure, Axes]:
+    """Return a figure with one panel."""
+    page, (ax,) = panels(1, width_in=width_in, height_in=height_in)
+    ax.set(xlabel=xlabel, ylabel=ylabel, title=title)
+    return page, ax
+
+
+def panels(
+    columns: int, rows: int = 1, *, width_in: float = 10.0, height_in: float = 4.6, **grid: Any
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure with panels side by side, row by row; other arguments go to `add_gridspec`."""
+    page = Figure(figsize=(width_in, height_in), layout="constrained")
+    page.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 1.0 - TITLE_IN / height_in))  # type: ignore[union-attr]
+    spec = page.add_gridspec(rows, columns, **grid)
+    return page, [page.add_subplot(spec[r, c]) for r in range(rows) for c in range(columns)]
+
+
+def shades(count: int) -> list[Any]:
+    """Return so many colours in an order that the eye follows, light to dark."""
+    return [ORDERED(x) for x in np.linspace(0.0, 1.0, max(count, 1))]
+
+
+def stated(ax: Axes, value: float, text: str) -> None:
+    """Draw a number that the paper states as a level line."""
+    ax.axhline(value, color=PAPER, lw=1.2, ls=(0, (5, 3)), zorder=1)
+    ax.annotate(
+        text, (1.0, value), xycoords=("axes fraction", "data"), xytext=(0, 3), textcoords="offset points", ha="right",
+        va="bottom", color=PAPER, fontsize=9,
+    )  # fmt: skip
+
+
+def log_error(ax: Axes, *, lowest: float = FLOOR, highest: float | None = None) -> None:
+    """Make the y axis one of relative errors in decades, in percent where that reads well."""
+    ax.set_yscale("log")
+    ax.set_ylim(lowest / 2, highest)
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: percent(value)))
+
+
+def size(error: Any) -> np.ndarray:
+    """Return absolute errors for a logarithmic axis: an exact one at the resolution of the numbers."""
+    return np.maximum(np.abs(np.asarray(error, dtype=float)), FLOOR)
+
+
+def percent(value: float) -> str:
+    """Return a relative error as a reader likes it: `12 %`, `0.02 %`, `3e-11`."""
+    if value != value:
+        return "none"
+    if abs(value) >= 0.9995e-4:
+        return f"{100 * value:.2g} %" if abs(value) < 0.995 else f"{100 * value:.0f} %"
+    return f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e+") if value else "0"
+
+
+def within(error: float) -> str:
+    """Return how near a value is, as the end of a sentence."""
+    return "to the last digit" if abs(error) < 2.3e-16 else f"within {percent(abs(error))}"
+
+
+def label_lines(
+    ax: Axes, xs: Sequence[float], ys: Sequence[float], texts: Sequence[str], colours: Sequence[Any]
+) -> None:
+    """Write each line's name at its end."""
+    for x, y, text, colour in zip(xs, ys, texts, colours, strict=True):
+        ax.annotate(text, (x, y), xytext=(4, 0), textcoords="offset points", va="center", color=colour, fontsize=9)
