@@ -75,16 +75,20 @@ class Seen(NamedTuple):
     Attributes:
         now_s: Time of the update.
         sent_s: Time stamp of the message; older than `now_s` on a slow link.
-        since_s: When the two were last made equal (on the local clock).
+        since_s: When the two were last made equal.
         impulse_n_s: Integral of the commanded force since then, (3,), world axes.
+
+    The local body's state is that at the time of the message, predicted from `since_s` on, also where the message is
+    old (see `runner.latency`); only a local side that is unaware of the delay compares its present state, and then
+    times are those on its own clock.
     """
 
     now_s: float
     sent_s: float
     since_s: float
     impulse_n_s: Numbers
-    # all numbers of the scene now, when the message was sent, and when the message before it was; sliced on demand,
-    # as most rules need few of them
+    # all numbers of the scene as predicted, as the message says, and as the message before it said; sliced on
+    # demand, as most rules need few of them
     q: Numbers
     v: Numbers
     sent_q: Numbers
@@ -96,17 +100,17 @@ class Seen(NamedTuple):
 
     @property
     def local_position(self) -> Numbers:
-        """The local body's position now, before it takes over the remote's."""
+        """The local body's position, before it takes over the remote's."""
         return self.q[self.local_cuts[0]]
 
     @property
     def local_linear(self) -> Numbers:
-        """The local body's velocity now."""
+        """The local body's velocity."""
         return self.v[self.local_cuts[1]]
 
     @property
     def local_angular(self) -> Numbers:
-        """The local body's angular velocity now."""
+        """The local body's angular velocity."""
         return self.v[self.local_cuts[2]]
 
     @property

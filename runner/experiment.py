@@ -20,6 +20,7 @@ from runner.config import registered, snake_case
 from runner.effects import EFFECTS, AbstractEffect, Target
 from runner.errors import ConfigError, check_range, check_vector
 from runner.estimators import AbstractEstimator
+from runner.follow import AbstractFollow, Immediate
 from runner.forces import AbstractForces
 from runner.frames import Truth
 from runner.link import LinkConfig, update_steps
@@ -99,6 +100,7 @@ class Experiment:
     start: StartConfig
     link: LinkConfig
     estimator: dict[str, AbstractEstimator]
+    follow: AbstractFollow = field(default_factory=Immediate)
 
     def __post_init__(self) -> None:
         check_range("seed", self.seed, 0, 2**63 - 1)

@@ -6,8 +6,8 @@ seed alone, never on what happens in the run, so it is made before the first ste
 Order. Of messages that arrive between two ticks all are taken in, in the order in which they were sent. One that was
 overtaken, and comes after a newer one was taken in, is dropped. It would only say how the interval that the newer one
 closed splits in two: the estimate is no less unbiased without it, as what the link drops does not depend on what the
-messages say, and to use it the past would have to be opened again at every late arrival. How many are dropped is counted
-in the table of the `latency` experiment.
+messages say, and to use it the past would have to be opened again at every late arrival. How many are dropped is
+counted in the table of the `latency` experiment.
 """
 
 from __future__ import annotations

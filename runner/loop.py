@@ -35,8 +35,10 @@ from runner.experiment import (
     truth_of,
     warning_text,
 )
+from runner.follow import ALL, Difference, Immediate, Unaware
 from runner.frames import Frames, RunResult, Status, Truth
-from runner.link import received, update_steps
+from runner.latency import Resimulation
+from runner.link import arrivals, newest, taken_in, update_steps
 from runner.scene import Body as Handle
 
 Advance = Callable[[int], object]
@@ -46,19 +48,19 @@ def _silent(_: int) -> None:
     """Report progress to nobody."""
 
 
-def _ticks(experiment: Experiment, given: Commands, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return what is known of each tick beforehand, as the link does not depend on what happens in the run.
+def _ticks(
+    message: np.ndarray, experiment: Experiment, given: Commands, ends: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return for each tick the tick before at which a message was taken in, and the impulse commanded since then.
 
     Returns:
-        The message that is taken in, by its tick, -1: none, (m,); the tick before at which one was, -1: the start,
-        (m,); the impulse commanded since then, (m, 3), N s.
+        The tick before, -1: the start, (m,); the impulse, (m, 3), N s.
     """
     h = experiment.scene.timestep_s
-    message = received(experiment.link, ends * h, np.random.default_rng([experiment.seed, 1]))
     taken = np.maximum.accumulate(np.where(message >= 0, np.arange(len(ends)), -1))
     since = np.concatenate([[-1], taken[:-1]]) if len(ends) else taken
     total = np.vstack([np.cumsum(given.force_n, axis=0)[ends - 1] * h, np.zeros(3)])  # row -1: the start
-    return message, since, total[:-1] - total[since]
+    return since, total[:-1] - total[since]
 
 
 class Record:
@@ -66,13 +68,17 @@ class Record:
 
     Attributes:
         ends: After how many steps each tick comes, (m,).
-        message: The message that is taken in at each tick, by the tick at which it was sent, -1: none, (m,).
+        taken: The messages that are taken in at each tick, by the ticks at which they were sent, in that order.
+        message: The newest of them, -1: none, (m,).
+        noise: On what each message says of the remote, (m, 2 nv of it); None: none.
+        fresh: Whether whatever arrives does so at once, and true.
         known: For each tick: its number, the message, whether it was sent at this very tick, the time, the time at
             which it was sent, the time since when, and the impulse since then.
         count: Ticks so far.
         qpos, qvel: Of all cubes at each tick, before the locals take over the remote's state, (m, nq), (m, nv).
         memories: Per estimator, its memory after each tick.
         outcomes: Per estimator, what it did at each tick.
+        shown: Per estimator, the values that its shown cube had after each tick; empty where those of the estimate.
     """
 
     def __init__(self, experiment: Experiment, handles: Sequence[Handle], given: Commands) -> None:
@@ -80,15 +86,36 @@ class Record:
         self.nq, self.nv = sum(h.nq for h in handles), sum(h.nv for h in handles)
         h = experiment.scene.timestep_s
         self.ends = update_steps(experiment.link, h, experiment.steps)
-        self.message, since, impulse = _ticks(experiment, given, self.ends)
         times = np.append(self.ends * h, 0.0)  # the last: the start
+        self.taken = taken_in(arrivals(experiment.link, times[:-1], np.random.default_rng([experiment.seed, 1])))
+        self.message = newest(self.taken)
+        since, impulse = _ticks(self.message, experiment, given, self.ends)
         number = np.arange(len(self.ends))
-        columns = (number, self.message, self.message == number, times[:-1], times[self.message], times[since], impulse)
+        self.noise = self._draw_noise()
+        at_once = (self.message == number) & (self.noise is None)
+        columns = (number, self.message, at_once, times[:-1], times[self.message], times[since], impulse)
+        self.fresh = self.noise is None and bool(((self.message < 0) | (self.message == number)).all())
         self.known = list(zip(*(c.tolist() for c in columns), strict=True))
         self.count = 0
         self.qpos, self.qvel = np.empty((len(number), self.nq)), np.empty((len(number), self.nv))
         self.memories: list[list[Any]] = [[] for _ in experiment.estimator]
         self.outcomes: list[list[int]] = [[] for _ in experiment.estimator]
+        self.shown: list[list[Any]] = [[] for _ in experiment.estimator]
+
+    def _draw_noise(self) -> np.ndarray | None:
+        link, remote = self.experiment.link, self.handles[0]
+        angular = 3 if remote.joints == law.FREE else 1
+        rng = np.random.default_rng([self.experiment.seed, 2])
+        return link.noise.draws(len(self.ends), remote.nv - angular, angular, rng) if link.noise else None
+
+    def received(self, message: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return what a message says, in place of all positions (nq,) and velocities (nv,): the remote's with noise."""
+        q, v, remote = self.qpos[message].copy(), self.qvel[message].copy(), self.handles[0]
+        if self.noise is not None:
+            along, of_velocity = np.split(self.noise[message], 2)
+            remote.move(q[remote.qpos_adr : remote.qpos_adr + remote.nq], along)
+            v[remote.dof_adr : remote.dof_adr + remote.nv] += of_velocity
+        return q, v
 
 
 def local_side(
@@ -116,7 +143,7 @@ def local_side(
         for j, rule in enumerate(rules)
     ]  # fmt: skip
     memories = [rule.start(setup) for rule in rules]
-    sent_q, sent_v, known = record.qpos, record.qvel, iter(record.known)
+    sent_q, sent_v, known, received = record.qpos, record.qvel, iter(record.known), record.received
     positions, velocities = qpos.tolist, qvel.tolist
     common = positions(), velocities()
     new = tuple.__new__  # what `Seen(...)` calls, without the detour
@@ -133,7 +160,7 @@ def local_side(
                 report(Outcome.no_message)
             return False
         state = positions(), velocities()
-        taken = state if fresh else (sent_q[message].tolist(), sent_v[message].tolist())
+        taken = state if fresh else tuple(part.tolist() for part in received(message))
         changed = False
         for j, step, values, index, local_cuts, local_q, local_v, remember, report in lanes:
             old = memories[j]
@@ -157,6 +184,121 @@ def local_side(
         return changed
 
     return update
+
+
+def late_side(
+    record: Record, qpos: np.ndarray, qvel: np.ndarray, mass: np.ndarray, inertia: np.ndarray
+) -> Callable[[], bool]:
+    """Return what `local_side` returns, for states that are old, or uncertain, or not taken over at once.
+
+    The estimate is made in a simulation of its own, see `runner.latency`. The local cubes of the run are what the
+    operator is shown: they follow it by the policy, and have no part in the estimate.
+    """
+    experiment, own = record.experiment, Resimulation(record.experiment, record.commands)
+    h = experiment.scene.timestep_s
+    remote, shown = record.handles[0], record.handles[1:]
+    _, linear, _ = remote_cuts = _cuts(remote)
+    at_v = slice(remote.dof_adr, remote.dof_adr + remote.nv)
+    straight = linear.stop - linear.start
+    total = np.vstack([np.zeros(3), np.cumsum(record.commands.force_n, axis=0) * h])
+    per_kg = np.asarray(experiment.local.inertia) / experiment.local.mass_kg
+    rules = list(experiment.estimator.values())
+    memories = [rule.start(Setup(experiment.scene, experiment.local)) for rule in rules]
+    values = [np.array(rule.values(memory)) for rule, memory in zip(rules, memories, strict=True)]
+    given = [value.copy() for value in values]  # to the shown cubes
+    common, common_step, number, before = (qpos.tolist(), qvel.tolist()), 0, -1, 0
+
+    def take_in(message: int) -> None:
+        nonlocal common, common_step
+        step = int(record.ends[message])
+        q, v = own.state(step)
+        state, said = (q.tolist(), v.tolist()), record.received(message)
+        taken = said[0].tolist(), said[1].tolist()
+        impulse = (total[step] - total[common_step]).tolist()
+        for j, rule in enumerate(rules):
+            seen = Seen(
+                now * h, step * h, common_step * h, impulse, *state, *taken, *common, _cuts(own.handles[j]), remote_cuts
+            )
+            memory, outcome = rule.update(memories[j], seen)
+            outcomes[j] = outcome
+            if memory is not memories[j]:
+                memories[j] = memory
+                values[j] = np.array(rule.values(memory))
+                _put(own.model.body_mass, own.model.body_inertia, own.handles[j].body_id, per_kg, values[j])
+                own.set_parameters()
+        own.restart(step, said[0][remote_cuts[0]], said[1][at_v])
+        common, common_step = taken, step
+
+    def follow(j: int) -> bool:
+        local, best = shown[j], own.handles[j]
+        best_q, best_v = (
+            best_state[0][best.qpos_adr : best.qpos_adr + best.nq],
+            best_state[1][best.dof_adr :][: best.nv],
+        )
+        shown_q, shown_v = qpos[local.qpos_adr : local.qpos_adr + local.nq], qvel[local.dof_adr :][: local.nv]
+        dq, dv, dp = local.difference(shown_q, best_q), best_v - shown_v, values[j] - given[j]
+        share = experiment.follow.share(
+            Difference(
+                position_m=_size(dq[:straight]),
+                angle_rad=_size(dq[straight:]),
+                velocity_m_s=_size(dv[:straight]),
+                rate_rad_s=_size(dv[straight:]),
+                parameters=float(np.max(np.abs(dp / given[j]))),
+                speed_m_s=_size(best_v[:straight]),
+                turning_rad_s=_size(best_v[straight:]),
+                pushed=bool(record.commands.force_n[before:now].any()),
+                interval_s=(now - before) * h,
+            )
+        )
+        if share == ALL:
+            shown_q[:], shown_v[:] = best_q, best_v
+        else:
+            local.move(shown_q, np.repeat(share[:2], (straight, len(dq) - straight)) * dq)
+            shown_v += np.repeat(share[2:4], (straight, len(dv) - straight)) * dv
+        if share.parameters == 0.0 or not dp.any():
+            return False
+        given[j] = values[j].copy() if share.parameters == 1.0 else given[j] + share.parameters * dp
+        _put(mass, inertia, local.body_id, per_kg, given[j])
+        return True
+
+    def update() -> bool:
+        nonlocal number, now, before, best_state
+        number += 1
+        record.count, now = number + 1, int(record.ends[number])
+        record.qpos[number], record.qvel[number] = qpos, qvel
+        outcomes[:] = [Outcome.no_message] * len(rules)
+        for message in record.taken[number]:
+            take_in(message)
+        best_state = own.state(now)
+        changed = [follow(j) for j in range(len(rules))]
+        for j in range(len(rules)):
+            record.memories[j].append(memories[j])
+            record.outcomes[j].append(outcomes[j])
+            record.shown[j].append(tuple(given[j].tolist()))
+        before = now
+        return any(changed)
+
+    now, outcomes = 0, [Outcome.no_message] * len(rules)
+    best_state = own.state(0)
+    return update
+
+
+def _size(vector: np.ndarray) -> float:
+    return float(np.linalg.norm(vector))
+
+
+def _put(mass: np.ndarray, inertia: np.ndarray, body_id: int, per_kg: np.ndarray, values: np.ndarray) -> None:
+    """Write estimated values into a model's masses and inertias; the inertia follows the mass (eq. 3)."""
+    (mass_kg,) = values
+    mass[body_id] = mass_kg
+    np.multiply(per_kg, mass_kg, out=inertia[body_id])
+
+
+def _side(record: Record) -> Callable[..., Callable[[], bool]]:
+    """Return what does the updates of a run: the direct way where nothing is late, uncertain or held back."""
+    follow = record.experiment.follow
+    direct = isinstance(follow, Unaware) or (record.fresh and isinstance(follow, Immediate))
+    return local_side if direct else late_side
 
 
 def _cuts(handle: Handle) -> Cuts:
@@ -187,7 +329,7 @@ def run_world(experiment: Experiment, world: World, advance: Advance = _silent) 
     given = commands(experiment)
     model, data = world.model, world.data
     record = Record(experiment, world.handles, given)
-    update = local_side(record, data.qpos, data.qvel, model.body_mass, model.body_inertia)
+    update = _side(record)(record, data.qpos, data.qvel, model.body_mass, model.body_inertia)
     reel = world.tape.wind(data.userdata, given.pushes)
     done, reason = 0, ""
     step, set_const, scratch = world.physics.step, mujoco.mj_setConst, world.scratch
@@ -242,7 +384,7 @@ def _run_group(experiments: list[Experiment], threads: int, advance: Advance) ->
     given = [commands(e) for e in experiments]
     reels = [tape_of(e, m).wind(u, c.pushes) for e, m, u, c in zip(experiments, models, userdata, given, strict=True)]
     records = [Record(e, handles_of(e, m), c) for e, m, c in zip(experiments, models, given, strict=True)]
-    updates = [local_side(*one) for one in zip(records, qpos, qvel, mass, inertia, strict=True)]
+    updates = [_side(one[0])(*one) for one in zip(records, qpos, qvel, mass, inertia, strict=True)]
     # after each tick all go on to the next; a run that is shorter stops at its own end
     stops = [[*t.ends.tolist(), e.steps] for t, e in zip(records, experiments, strict=True)]
     done, reasons = [0] * len(experiments), [""] * len(experiments)

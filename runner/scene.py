@@ -155,6 +155,23 @@ class Body:
         q, v, last = self.qpos_adr, self.dof_adr, self.joints - 1
         return (q, q + 1, q + last), (v, v + 1, v + last)
 
+    def difference(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Return the way from one of the body's positions (nq,) to another, per degree of freedom, (nv,)."""
+        if self.joints != law.FREE:
+            return end - start
+        out = np.empty(6)
+        out[:3] = end[:3] - start[:3]
+        mujoco.mju_subQuat(out[3:], end[3:], start[3:])
+        return out
+
+    def move(self, position: np.ndarray, way: np.ndarray) -> None:
+        """Move one of the body's positions (nq,), in place, along a `difference` (nv,)."""
+        if self.joints != law.FREE:
+            position += way
+        else:
+            position[:3] += way[:3]
+            mujoco.mju_quatIntegrate(position[3:], way[3:], 1.0)
+
     def pose(self, qpos: np.ndarray) -> np.ndarray:
         """Return position and quaternion (w first) of the body frame in the world, (..., 7), from qpos (..., nq)."""
         q = qpos[..., self.qpos_adr : self.qpos_adr + self.nq]

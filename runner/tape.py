@@ -78,6 +78,14 @@ class Reel:
     commands: np.ndarray
     frames: np.ndarray
 
+    def go_to(self, step: int) -> None:
+        """Play and record from this step on; what was recorded after it is overwritten as steps are taken."""
+        row = self.commands[step]
+        for body in range(len(row) // law.PUSH_SIZE):
+            at = body * law.USERDATA_SIZE
+            self.userdata[at : at + law.PUSH_SIZE] = row[body * law.PUSH_SIZE : (body + 1) * law.PUSH_SIZE]
+        self.userdata[_STEP] = step
+
     def unwind(self) -> None:
         """Switch the tape off."""
         self.userdata[-SIZE:] = 0.0

@@ -15,6 +15,7 @@ from runner.effects import ActuatorGain, FloorTilt, Mass, ObservationDelay, Visc
 from runner.errors import ConfigError
 from runner.estimators import Linear, LinearGuarded, Outcome, Rotational
 from runner.experiment import Experiment, RemoteConfig, StartConfig, build_world, commands
+from runner.follow import Unaware
 from runner.forces import Offcentre, PaperForces, Ramp, RandomForces, Straight
 from runner.frames import Frames, RunResult, Status
 from runner.link import LinkConfig
@@ -186,8 +187,8 @@ def test_same_config_and_seed_give_the_same_bits() -> None:
 
 
 def test_late_messages_carry_their_time_stamp() -> None:
-    """With 100 ms of delay each state that is taken in is six updates old, and none arrives before."""
-    result = loop.run(experiment(forces=SHORT, link=LinkConfig(60.0, delay_s=0.1)))
+    """With 100 ms of delay each state that is taken in is six updates old; unaware, the cube is set to what was then."""
+    result = loop.run(experiment(forces=SHORT, link=LinkConfig(60.0, delay_s=0.1), follow=Unaware()))
     sent, now = result.updates.column("sent_s"), result.updates.column("time_s")
     assert np.isnan(sent[:6]).all()
     np.testing.assert_allclose(now[6:] - sent[6:], 0.1, atol=1e-12)
