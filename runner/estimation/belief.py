@@ -34,7 +34,7 @@ VAGUE = 100.0  # so many times the noise of the first measurement the start stat
 _TRIED = np.arange(2, UNKNOWNS)
 _STEP = np.array([1e-4, 1e-4, 1e-4, 1e-4] + SIZE * [1e-4])
 _STRIDE, _FARTHEST = 1.5, 6.0  # of the parameters: the longest step, and how far from the prior, in its deviations
-_AHEAD = 1.15  # the history must have grown by this factor before it is gone through again
+_AHEAD = 1.2  # the history must have grown by this factor before it is gone through again
 
 
 @dataclass(frozen=True)
