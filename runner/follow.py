@@ -79,11 +79,11 @@ class Unaware(Immediate):
 class RateLimited(AbstractFollow):
     """Correct at most so fast; `parameters_1_s` is relative."""
 
-    velocity_m_s: float = 0.1
-    rate_rad_s: float = 0.2
-    acceleration_m_s2: float = 1.0
-    angular_acceleration_rad_s2: float = 2.0
-    parameters_1_s: float = 0.5
+    velocity_m_s: float = 0.5
+    rate_rad_s: float = 1.0
+    acceleration_m_s2: float = 10.0
+    angular_acceleration_rad_s2: float = 20.0
+    parameters_1_s: float = 2.0
 
     def __post_init__(self) -> None:
         for name in self.__dataclass_fields__:

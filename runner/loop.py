@@ -590,13 +590,16 @@ def _update_columns(
         out |= _state_columns(name, handle, qpos, qvel)
     out |= _contact_columns(record, names, np.ascontiguousarray(frames[last].T))
     for name, outcomes in zip(names[1:], record.outcomes, strict=True):
-        out |= _jump(name, out)
+        out |= _behind(name, out)
         out[f"{name}_outcome"] = np.array(outcomes, dtype=np.int8)
+    for (name, rule), shown in zip(record.experiment.estimator.items(), record.shown, strict=True):
+        columns = np.array(shown).reshape(len(shown), len(rule.names))
+        out |= {f"{name}_shown_{p}": columns[:, i] for i, p in enumerate(rule.names) if shown}
     out |= {name: column for name, _, column in estimates}
     return _read_only(out.items())
 
 
-def _jump(name: str, columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _behind(name: str, columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """How far the local cube was from the remote, just before it took over what it received."""
 
     def size(names: Iterable[str]) -> np.ndarray:

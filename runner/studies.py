@@ -8,7 +8,6 @@ calls its `rows` in place of running the loop, and stores what they return as th
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +20,10 @@ class AbstractStudy(ABC):
     """Something that makes a table of an experiment."""
 
     @abstractmethod
-    def rows(self, experiment: Experiment, folder: Path, advance: Callable[[str], object]) -> Rows:
+    def rows(self, experiment: Experiment, folder: Path) -> Rows:
         """Return the rows of the table; further files may be written into the folder.
 
         Args:
             experiment: All other sections of the config: scene, remote, start, forces, link, seed.
             folder: Of the results, exists.
-            advance: Called with a word on what comes next, for the terminal.
         """
