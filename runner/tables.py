@@ -1,7 +1,14 @@
-"""Tables: one row per run, from `summary.parquet` of any number of run folders."""
+"""Tables: one row per run, from `summary.parquet` of any number of run folders.
+
+A sweep has one `summary.parquet` with the rows of all its runs. While it is under way each of its processes notes the
+rows of the runs that have ended in a file of its own in `rows/`, a line of JSON for each run, which keeps every digit.
+"""
 
 from __future__ import annotations
 
+import json
+import os
+import shutil
 import socket
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -12,10 +19,12 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from runner.errors import ResultError
+from runner.errors import ResultError, RunnerError
 from runner.frames import RunResult, Truth
 
 SUMMARY = "summary.parquet"
+SWEEP = "sweep.txt"  # marks the folder of a sweep, and says what it was made with
+ROWS = "rows"
 WITHIN = {"1pct": 1e-2, "0p1pct": 1e-3, "0p01pct": 1e-4}
 
 
@@ -71,33 +80,122 @@ def time_within(time_s: np.ndarray, error: np.ndarray, limit: float) -> float:
 
 def failure_row(error: Exception, about: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Return the row of a run that could not be done."""
-    return {**(about or {}), "status": "failed", "reason": " ".join(f"{type(error).__name__}: {error}".split())}
+    reason = str(error) if isinstance(error, RunnerError) else f"{type(error).__name__}: {error}"
+    return {**(about or {}), "status": "failed", "reason": " ".join(reason.split())}
 
 
 def write_summary(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
     """Write rows as the summary of a folder."""
     names = list(dict.fromkeys(name for row in rows for name in row))
-    table = pa.table({name: [row.get(name) for row in rows] for name in names})
-    pq.write_table(table, folder / SUMMARY)
+    table = pa.table({name: _column([row.get(name) for row in rows]) for name in names})
+    partial = folder / f"{SUMMARY}.part"
+    pq.write_table(table, partial)
+    partial.replace(folder / SUMMARY)
+
+
+def _column(values: list[Any]) -> pa.Array:
+    """Return a typed column; values that share no type become texts."""
+    try:
+        return pa.array(values)
+    except (pa.ArrowInvalid, pa.ArrowTypeError):
+        return pa.array([None if v is None else str(v) for v in values])
+
+
+def read_summary(file: Path) -> list[dict[str, Any]]:
+    """Return the rows of a summary.
+
+    Raises:
+        ResultError: If it can't be read.
+    """
+    try:
+        return pq.read_table(file).to_pylist()
+    except (OSError, pa.ArrowInvalid) as error:
+        raise ResultError(f"paths: '{file}' can't be read: {str(error).splitlines()[0]}") from error
+
+
+class Ledger:
+    """Where one task of a sweep notes the rows of its runs as they end; a line is there whole or not at all.
+
+    Args:
+        folder: Of the sweep.
+        first: Number of the task's first run, which names the file.
+    """
+
+    def __init__(self, folder: Path, first: int) -> None:
+        self._path = folder / ROWS / f"{first:06d}.jsonl"
+        self._path.parent.mkdir(exist_ok=True)
+
+    def write(self, job: int, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Note the rows of a run, most often one."""
+        # begins with a line break: the line before may have been cut off by a kill
+        line = "\n" + json.dumps({"job": job, "rows": list(rows)}, default=lambda scalar: scalar.item()) + "\n"
+        handle = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        try:
+            os.write(handle, line.encode())
+        finally:
+            os.close(handle)
+
+
+def sweep_rows(folder: Path) -> list[dict[str, Any]]:
+    """Return the rows of the runs of a sweep that have ended so far, in the order of their numbers."""
+    found: dict[int, list[dict[str, Any]]] = {}
+    if (folder / SUMMARY).is_file():
+        for row in read_summary(folder / SUMMARY):
+            found.setdefault(row["job"], []).append(row)
+    for file in sorted((folder / ROWS).glob("*.jsonl")):
+        for line in file.read_text(encoding="utf-8").splitlines():
+            try:
+                noted = json.loads(line)
+            except json.JSONDecodeError:  # empty, or cut off
+                continue
+            found[noted["job"]] = noted["rows"]
+    return [row for job in sorted(found) for row in found[job]]
+
+
+def count_rows(folder: Path) -> int:
+    """Return how many lines a sweep has noted, without reading them."""
+    return sum(file.read_bytes().count(b"\n{") for file in (folder / ROWS).glob("*.jsonl"))
+
+
+def finish_sweep(folder: Path) -> list[dict[str, Any]]:
+    """Make one `summary.parquet` of what the runs of a sweep have noted, and return its rows."""
+    rows = sweep_rows(folder)
+    if rows:
+        write_summary(rows, folder)
+    shutil.rmtree(folder / ROWS, ignore_errors=True)
+    return rows
 
 
 def collect(paths: Iterable[Path]) -> pd.DataFrame:
     """Return one table of all runs in these folders, and in the folders within them, in the order of their names.
 
-    A column `run` says which folder a row is from.
+    A column `run` says which folder a row is from. A sweep that is under way, or was stopped, gives the rows of the
+    runs that have ended.
 
     Raises:
-        ResultError: If a path does not exist or holds no summary.
+        ResultError: If a path does not exist or no run has ended there.
     """
     tables = []
     for path in paths:
         if not path.exists():
             raise ResultError(f"paths: no folder '{path}'.")
-        found = [path] if path.name == SUMMARY else sorted(path.rglob(SUMMARY), key=_natural)
-        if not found:
+        found = [_read(folder) for folder in _folders(path)]
+        if not any(len(table) for table in found):
             raise ResultError(f"paths: no '{SUMMARY}' in '{path}' nor in a folder within it: no run has ended there.")
-        tables += [_read(file) for file in found]
-    return pd.concat(tables, ignore_index=True)
+        tables += found
+    return pd.concat([table for table in tables if len(table)], ignore_index=True)
+
+
+def _folders(path: Path) -> list[Path]:
+    """Return the folders of single runs and of sweeps; what lies within a sweep is part of its table."""
+    if path.name == SUMMARY:
+        return [path.parent]
+    if path.name.isdigit() and (path.parent / SWEEP).is_file() and not (path / SUMMARY).is_file():
+        return [path]
+    sweeps = {file.parent for file in path.rglob(SWEEP)}
+    alone = {file.parent for file in path.rglob(SUMMARY)}
+    outer = {folder for folder in sweeps | alone if not sweeps.intersection(folder.parents)}
+    return sorted(outer, key=_natural)
 
 
 def _natural(path: Path) -> list[tuple[bool, int, str]]:
@@ -105,10 +203,18 @@ def _natural(path: Path) -> list[tuple[bool, int, str]]:
     return [(not part.isdigit(), int(part) if part.isdigit() else 0, part) for part in path.parts]
 
 
-def _read(file: Path) -> pd.DataFrame:
+def _read(folder: Path) -> pd.DataFrame:
+    """Return the rows of a run, of a sweep, or of one run of a sweep."""
+    sweep = folder if (folder / SWEEP).is_file() else folder.parent
+    if (sweep / SWEEP).is_file() and (sweep == folder or not (folder / SUMMARY).is_file()):
+        rows = [row for row in sweep_rows(sweep) if sweep == folder or str(row["job"]) == folder.name]
+        names = list(dict.fromkeys(name for row in rows for name in row))
+        table = pa.table({name: _column([row.get(name) for row in rows]) for name in names}).to_pandas()
+        table.insert(0, "run", [str(sweep / str(row["job"])) for row in rows])
+        return table
     try:
-        table = pd.read_parquet(file)
+        table = pd.read_parquet(folder / SUMMARY)
     except (OSError, ValueError) as error:
-        raise ResultError(f"paths: '{file}' can't be read: {str(error).splitlines()[0]}") from error
-    table.insert(0, "run", str(file.parent))
+        raise ResultError(f"paths: '{folder / SUMMARY}' can't be read: {str(error).splitlines()[0]}") from error
+    table.insert(0, "run", str(folder))
     return table

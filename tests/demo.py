@@ -91,11 +91,7 @@ def main(config: DemoConfig, job: Job) -> None:
     print("pulled")
 
 
-def failed(job: Job, error: Exception) -> None:
-    (job.results / "result.txt").write_text(f"failed: {error}")
-
-
-COMMAND = Command(config=DemoConfig, main=main, keeps="demo", positional="names", failed=failed)
+COMMAND = Command(config=DemoConfig, main=main, keeps="demo", positional="names")
 '''
 
 PLAIN = '''"""Say what was given."""

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from demo import CONF, PLAIN, SOURCE
 
-from runner import commands
+from runner import commands, tables
 from runner.__main__ import main
 from runner.commands import _compose
 from runner.commands._execute import built, composed_for
@@ -217,7 +217,7 @@ def test_sweep_runs_every_combination(cli: Cli, tmp_path: Path) -> None:
         for pull, force in (("steady", 1.0), ("rising_slowly", 2.0))
         for seed in (1, 2)
     ]
-    assert sorted(p.name for p in (tmp_path / "s").iterdir()) == ["0", "1", "2", "3", "sweep.txt"]
+    assert sorted(p.name for p in (tmp_path / "s").iterdir()) == ["0", "1", "2", "3", "summary.parquet", "sweep.txt"]
     code, _, err = cli("demo", "-m", "seed=1,2", "out=s")
     assert code == 2
     assert "out: 's' is not empty" in err
@@ -237,7 +237,9 @@ def test_failed_run_of_a_sweep_leaves_a_row(cli: Cli, tmp_path: Path) -> None:
     assert code == 1
     assert "3 runs in s, 1 of them failed" in out
     assert "job 1: pull.force_n: must be a finite number" in err
-    assert (tmp_path / "s/1/result.txt").read_text().startswith("failed: pull.force_n")
+    rows = tables.sweep_rows(tmp_path / "s")
+    assert [row["status"] for row in rows] == ["done", "failed", "done"]
+    assert rows[1]["reason"].startswith("pull.force_n: must be a finite number")
     assert (tmp_path / "s/2/result.txt").read_text().startswith("1 2.0")
 
 
@@ -274,16 +276,22 @@ def test_killed_sweep_resumes_to_the_same_result(demo_files: Path, tmp_path: Pat
     """After kill -9 in the middle, `resume=` runs what is missing, only that, and ends as if never killed."""
     settings = ["demo", "-m", "seed=1,2,3", f"act=die:{tmp_path / 'flag'}"]
     assert _process(demo_files, *settings, "out=killed").returncode == -9
-    assert not (tmp_path / "killed/1/status").exists()
+    assert [row["job"] for row in tables.sweep_rows(tmp_path / "killed")] == [0]
     before = (tmp_path / "killed/0/result.txt").stat().st_mtime_ns
     resumed = _process(demo_files, "demo", "resume=killed")
     assert (resumed.returncode, resumed.stderr) == (0, "")
     assert resumed.stdout == "pulled\npulled\n3 runs in killed\n"
     assert (tmp_path / "killed/0/result.txt").stat().st_mtime_ns == before
     assert _process(demo_files, *settings, "out=whole").returncode == 0
-    for i in range(3):
-        for name in ("result.txt", "config.yaml", "status"):
-            assert (tmp_path / f"killed/{i}/{name}").read_text() == (tmp_path / f"whole/{i}/{name}").read_text()
+    _assert_same_sweeps(tmp_path / "killed", tmp_path / "whole")
+
+
+def _assert_same_sweeps(one: Path, other: Path) -> None:
+    """The folders of two sweeps hold the same, byte for byte."""
+    files = [p.relative_to(one) for p in sorted(one.rglob("*")) if p.is_file() and p.name != "sweep.txt"]
+    assert {p.name for p in files} >= {"summary.parquet", "config.yaml", "result.txt"}
+    for file in files:
+        assert (one / file).read_bytes() == (other / file).read_bytes(), file
 
 
 def test_sweep_over_processes_is_the_same(demo_files: Path, tmp_path: Path) -> None:
@@ -293,9 +301,7 @@ def test_sweep_over_processes_is_the_same(demo_files: Path, tmp_path: Path) -> N
     assert done.returncode == 1
     assert "3 runs in two, 1 of them failed" in done.stdout
     assert _process(demo_files, "demo", "-m", "pull.force_n=1,-1,2", "out=one").returncode == 1
-    for i in range(3):
-        for name in ("result.txt", "status"):
-            assert (tmp_path / f"one/{i}/{name}").read_text() == (tmp_path / f"two/{i}/{name}").read_text()
+    _assert_same_sweeps(tmp_path / "one", tmp_path / "two")
 
 
 @pytest.mark.parametrize("name", commands.names())

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import ast
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -42,6 +42,13 @@ class Job:
     experiment: str | None = None
 
     @property
+    def about(self) -> dict[str, Any]:
+        """What a row says of the job in front: its experiment, its place in the sweep, and what was set."""
+        number = {} if self.number is None else {"job": self.number}
+        plain = {k: v if isinstance(v, bool | int | float | str) else str(v) for k, v in self.overrides.items()}
+        return {"experiment": self.experiment} | number | plain
+
+    @property
     def results(self) -> Path:
         """The results folder of a command that keeps results."""
         if self.folder is None:
@@ -61,14 +68,17 @@ class Command(Generic[C]):
             ordinary key of the command, if it has one.
         positional: Key that bare arguments are for: `runner gap DIR` is `runner gap recording=DIR`. Where the key is
             a list, any number of arguments.
-        failed: Called with job and exception when one job of a sweep fails, to leave a row behind.
+        batch: Does many jobs of a sweep at once, with so many threads (0: one per core), and returns for each its row,
+            with a `status`, "done" where it went well, and a `reason`, or the exception it ended with. Without it
+            the jobs of a sweep are done one after another by `main`, and their rows are those of the
+            `summary.parquet` that it leaves, if it does.
     """
 
     config: type[C]
     main: Callable[[C, Job], int | None]
     keeps: str | None = None
     positional: str | None = None
-    failed: Callable[[Job, Exception], None] | None = None
+    batch: Callable[[Sequence[tuple[C, Job]], int], Sequence[Mapping[str, Any] | Exception]] | None = None
 
 
 def names() -> tuple[str, ...]:

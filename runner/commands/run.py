@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -28,10 +28,10 @@ from rich.table import Table
 from runner.commands import Command, Job
 from runner.experiment import Experiment
 from runner.frames import RunResult, Status
-from runner.loop import run
+from runner.loop import run, run_batch
 from runner.progress import progress
 from runner.sinks import LogConfig, RrdSink
-from runner.tables import failure_row, summary_row, write_summary
+from runner.tables import summary_row, write_summary
 
 PACKAGES = ("runner", "mujoco", "dm-control", "numba", "numpy", "pandas", "pyarrow", "rerun-sdk", "hydra-core")
 
@@ -43,32 +43,38 @@ class RunConfig(Experiment):
     log: LogConfig = field(default_factory=LogConfig)
 
 
-def about(job: Job) -> dict[str, Any]:
-    """Return what a row says of the job: its experiment, its number in a sweep, and what was set."""
-    number = {"experiment": job.experiment} | ({} if job.number is None else {"job": job.number})
-    plain = {k: v if isinstance(v, bool | int | float | str) else str(v) for k, v in job.overrides.items()}
-    return number | plain
-
-
 def main(config: RunConfig, job: Job) -> int | None:
     """Run, write, and print the row."""
     folder = job.results
     write_versions(folder)
     with progress("Running", total=config.steps, unit="steps") as advance:
         result = run(config, advance)
-    began = time.perf_counter()
-    for sink in config.log.sinks():
-        sink.write(result, folder, job.config)
-    row = summary_row(result, about(job) | {"seed": config.seed})
-    row["log_s"] = time.perf_counter() - began
+    row = {**job.about, **_logged(result, config, job)}
     write_summary([row], folder)
     _print(result, row, folder)
     return None if result.status is Status.done else 1
 
 
-def failed(job: Job, error: Exception) -> None:
-    """Leave a row behind for a run of a sweep that could not be done."""
-    write_summary([failure_row(error, about(job))], job.results)
+def batch(jobs: Sequence[tuple[RunConfig, Job]], threads: int) -> list[dict[str, Any] | Exception]:
+    """Run many at once, write what each asks for, and return their rows; one that fails does not stop the others."""
+    write_versions(jobs[0][1].results.parent)
+    try:
+        results = run_batch([config for config, _ in jobs], threads=threads)
+    except Exception as error:
+        if len(jobs) == 1:
+            return [error]
+        return [row for job in jobs for row in batch([job], threads)]
+    return [_logged(result, config, job) for result, (config, job) in zip(results, jobs, strict=True)]
+
+
+def _logged(result: RunResult, config: RunConfig, job: Job) -> dict[str, Any]:
+    """Write what is kept of a run and return its row."""
+    began = time.perf_counter()
+    for sink in config.log.sinks():
+        sink.write(result, job.results, job.config)
+    row = summary_row(result, {"seed": config.seed})
+    row["log_s"] = time.perf_counter() - began
+    return row
 
 
 def versions() -> dict[str, str]:
@@ -118,4 +124,4 @@ def _seconds(value: float) -> str:
     return f"{value:.2f} s" if value == value else "never"
 
 
-COMMAND = Command(config=RunConfig, main=main, keeps="run", failed=failed)
+COMMAND = Command(config=RunConfig, main=main, keeps="run", batch=batch)

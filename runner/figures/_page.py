@@ -44,8 +44,8 @@ def runs_in(paths: Iterable[Path]) -> list[Runs]:
     out = []
     for name, rows in table.groupby("experiment", sort=False):
         ended = rows["status"] == "done"
-        parts = [part.dropna(axis=1, how="all").reset_index(drop=True) for part in (rows[ended], rows[~ended])]
-        out.append(Runs(str(name), *parts))
+        well, badly = (pd.DataFrame(rows[which]).dropna(axis=1, how="all") for which in (ended, ~ended))
+        out.append(Runs(str(name), well.reset_index(drop=True), badly.reset_index(drop=True)))
     return out
 
 

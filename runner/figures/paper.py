@@ -14,7 +14,7 @@ def estimate(runs: Runs) -> Drawn:
     upper.axhline(row["mass_true_kg"], color=INK, lw=1.2)
     upper.step(frames["time_s"], frames["linear_mass_kg"], where="post", color=ORANGE)
     upper.set_ylabel("mass [kg]")
-    pushed = frames[["force_x_n", "force_y_n"]].any(axis=1).to_numpy()
+    pushed = frames[["force_x_n", "force_y_n"]].to_numpy().any(axis=1)
     for ax in (upper, lower):
         ax.fill_between(
             frames["time_s"], 0, 1, where=pushed, transform=ax.get_xaxis_transform(), color=GREY, alpha=0.15

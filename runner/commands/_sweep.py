@@ -1,0 +1,287 @@
+"""Sweeps: Hydra's sweeper says which jobs there are, its launcher gets chunks of them, and each job leaves a row.
+
+A launcher starts a process, or composes a config, for each of its tasks, which takes longer than a run. So a task is a
+chunk of jobs, done in one process. Each chunk leaves its rows in `rows/` of the sweep's folder when they are known;
+when all jobs have ended they become `summary.parquet`. What has a row is not done again.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hydra._internal.callbacks import Callbacks
+from hydra._internal.core_plugins.basic_launcher import BasicLauncher
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.plugins import Plugins
+from hydra.core.utils import JobReturn, JobStatus
+from hydra.plugins.launcher import Launcher
+from hydra.types import HydraContext, RunMode
+from omegaconf import DictConfig, OmegaConf
+
+from runner import commands, tables
+from runner.commands import Command, Job
+from runner.commands._compose import Composer
+from runner.commands._explain import explain
+from runner.commands._jobs import JobComposer, built, write_config
+from runner.errors import ConfigError, RunnerError
+from runner.progress import progress
+
+Row = Mapping[str, Any]
+LARGEST = 32  # jobs in one process at once; memory grows with it, and the cost per run hardly falls any more
+TASKS_PER_CORE = 4  # so that no core waits long for the last task
+TOLD = 5  # failures that are told; all of them are in the table
+POLL_S = 0.5
+
+
+def whole_chunk(text: str | None) -> int | None:
+    """Return the value of `chunk=`.
+
+    Raises:
+        ConfigError: If it is no whole number above zero.
+    """
+    if text is None:
+        return None
+    if not text.isdigit() or int(text) < 1:
+        raise ConfigError(f"chunk: must be a whole number of runs of at least 1, got '{text}'.")
+    return int(text)
+
+
+def literal(path: Path) -> str:
+    """Return a path as a value that Hydra takes literally."""
+    return "'" + str(path).replace("'", "\\'") + "'"
+
+
+def sweep(
+    name: str, command: Command[Any], hydra: Composer, folder: Path, overrides: Sequence[str], chunk: int | None
+) -> int:
+    """Do the jobs of a sweep that have no row yet, and return the exit code: 1 if a job failed.
+
+    Args:
+        name: Of the command.
+        command: What to do.
+        hydra: Composes its config.
+        folder: Of the sweep; exists.
+        overrides: As the user gave them, with several values for what is swept.
+        chunk: Jobs to a task of the launcher; None: chosen here.
+
+    Raises:
+        ConfigError: If one of the jobs can't be composed; nothing has been run then.
+    """
+    place = [f"hydra.sweep.dir={literal(folder.absolute())}", "hydra.sweep.subdir=.", "hydra.mode=MULTIRUN"]
+    try:
+        composed = hydra.compose([*overrides, *place], mode=RunMode.MULTIRUN)
+        context = HydraContext(config_loader=hydra.hydra.config_loader, callbacks=Callbacks(composed))
+        sweeper = Plugins.instance().instantiate_sweeper(
+            hydra_context=context, config=composed, task_function=functools.partial(_chunk, None)
+        )
+        assert sweeper.launcher is not None
+        launcher = Chunks(sweeper.launcher, name, command, hydra, folder.absolute(), chunk)
+        sweeper.launcher = launcher  # type: ignore[assignment]
+        # Hydra would compose every job; the launcher of chunks does it sooner, and with our messages
+        sweeper.validate_batch_is_legal = lambda batch: None  # type: ignore[method-assign]
+        with _watched(folder) as expect:
+            launcher.expect = expect
+            sweeper.sweep(arguments=list(OmegaConf.to_container(composed.hydra.overrides.task, resolve=False)))  # type: ignore[arg-type]
+    except KeyboardInterrupt as interrupt:
+        raise KeyboardInterrupt(f"Go on with: runner {name} resume={folder}") from interrupt
+    except Exception as error:
+        raise explain_sweep(error, hydra, overrides) from error
+    (folder / "multirun.yaml").unlink(missing_ok=True)  # Hydra's; ours is sweep.txt
+    return _told(tables.finish_sweep(folder), folder)
+
+
+def _told(rows: Sequence[Row], folder: Path) -> int:
+    failed = [row for row in rows if row["status"] != "done"]
+    for row in failed[:TOLD]:
+        print(f"job {row['job']}: {row['reason']}", file=sys.stderr)
+    if len(failed) > TOLD:
+        print(f"... and {len(failed) - TOLD} more: runner table {folder}", file=sys.stderr)
+    count = len({row["job"] for row in rows})
+    print(f"{count} runs in {folder}" + (f", {len(failed)} of them failed" if failed else ""))
+    return 1 if failed else 0
+
+
+class Chunks(Launcher):
+    """A launcher that hands chunks of jobs to another one."""
+
+    def __init__(
+        self, inner: Launcher, name: str, command: Command[Any], hydra: Composer, folder: Path, chunk: int | None
+    ) -> None:
+        self.inner, self.name, self.command, self.hydra, self.folder = inner, name, command, hydra, folder
+        self.chunk = chunk
+        self.expect: Callable[[int], None] = lambda jobs: None
+
+    def setup(self, *, hydra_context: HydraContext, task_function: Any, config: DictConfig) -> None:
+        self.inner.setup(hydra_context=hydra_context, task_function=task_function, config=config)
+
+    def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> Sequence[JobReturn]:
+        """Do the jobs that have no row yet and return what became of all.
+
+        Raises:
+            ConfigError: If one of the jobs can't be composed; none has been done then.
+        """
+        composer = JobComposer(self.hydra)
+        jobs = [_Swept(initial_job_idx + i, tuple(overrides)) for i, overrides in enumerate(job_overrides)]
+        done = {row["job"] for row in tables.sweep_rows(self.folder)}
+        missing = [job for job in jobs if job.number not in done]
+        for job in missing:
+            composer.compose(job.overrides)
+        self.expect(len(missing))
+        alone = isinstance(self.inner, BasicLauncher)
+        length = self.chunk or _length(len(missing), alone, together=self.command.batch is not None)
+        tasks = [missing[i : i + length] for i in range(0, len(missing), length)]
+        work = _Work(self.name, self.folder, tasks, threads=0 if alone else 1)
+        self.inner.task_function = functools.partial(_chunk, work)  # type: ignore[attr-defined]
+        if tasks:
+            for returned in self.inner.launch([[] for _ in tasks], initial_job_idx=0):
+                _ = returned.return_value  # raises what went wrong in the task itself
+        status = {row["job"]: row["status"] for row in tables.sweep_rows(self.folder)}
+        return [_returned(job, status[job.number]) for job in jobs]
+
+
+@dataclass(frozen=True)
+class _Swept:
+    """One job of a sweep: its place in it and its settings."""
+
+    number: int
+    overrides: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What a process must know to do any of the tasks."""
+
+    name: str
+    folder: Path
+    tasks: list[list[_Swept]]
+    threads: int
+
+
+def _length(jobs: int, alone: bool, *, together: bool) -> int:
+    """Return how many jobs make a task."""
+    if not together:  # long ones, one after another
+        return LARGEST if alone else 1
+    return LARGEST if alone else max(1, min(LARGEST, -(-jobs // (TASKS_PER_CORE * (os.cpu_count() or 1)))))
+
+
+def _returned(job: _Swept, status: str) -> JobReturn:
+    out = JobReturn(overrides=job.overrides, status=JobStatus.COMPLETED)
+    out.return_value = status
+    return out
+
+
+@contextmanager
+def _watched(folder: Path) -> Iterator[Callable[[int], None]]:
+    """Show a bar of the runs that have ended, whoever does them, by their rows; give a function that sets the total."""
+    total, over = [0], threading.Event()
+
+    def watch() -> None:
+        known = tables.count_rows(folder)
+        begun = known
+        while not total[0] and not over.wait(POLL_S):
+            pass
+        with progress("Running", total=total[0], unit="runs") as advance:
+            while not over.wait(POLL_S):
+                known, before = tables.count_rows(folder), known
+                advance(known - before)
+                if known - begun >= total[0]:
+                    return
+
+    def expect(jobs: int) -> None:
+        total[0] = jobs
+
+    if not sys.stdout.isatty():
+        yield expect
+        return
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        yield expect
+    finally:
+        over.set()
+        watcher.join()
+
+
+def _chunk(work: _Work | None, composed: DictConfig) -> None:
+    """Do one task: called by a launcher, in this process or another, on this machine or another."""
+    assert work is not None, "the launcher of chunks sets the work"
+    command = commands.load(work.name)
+    task = work.tasks[HydraConfig.get().job.num]
+    composer = _composer(work.name, GlobalHydra.instance().hydra)  # launchers carry it over
+    ledger = tables.Ledger(work.folder, task[0].number)
+    ready: list[tuple[Any, Job]] = []
+    for swept in task:
+        job, value = _prepared(command, composer, work, swept)
+        if isinstance(value, Exception):
+            ledger.write(swept.number, [_failure(job, value)])
+        elif command.batch is None:
+            ledger.write(swept.number, _alone(command, value, job))
+        else:
+            ready.append((value, job))
+    if command.batch is not None and ready:
+        for row, (_, job) in zip(command.batch(ready, work.threads), ready, strict=True):
+            noted = _failure(job, row) if isinstance(row, Exception) else {**job.about, **row}
+            ledger.write(job.number or 0, [noted])
+
+
+@functools.lru_cache(maxsize=1)
+def _composer(name: str, hydra: Any) -> JobComposer:
+    """Return the composer of a process, whose choices of files serve all its tasks."""
+    return JobComposer(Composer(name, hydra))
+
+
+def _prepared(command: Command[Any], composer: JobComposer, work: _Work, swept: _Swept) -> tuple[Job, Any]:
+    """Return a job and its config as a dataclass, or what is wrong with it."""
+    composed, job = composer.job(swept.overrides, work.folder / str(swept.number), swept.number)
+    job.results.mkdir(exist_ok=True)
+    write_config(job.results, work.name, swept.overrides, job.config)
+    try:
+        return job, built(command, composed.config, {})
+    except Exception as error:
+        return job, error
+
+
+def _alone(command: Command[Any], value: Any, job: Job) -> list[Row]:
+    try:
+        code = command.main(value, job) or 0
+    except Exception as error:
+        return [_failure(job, error)]
+    ended = {"status": "done" if code == 0 else "failed", "reason": "" if code == 0 else f"exit code {code}"}
+    file = job.results / tables.SUMMARY
+    return [{**job.about, **ended, **row} for row in (tables.read_summary(file) if file.is_file() else [{}])]
+
+
+def _failure(job: Job, error: Exception) -> Row:
+    if not isinstance(error, RunnerError):
+        text = "".join(traceback.format_exception(error))
+        (job.results / "traceback.txt").write_text(text, encoding="utf-8")
+    return tables.failure_row(error, job.about)
+
+
+def explain_sweep(error: Exception, hydra: Composer, overrides: Sequence[str]) -> Exception:
+    """Return the line for an error of a sweep: that of the first job that can't be composed."""
+    if isinstance(error, RunnerError):
+        return error
+    try:
+        parser = OverridesParser.create(config_loader=hydra.hydra.config_loader)
+        batches = BasicSweeper.split_arguments(parser.parse_overrides(list(overrides)), None)
+    except Exception as syntax:
+        return explain(syntax, overrides, hydra)
+    for job in batches[0]:
+        try:
+            hydra.compose(job)
+        except Exception as found:
+            return explain(found, job, hydra)
+    return explain(error, [], hydra)
