@@ -38,29 +38,6 @@ _AHEAD = 1.2  # the history must have grown by this factor before it is gone thr
 
 
 @dataclass(frozen=True)
-class NoiseConfig:
-    """Standard deviations of the measured state, independent from number to number."""
-
-    position_m: float = 5e-4
-    yaw_rad: float = 1e-3
-    velocity_m_s: float = 5e-3
-    rate_rad_s: float = 1e-2
-
-    def __post_init__(self) -> None:
-        for name, unit in (("position_m", "m"), ("yaw_rad", "rad"), ("velocity_m_s", "m/s"), ("rate_rad_s", "rad/s")):
-            check_range(name, getattr(self, name), 0.0, 10.0, unit=unit)
-
-    @property
-    def sd(self) -> np.ndarray:
-        """Of x, y, yaw, vx, vy, wz, (6,)."""
-        return np.array([*2 * [self.position_m], self.yaw_rad, *2 * [self.velocity_m_s], self.rate_rad_s])
-
-    def times(self, factor: float) -> NoiseConfig:
-        """Return noise of another size."""
-        return NoiseConfig(*(factor * v for v in (self.position_m, self.yaw_rad, self.velocity_m_s, self.rate_rad_s)))
-
-
-@dataclass(frozen=True)
 class Prior:
     """What is believed of the parameters beforehand: their vector `x` (5,), and its standard deviations `sd` (5,).
 
