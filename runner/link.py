@@ -8,15 +8,29 @@ overtaken, and comes after a newer one was taken in, is dropped. It would only s
 closed splits in two: the estimate is no less unbiased without it, as what the link drops does not depend on what the
 messages say, and to use it the past would have to be opened again at every late arrival. How many are dropped is
 counted in the table of the `latency` experiment.
+
+Clocks. With a fixed clock updates fall on physics steps. With an unfixed one they have a clock of their own, as in a
+game engine whose physics runs at 50 Hz while it draws, and sends, at 60 Hz: an update finds whatever physics step came
+last. Where remote and local run on two machines, whose steps do not begin together, the remote's state may be a step
+older than the local's; and the same state is sent again where no step came between. A receiver that looks at the time
+stamp (`follow`) is not misled by either; one that does not (`follow=unaware`) compares the speeds of different times.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import Enum
 
 import numpy as np
 
 from runner.errors import ConfigError, check_range
+
+
+class Clock(Enum):
+    """Whether updates keep step with the physics."""
+
+    fixed = "fixed"  # an update comes after a whole number of physics steps
+    unfixed = "unfixed"  # updates have a clock of their own
 
 
 @dataclass(frozen=True)
@@ -53,7 +67,8 @@ class LinkConfig:
     """Update rate, delay, jitter and loss, and the noise of what is sent.
 
     A message sent at t arrives at t + delay_s + j, j uniform between 0 and `jitter_s`, or never, with probability
-    `loss`. Jitter longer than the update period can put messages out of order.
+    `loss`. Jitter longer than the update period can put messages out of order. With `clock=unfixed` any rate goes with
+    any time step, and the remote's physics steps begin `phase` of a step later than the local ones.
     """
 
     rate_hz: float = 60.0
@@ -61,20 +76,29 @@ class LinkConfig:
     jitter_s: float = 0.0
     loss: float = 0.0
     noise: NoiseConfig = field(default_factory=NoiseConfig)
+    clock: Clock = Clock.fixed
+    phase: float = 0.0
 
     def __post_init__(self) -> None:
         check_range("rate_hz", self.rate_hz, 0.01, 10_000.0, unit="Hz")
         check_range("delay_s", self.delay_s, 0.0, 10.0, unit="s")
         check_range("jitter_s", self.jitter_s, 0.0, 10.0, unit="s")
         check_range("loss", self.loss, 0.0, 1.0)
+        check_range("phase", self.phase, 0.0, 1.0)
+        if self.phase and self.clock is Clock.fixed:
+            raise ConfigError(f"phase: must be 0 with clock=fixed, got {self.phase:g}.")
 
 
 def update_steps(link: LinkConfig, timestep_s: float, steps: int) -> np.ndarray:
-    """Return after how many physics steps each update comes, (m,), growing, at most `steps`.
+    """Return after how many physics steps the local side looks at what has arrived, (m,), growing, at most `steps`.
+
+    With an unfixed clock it is every step; at most of them nothing need have arrived.
 
     Raises:
         ConfigError: If an update does not fall on a physics step, naming the nearest rates and time steps that do.
     """
+    if link.clock is Clock.unfixed:
+        return np.arange(1, steps + 1)
     every = 1.0 / (link.rate_hz * timestep_s)
     whole = round(every)
     if whole < 1 or abs(every - whole) > 1e-6 * whole:
@@ -85,6 +109,33 @@ def update_steps(link: LinkConfig, timestep_s: float, steps: int) -> np.ndarray:
             f"{1 / (fewer * timestep_s):g} Hz, or scene.timestep_s=1/{link.rate_hz * max(whole, 1):g}."
         )
     return np.arange(whole, steps + 1, whole)
+
+
+def schedule(link: LinkConfig, times_s: np.ndarray, rng: np.random.Generator) -> list[tuple[int, ...]]:
+    """Return for each tick the messages that are taken in at it, by the ticks at which they were sent, in that order.
+
+    Args:
+        link: Delay, jitter, loss, clock.
+        times_s: Times of the ticks, (m,), s, growing; with an unfixed clock those of all physics steps.
+        rng: The link's own generator.
+    """
+    if link.clock is Clock.fixed or not len(times_s):
+        return taken_in(arrivals(link, times_s, rng))
+    period_s, step_s = 1.0 / link.rate_hz, times_s[0]
+    updates = np.arange(1, int(times_s[-1] / period_s) + 1)
+    lost = rng.random(len(updates)) < link.loss
+    travel_s = link.delay_s + link.jitter_s * rng.random(len(updates))
+    # tolerances as below; a message is looked at by the first update after it has come
+    looked_s = np.ceil(updates + travel_s / period_s - 1e-9) * period_s
+    sent = np.floor(updates * period_s / step_s - link.phase + 1e-9).astype(np.int64) - 1
+    tick = np.floor(looked_s / step_s + 1e-9).astype(np.int64) - 1
+    # the newest of those that come to one tick counts, whether or not it was taken in before
+    out = [-1] * len(times_s)
+    for message, at in zip(sent[~lost].tolist(), tick[~lost].tolist(), strict=True):
+        if message >= 0 and at < len(out):
+            out[at] = max(out[at], message)
+    newest = np.maximum.accumulate(out)
+    return [(m,) if m >= 0 and m == newest[i] else () for i, m in enumerate(out)]
 
 
 def arrivals(link: LinkConfig, times_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:

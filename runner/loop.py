@@ -38,7 +38,8 @@ from runner.experiment import (
 from runner.follow import ALL, Difference, Immediate, Unaware
 from runner.frames import Frames, RunResult, Status, Truth
 from runner.latency import Resimulation
-from runner.link import arrivals, newest, taken_in, update_steps
+from runner.link import newest, schedule, update_steps
+from runner.parameters import MASS, Numbers, sizes, writer
 from runner.scene import Body as Handle
 
 Advance = Callable[[int], object]
@@ -83,11 +84,13 @@ class Record:
 
     def __init__(self, experiment: Experiment, handles: Sequence[Handle], given: Commands) -> None:
         self.experiment, self.handles, self.commands = experiment, handles, given
+        # the pushes of the locals: the nominal ones
+        self.setup = Setup(experiment.scene, experiment.local, given.pushes[:-1, law.PUSH_SIZE : 2 * law.PUSH_SIZE])
         self.nq, self.nv = sum(h.nq for h in handles), sum(h.nv for h in handles)
         h = experiment.scene.timestep_s
         self.ends = update_steps(experiment.link, h, experiment.steps)
         times = np.append(self.ends * h, 0.0)  # the last: the start
-        self.taken = taken_in(arrivals(experiment.link, times[:-1], np.random.default_rng([experiment.seed, 1])))
+        self.taken = schedule(experiment.link, times[:-1], np.random.default_rng([experiment.seed, 1]))
         self.message = newest(self.taken)
         since, impulse = _ticks(self.message, experiment, given, self.ends)
         number = np.arange(len(self.ends))
@@ -118,28 +121,24 @@ class Record:
         return q, v
 
 
-def local_side(
-    record: Record, qpos: np.ndarray, qvel: np.ndarray, mass: np.ndarray, inertia: np.ndarray
-) -> Callable[[], bool]:
-    """Return the function that does one update of a run, on live views of its state, mass and inertia.
+def local_side(record: Record, qpos: np.ndarray, qvel: np.ndarray, numbers: Numbers) -> Callable[[], bool]:
+    """Return the function that does one update of a run, on live views of its state and its model's numbers.
 
-    It takes in what has arrived, lets every estimator update, writes the new mass, and sets the local cubes to the
-    remote's state. It returns whether a mass has changed. A closure, as this is what a run spends its time on besides
+    It takes in what has arrived, lets every estimator update, writes the new values, and sets the local cubes to the
+    remote's state. It returns whether a value has changed. A closure, as this is what a run spends its time on besides
     the physics.
     """
     experiment, handles = record.experiment, record.handles
     cuts = [_cuts(handle) for handle in handles]
-    body = experiment.local
-    per_kg = np.asarray(body.inertia) / body.mass_kg
-    setup = Setup(experiment.scene, body)
+    setup = record.setup
     q_views = [qpos[h.qpos_adr : h.qpos_adr + h.nq] for h in handles]
     v_views = [qvel[h.dof_adr : h.dof_adr + h.nv] for h in handles]
     remote_q, remote_v, remote_cuts = q_views[0], v_views[0], cuts[0]
     where_q, where_v = remote_cuts[0], slice(remote_cuts[1].start, remote_cuts[2].stop)
     rules = list(experiment.estimator.values())
     lanes = [
-        (j, rule.update, rule.values, handles[j + 1].body_id, cuts[j + 1], q_views[j + 1], v_views[j + 1],
-         record.memories[j].append, record.outcomes[j].append)
+        (j, rule.update, rule.values, writer(rule.names, numbers, handles[j + 1].body_id, setup.body), cuts[j + 1],
+         q_views[j + 1], v_views[j + 1], record.memories[j].append, record.outcomes[j].append)
         for j, rule in enumerate(rules)
     ]  # fmt: skip
     memories = [rule.start(setup) for rule in rules]
@@ -162,7 +161,7 @@ def local_side(
         state = positions(), velocities()
         taken = state if fresh else tuple(part.tolist() for part in received(message))
         changed = False
-        for j, step, values, index, local_cuts, local_q, local_v, remember, report in lanes:
+        for j, step, values, write, local_cuts, local_q, local_v, remember, report in lanes:
             old = memories[j]
             seen = new(Seen, (now, sent, since, impulse, *state, *taken, *common, local_cuts, remote_cuts))
             memory, outcome = step(old, seen)
@@ -171,9 +170,7 @@ def local_side(
             if memory is not old:
                 memories[j] = memory
                 changed = True
-                (mass_kg,) = values(memory)
-                mass[index] = mass_kg
-                np.multiply(per_kg, mass_kg, out=inertia[index])
+                write(values(memory))
             if fresh:
                 local_q[:] = remote_q
                 local_v[:] = remote_v
@@ -186,9 +183,7 @@ def local_side(
     return update
 
 
-def late_side(
-    record: Record, qpos: np.ndarray, qvel: np.ndarray, mass: np.ndarray, inertia: np.ndarray
-) -> Callable[[], bool]:
+def late_side(record: Record, qpos: np.ndarray, qvel: np.ndarray, numbers: Numbers) -> Callable[[], bool]:
     """Return what `local_side` returns, for states that are old, or uncertain, or not taken over at once.
 
     The estimate is made in a simulation of its own, see `runner.latency`. The local cubes of the run are what the
@@ -201,9 +196,12 @@ def late_side(
     at_v = slice(remote.dof_adr, remote.dof_adr + remote.nv)
     straight = linear.stop - linear.start
     total = np.vstack([np.zeros(3), np.cumsum(record.commands.force_n, axis=0) * h])
-    per_kg = np.asarray(experiment.local.inertia) / experiment.local.mass_kg
     rules = list(experiment.estimator.values())
-    memories = [rule.start(Setup(experiment.scene, experiment.local)) for rule in rules]
+    memories = [rule.start(record.setup) for rule in rules]
+    writers = [
+        [writer(rule.names, n, handles[j].body_id, experiment.local) for j, rule in enumerate(rules)]
+        for n, handles in ((Numbers.of(own.model), own.handles), (numbers, shown))
+    ]
     values = [np.array(rule.values(memory)) for rule, memory in zip(rules, memories, strict=True)]
     given = [value.copy() for value in values]  # to the shown cubes
     common, common_step, number, before = (qpos.tolist(), qvel.tolist()), 0, -1, 0
@@ -224,7 +222,7 @@ def late_side(
             if memory is not memories[j]:
                 memories[j] = memory
                 values[j] = np.array(rule.values(memory))
-                _put(own.model.body_mass, own.model.body_inertia, own.handles[j].body_id, per_kg, values[j])
+                writers[0][j](values[j])
                 own.set_parameters()
         own.restart(step, said[0][remote_cuts[0]], said[1][at_v])
         common, common_step = taken, step
@@ -243,7 +241,7 @@ def late_side(
                 angle_rad=_size(dq[straight:]),
                 velocity_m_s=_size(dv[:straight]),
                 rate_rad_s=_size(dv[straight:]),
-                parameters=float(np.max(np.abs(dp / given[j]))),
+                parameters=float(np.max(np.abs(dp / sizes(rules[j].names, experiment.local, given[j])))),
                 speed_m_s=_size(best_v[:straight]),
                 turning_rad_s=_size(best_v[straight:]),
                 pushed=bool(record.commands.force_n[before:now].any()),
@@ -258,7 +256,7 @@ def late_side(
         if share.parameters == 0.0 or not dp.any():
             return False
         given[j] = values[j].copy() if share.parameters == 1.0 else given[j] + share.parameters * dp
-        _put(mass, inertia, local.body_id, per_kg, given[j])
+        writers[1][j](given[j])
         return True
 
     def update() -> bool:
@@ -285,13 +283,6 @@ def late_side(
 
 def _size(vector: np.ndarray) -> float:
     return float(np.linalg.norm(vector))
-
-
-def _put(mass: np.ndarray, inertia: np.ndarray, body_id: int, per_kg: np.ndarray, values: np.ndarray) -> None:
-    """Write estimated values into a model's masses and inertias; the inertia follows the mass (eq. 3)."""
-    (mass_kg,) = values
-    mass[body_id] = mass_kg
-    np.multiply(per_kg, mass_kg, out=inertia[body_id])
 
 
 def _side(record: Record) -> Callable[..., Callable[[], bool]]:
@@ -329,7 +320,7 @@ def run_world(experiment: Experiment, world: World, advance: Advance = _silent) 
     given = commands(experiment)
     model, data = world.model, world.data
     record = Record(experiment, world.handles, given)
-    update = _side(record)(record, data.qpos, data.qvel, model.body_mass, model.body_inertia)
+    update = _side(record)(record, data.qpos, data.qvel, Numbers.of(model))
     reel = world.tape.wind(data.userdata, given.pushes)
     done, reason = 0, ""
     step, set_const, scratch = world.physics.step, mujoco.mj_setConst, world.scratch
@@ -377,14 +368,24 @@ def run_batch(experiments: Sequence[Experiment], *, threads: int = 0, advance: A
 def _run_group(experiments: list[Experiment], threads: int, advance: Advance) -> list[RunResult]:
     models = _models(experiments)
     batch = Batch(models[0], len(experiments), threads)
-    for name in _different_fields(models) | {"body_mass", "body_inertia"}:
+    written = (
+        Numbers._fields if any(rule.names != (MASS,) for e in experiments for rule in e.estimator.values()) else ()
+    )
+    for name in _different_fields(models) | {"body_mass", "body_inertia", *written}:
         batch.expand(name)[...] = [_field(model, name) for model in models]
     qpos, qvel, userdata = batch.bind("qpos"), batch.bind("qvel"), batch.bind("userdata")
-    mass, inertia = batch.expand("body_mass"), batch.expand("body_inertia")
+    # masses and inertias always; the other two, of one model for all, are only written to where they are expanded
+    live = [
+        batch.expand(name)
+        if name in ("body_mass", "body_inertia", *written)
+        else [getattr(models[0], name)] * len(models)
+        for name in Numbers._fields
+    ]
+    numbers = [Numbers(*one) for one in zip(*live, strict=True)]
     given = [commands(e) for e in experiments]
     reels = [tape_of(e, m).wind(u, c.pushes) for e, m, u, c in zip(experiments, models, userdata, given, strict=True)]
     records = [Record(e, handles_of(e, m), c) for e, m, c in zip(experiments, models, given, strict=True)]
-    updates = [_side(one[0])(*one) for one in zip(records, qpos, qvel, mass, inertia, strict=True)]
+    updates = [_side(one[0])(*one) for one in zip(records, qpos, qvel, numbers, strict=True)]
     # after each tick all go on to the next; a run that is shorter stops at its own end
     stops = [[*t.ends.tolist(), e.steps] for t, e in zip(records, experiments, strict=True)]
     done, reasons = [0] * len(experiments), [""] * len(experiments)
@@ -527,10 +528,20 @@ def _estimates(record: Record, truth: Mapping[str, Truth]) -> Estimates:
     for (name, rule), memories in zip(record.experiment.estimator.items(), record.memories, strict=True):
         table = np.array([rule.values(m) for m in memories]).reshape(len(memories), len(rule.names))
         for p, parameter in enumerate(rule.names):
-            true, start = truth[parameter]
-            out.append((f"{name}_{parameter}", start, table[:, p]))
+            known = truth[parameter]
+            out.append((f"{name}_{parameter}", known.start, table[:, p]))
             stem = parameter.rsplit("_", 1)[0]
-            out.append((f"{name}_{stem}_error", (start - true) / true, (table[:, p] - true) / true))
+            out.append((f"{name}_{stem}_error", known.error(known.start), known.error(table[:, p])))
+    return out
+
+
+def _details(record: Record) -> dict[str, np.ndarray]:
+    """Return what estimators say besides their estimates, (m,) each."""
+    out = {}
+    for (name, rule), memories in zip(record.experiment.estimator.items(), record.memories, strict=True):
+        if rule.details:
+            table = np.array([rule.detail(m) for m in memories]).reshape(len(memories), len(rule.details))
+            out |= {f"{name}_{detail}": table[:, i] for i, detail in enumerate(rule.details)}
     return out
 
 
@@ -596,6 +607,7 @@ def _update_columns(
         columns = np.array(shown).reshape(len(shown), len(rule.names))
         out |= {f"{name}_shown_{p}": columns[:, i] for i, p in enumerate(rule.names) if shown}
     out |= {name: column for name, _, column in estimates}
+    out |= _details(record)
     return _read_only(out.items())
 
 

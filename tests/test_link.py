@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from runner.errors import ConfigError
-from runner.link import LinkConfig, received, update_steps
+from runner.link import Clock, LinkConfig, received, schedule, update_steps
 
 TIMES_S = np.arange(1, 601) / 60
 
@@ -68,7 +70,34 @@ def test_a_rate_between_steps_is_refused_with_what_would_do() -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"rate_hz": 0.0}, {"delay_s": -0.1}, {"loss": 1.1}, {"jitter_s": float("nan")}])
-def test_wrong_values_are_refused(wrong: dict[str, float]) -> None:
+def test_wrong_values_are_refused(wrong: dict[str, Any]) -> None:
     """Rates, delays and losses out of range, or NaN, name their key."""
     with pytest.raises(ConfigError, match=next(iter(wrong))):
         LinkConfig(**wrong)
+
+
+STEPS_S = np.arange(1, 501) / 50
+
+
+@pytest.mark.parametrize("rate_hz", [30.0, 45.0, 60.0, 120.0])
+def test_an_unfixed_clock_finds_the_last_step(rate_hz: float) -> None:
+    """On one machine each update brings the state of the last physics step, once; faster than the steps is no more."""
+    taken = schedule(LinkConfig(rate_hz, clock=Clock.unfixed), STEPS_S, rng())
+    found = np.unique(np.floor(np.arange(1, int(10 * rate_hz) + 1) * 50 / rate_hz + 1e-9).astype(int)) - 1
+    assert [i for i, messages in enumerate(taken) if messages] == found[found >= 0].tolist()
+    assert all(messages in ((), (i,)) for i, messages in enumerate(taken))
+
+
+def test_two_unfixed_clocks_compare_different_steps() -> None:
+    """The remote is a step behind where its step comes after the update's and the local one before it."""
+    taken = schedule(LinkConfig(60.0, clock=Clock.unfixed, phase=0.5), STEPS_S, rng())
+    pairs = [(i, messages[0]) for i, messages in enumerate(taken) if messages]
+    assert {i - sent for i, sent in pairs} == {0, 1}
+    # by hand: updates 2 to 8 find 1, 2, 3, 4, 5, 5, 6 local steps done, and 1, 2, 2, 3, 4, 5, 6 remote ones
+    assert pairs[:6] == [(0, 0), (1, 1), (2, 1), (3, 2), (4, 4), (5, 5)]
+
+
+def test_a_phase_needs_an_unfixed_clock() -> None:
+    """With updates on physics steps there is no phase."""
+    with pytest.raises(ConfigError, match=r"phase: must be 0 with clock=fixed, got 0\.5"):
+        LinkConfig(phase=0.5)
