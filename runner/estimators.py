@@ -40,10 +40,12 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from operator import mul
 from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
 
 from runner.config import registered
 from runner.errors import check_range
@@ -146,10 +148,17 @@ class Seen(NamedTuple):
 
 @dataclass(frozen=True)
 class Setup:
-    """What an estimator may know before the first update: the scene, and the local body as it starts."""
+    """What an estimator may know before the first update.
+
+    Attributes:
+        scene: The scene.
+        body: The local body as it starts.
+        pushes: The commands over physics steps, (n, 12), see `scene.push_columns`; only those of the past may be used.
+    """
 
     scene: SceneConfig
     body: BodyConfig
+    pushes: np.ndarray = field(default_factory=lambda: np.empty((0, 12)))
 
 
 class AbstractEstimator(ABC):
@@ -160,7 +169,8 @@ class AbstractEstimator(ABC):
     repeated. A memory is never written to: all of them are kept until the run is over.
     """
 
-    names: ClassVar[tuple[str, ...]] = ("mass_kg",)
+    names: ClassVar[tuple[str, ...]] = ("mass_kg",)  # of `runner.parameters`
+    details: ClassVar[tuple[str, ...]] = ()  # further numbers that the frames keep
 
     @abstractmethod
     def start(self, setup: Setup) -> Any:
@@ -173,6 +183,10 @@ class AbstractEstimator(ABC):
     @abstractmethod
     def values(self, memory: Any) -> tuple[float, ...]:
         """Return the current values of the parameters in `names`."""
+
+    def detail(self, memory: Any) -> tuple[float, ...]:
+        """Return the current values of the numbers in `details`."""
+        return ()
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from runner.follow import AbstractFollow, Immediate
 from runner.forces import AbstractForces
 from runner.frames import Truth
 from runner.link import LinkConfig, update_steps
+from runner.parameters import truths
 from runner.scene import Body as Handle
 from runner.scene import BodyConfig, SceneConfig, build, check_inertia, handles, push_columns
 
@@ -268,6 +269,8 @@ def set_start(experiment: Experiment, model: mujoco.MjModel, scratch: mujoco.MjD
         index = model.body(name).id
         model.body_mass[index] = body.mass_kg
         model.body_inertia[index] = np.asarray(body.inertia) / body.mass_kg * body.mass_kg
+        model.body_ipos[index] = body.com_m
+        model.body_user[index, law.COLUMN["mu"]] = body.friction
     mujoco.mj_setConst(model, scratch)
 
 
@@ -285,4 +288,4 @@ def tape_of(experiment: Experiment, model: mujoco.MjModel) -> tape.Tape:
 
 def truth_of(experiment: Experiment, model: mujoco.MjModel) -> dict[str, Truth]:
     """Return true (at the start, with effects) and start values of what estimators may estimate, by name."""
-    return {"mass_kg": Truth(float(model.body_mass[model.body(REMOTE).id]), experiment.local.mass_kg)}
+    return truths(model, model.body(REMOTE).id, experiment.local)

@@ -108,10 +108,15 @@ class Status(Enum):
 
 
 class Truth(NamedTuple):
-    """A parameter's true and start value."""
+    """A parameter's true and start value, and what its errors are relative to; None: the true value."""
 
     true: float
     start: float
+    scale: float | None = None
+
+    def error(self, value: Any) -> Any:
+        """Return the signed error of values, relative to the scale."""
+        return (value - self.true) / (self.true if self.scale is None else self.scale)
 
 
 @dataclass(frozen=True)

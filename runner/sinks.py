@@ -274,11 +274,11 @@ def _send_estimates(recording: rr.RecordingStream, result: RunResult) -> None:
     index = _index(updates)
     for parameter in _parameters(result):
         owners = [name for name in result.estimators if parameter in result.parameters[name]]
-        truth = result.parameters[owners[0]][parameter].true
+        truth = result.parameters[owners[0]][parameter]
         values = [updates.column(f"{name}_{parameter}") for name in owners]
-        _send_scalars(recording, f"estimate/{parameter}", index, [np.full(len(updates), truth), *values])
+        _send_scalars(recording, f"estimate/{parameter}", index, [np.full(len(updates), truth.true), *values])
         # the viewer has no logarithmic axis; an exact estimate is drawn at the resolution of the numbers
-        errors = [np.log10(np.maximum(np.abs(v - truth) / abs(truth), 1e-16)) for v in values]
+        errors = [np.log10(np.maximum(np.abs(truth.error(v)), 1e-16)) for v in values]
         _send_scalars(recording, f"error/{parameter}", index, errors)
 
 
@@ -314,7 +314,7 @@ def _summary(result: RunResult) -> str:
     for name, parameters in result.parameters.items():
         for parameter, truth in parameters.items():
             last = float(result.updates.column(f"{name}_{parameter}")[-1]) if result.update_count else math.nan
-            error = (last - truth.true) / truth.true
+            error = truth.error(last)
             lines.append(f"| {name} | {parameter} | {truth.true:g} | {truth.start:g} | {last:.9g} | {error:+.1e} |")
     lines += [
         "",

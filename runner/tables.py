@@ -31,9 +31,9 @@ WITHIN = {"1pct": 1e-2, "0p1pct": 1e-3, "0p01pct": 1e-4}
 def summary_row(result: RunResult, about: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Return the row of a run: for every estimator and parameter its true, start and final value, and its errors.
 
-    Columns begin with the estimator's name where there are several. `*_error` columns are relative to the true value:
-    final (signed), median and peak (absolute, over all updates). `*_to_1pct_s` is the time of the update from which on
-    the error stays within 1 %; NaN: it does not.
+    Columns begin with the estimator's name where there are several. `*_error` columns are relative to the true value
+    (those of the CoM: to the half size): final (signed), median and peak (absolute, over all updates). `*_to_1pct_s` is the
+    time of the update from which on the error stays within 1 %; NaN: it does not.
 
     Args:
         result: The run.
@@ -56,7 +56,7 @@ def summary_row(result: RunResult, about: Mapping[str, Any] | None = None) -> di
 def _errors(result: RunResult, name: str, parameter: str, truth: Truth, prefix: str) -> dict[str, Any]:
     stem, _, unit = parameter.rpartition("_")
     values = result.updates.column(f"{name}_{parameter}")
-    error = (values - truth.true) / truth.true
+    error = truth.error(values)
     size, time_s = np.abs(error), result.updates.column("time_s")
     out = {
         f"{prefix}{stem}_true_{unit}": truth.true,

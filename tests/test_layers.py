@@ -20,7 +20,7 @@ LAYERS = (
     "config progress",
     "law",
     "tape scene frames recording",
-    "forces effects estimators link follow",
+    "forces effects estimators link follow parameters",
     "simulate experiment",
     "latency",
     "loop gap",

@@ -99,5 +99,5 @@ def batch_fit(
         states = trajectory(copies, u + steps, pushes, ends) / noise_sd
         return ((states[:UNKNOWNS] - states[UNKNOWNS:]) / (2 * _STEP)).reshape(UNKNOWNS, -1).T
 
-    found = least_squares(residuals, start, jacobian, method="lm", x_scale="jac")
+    found = least_squares(residuals, start, jacobian, method="lm", x_scale="jac")  # pyright: ignore[reportArgumentType]
     return BatchFit(found.x, np.linalg.inv(found.jac.T @ found.jac), float(2 * found.cost))

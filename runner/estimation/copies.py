@@ -17,12 +17,12 @@ from mujoco.batch import Batch
 
 from runner import law
 from runner.errors import ConfigError
+from runner.parameters import PARAMETERS
 from runner.scene import BodyConfig, Contact, Dof, SceneConfig, build
 
-NAMES = ("mass_kg", "com_x_m", "com_y_m", "yaw_inertia_kg_m2", "friction")
 LABELS = ("mass", "CoM x", "CoM y", "yaw inertia", "friction")
 MASS, COM_X, COM_Y, INERTIA, FRICTION = range(5)
-SIZE = len(NAMES)
+SIZE = len(PARAMETERS)
 STATE = 6
 _LOG = np.array([True, False, False, True, True])
 # of the vector: what is beyond counts as at the bound, such as a CoM that is outside the base
@@ -41,13 +41,13 @@ def to_vector(body: BodyConfig) -> np.ndarray:
 
 
 def from_values(values: np.ndarray, half_size_m: tuple[float, float, float]) -> np.ndarray:
-    """Return the vector (..., 5) of physical values (..., 5) in the order of `NAMES`."""
+    """Return the vector (..., 5) of physical values (..., 5) in the order of `PARAMETERS`."""
     scaled = values / _scale(half_size_m)
     return np.where(_LOG, np.log(np.where(_LOG, scaled, 1.0)), scaled)
 
 
 def to_values(x: np.ndarray, half_size_m: tuple[float, float, float]) -> np.ndarray:
-    """Return physical values (..., 5), SI units, in the order of `NAMES`, from vectors (..., 5)."""
+    """Return physical values (..., 5), SI units, in the order of `PARAMETERS`, from vectors (..., 5)."""
     return np.where(_LOG, np.exp(np.where(_LOG, x, 0.0)), x) * _scale(half_size_m)
 
 
