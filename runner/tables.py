@@ -32,8 +32,8 @@ def summary_row(result: RunResult, about: Mapping[str, Any] | None = None) -> di
     """Return the row of a run: for every estimator and parameter its true, start and final value, and its errors.
 
     Columns begin with the estimator's name where there are several. `*_error` columns are relative to the true value
-    (those of the CoM: to the half size): final (signed), median and peak (absolute, over all updates). `*_to_1pct_s` is the
-    time of the update from which on the error stays within 1 %; NaN: it does not.
+    (those of the CoM: to the half size): final (signed), median and peak (absolute, over all updates).
+    `*_to_1pct_s` is the time of the update from which on the error stays within 1 %; NaN: it does not.
 
     Args:
         result: The run.
