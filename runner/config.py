@@ -122,6 +122,8 @@ def _is_abstract(cls: type) -> bool:
 def _schema_default(field: dataclasses.Field[Any], hint: Any) -> Any:
     from omegaconf import MISSING
 
+    if inspect.isclass(hint) and _is_abstract(hint) and field.default is not None:
+        return dataclasses.field(default=MISSING)  # an option takes its place; it could not replace another option
     if field.default is not dataclasses.MISSING:
         value = field.default
     elif field.default_factory is not dataclasses.MISSING:
