@@ -12,6 +12,7 @@ of both cubes being MuJoCo's. It is zero where nothing moves: what sticks under 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -134,28 +135,40 @@ class ModelJump(AbstractStudy):
             felt = [jumps(one, result, next(iter(one.estimator))) for one, result in zip(runs, results, strict=True)]
             felt[0].to_parquet(folder / f"{name}.parquet")
             results[0].updates.table().to_parquet(folder / f"{name}_frames.parquet")
-            out.append({"policy": name} | self._row(runs, results, pd.concat(felt)))
+            out += self._rows(name, runs, results, felt)
         return out
 
-    def _row(self, runs: list[Experiment], results: list[RunResult], felt: pd.DataFrame) -> dict[str, Any]:
+    def _rows(self, policy: str, runs: list[Experiment], results: list[RunResult], felt: list[pd.DataFrame]) -> Rows:
         name = next(iter(runs[0].estimator))
-        tables = [result.updates.table().assign(seed=i) for i, result in enumerate(results)]
-        frames = pd.concat(tables)
-        row: dict[str, Any] = {"seeds": len(runs)}
-        for label, part, errors in (
-            ("start", felt[felt.time_s <= self.settled_s], frames[frames.time_s <= self.settled_s]),
-            ("settled", felt[felt.time_s > self.settled_s], frames[frames.time_s > self.settled_s]),
-        ):
+        frames = [result.updates.columns for result in results]
+        felt_columns = [{column: table[column].to_numpy() for column in table.columns} for table in felt]
+        out = []
+        for phase, early in (("search", True), ("settled", False)):
+            row: dict[str, Any] = {"policy": policy, "phase": phase, "seeds": len(runs)}
+            chosen = [_part(columns, self.settled_s, early=early) for columns in felt_columns]
             for column in ("position_m", "velocity_m_s", "force_n"):
-                row[f"{label}_largest_{column}"] = float(part[column].max())
-                row[f"{label}_rms_{column}"] = float(np.sqrt((part[column] ** 2).mean()))
-            noticed = part.force_n > np.maximum(WEBER_FORCE * part.felt_n, FELT_FORCE_N)
-            duration = len(runs) * (part.time_s.max() - part.time_s.min())
-            row[f"{label}_noticed_1_s"] = float(noticed.sum() / duration)
-            behind = errors[f"{name}_position_error_m"]
-            each = np.sqrt((behind**2).groupby(errors["seed"]).mean())
-            row[f"{label}_behind_m"], row[f"{label}_behind_se_m"] = float(each.mean()), float(each.sem())
-            row[f"{label}_largest_behind_m"] = float(behind.max())
-        final = np.array([table[f"{name}_shown_mass_kg"].iloc[-1] for table in tables])
-        row["mass_final_error"] = float(np.median(np.abs(final / results[0].parameters[name]["mass_kg"].true - 1)))
-        return row
+                sizes = np.concatenate([columns[column] for columns in chosen])
+                row[f"largest_{column}"] = float(sizes.max())
+                row[f"rms_{column}"] = float(np.sqrt(np.mean(sizes**2)))
+            noticed = sum(_noticed(columns["force_n"], columns["felt_n"]) for columns in chosen)
+            row["noticed_1_s"] = noticed / sum(np.ptp(columns["time_s"]) for columns in chosen)
+            parts = [_part(columns, self.settled_s, early=early) for columns in frames]
+            each = np.sqrt([np.mean(columns[f"{name}_position_error_m"] ** 2) for columns in parts])
+            row["behind_m"] = float(each.mean())
+            row["behind_se_m"] = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 1 else np.nan
+            true = results[0].parameters[name]["mass_kg"].true
+            final = np.array([columns[f"{name}_shown_mass_kg"][-1] for columns in parts])
+            row["mass_error"] = float(np.median(np.abs(final / true - 1)))
+            out.append(row)
+        return out
+
+
+def _part(columns: Mapping[str, np.ndarray], time_s: float, *, early: bool) -> dict[str, np.ndarray]:
+    """Return what is before, or after, a time."""
+    kept = (columns["time_s"] <= time_s) == early
+    return {name: column[kept] for name, column in columns.items()}
+
+
+def _noticed(jump_n: np.ndarray, felt_n: np.ndarray) -> int:
+    """Return how many jumps of the force can be felt, by Weber's law."""
+    return int((jump_n > np.maximum(WEBER_FORCE * felt_n, FELT_FORCE_N)).sum())

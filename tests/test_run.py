@@ -41,15 +41,15 @@ def test_two_runs_leave_the_same_frames(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", sorted(p.stem for p in (CONF / "experiment").glob("*.yaml")))
 def test_every_experiment_runs_briefly(name: str, tmp_path: Path) -> None:
-    """Each file in conf/experiment composes, runs and leaves a row."""
+    """Each file in conf/experiment composes, runs and leaves a row. Studies have tests of their own."""
     text = yaml.safe_load((CONF / "experiment" / f"{name}.yaml").read_text()) or {}
-    if "hydra" in text:
-        pytest.skip("a sweep")
+    if "hydra" in text or any("override /study" in choice for choice in text.get("defaults", [])):
+        pytest.skip("a sweep, or a study")
     assert main([f"out={tmp_path}/x", f"experiment={name}", *BRIEF]) == 0
     assert pd.read_parquet(tmp_path / "x" / "summary.parquet")["status"].tolist() == ["done"]
 
 
-@pytest.mark.parametrize("group", ["scene", "forces", "start", "link", "estimator", "log", "remote"])
+@pytest.mark.parametrize("group", ["scene", "forces", "start", "link", "follow", "estimator", "log", "remote"])
 def test_every_choice_runs_briefly(group: str, tmp_path: Path) -> None:
     """Each file of each group composes and runs."""
     for file in sorted((CONF / group).glob("*.yaml")):

@@ -21,19 +21,25 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import yaml
 from rich.console import Console
 from rich.table import Table
 
+from runner import latency_study, model_jump  # noqa: F401  (the studies must be registered)
 from runner.commands import Command, Job
+from runner.errors import ConfigError
 from runner.experiment import Experiment
 from runner.frames import RunResult, Status
 from runner.loop import run, run_batch
 from runner.progress import progress
 from runner.sinks import LogConfig, RrdSink
+from runner.studies import AbstractStudy
 from runner.tables import summary_row, write_summary
 
 PACKAGES = ("runner", "mujoco", "dm-control", "numba", "numpy", "pandas", "pyarrow", "rerun-sdk", "hydra-core")
+
+WIDTH = 120  # of printed tables
 
 
 @dataclass(frozen=True)
@@ -41,12 +47,16 @@ class RunConfig(Experiment):
     """An experiment, and what is kept of it."""
 
     log: LogConfig = field(default_factory=LogConfig)
+    study: AbstractStudy | None = None
 
 
 def main(config: RunConfig, job: Job) -> int | None:
     """Run, write, and print the row."""
     folder = job.results
     write_versions(folder)
+    if config.study is not None:
+        _studied(config.study, config, job)
+        return None
     with progress("Running", total=config.steps, unit="steps") as advance:
         result = run(config, advance)
     row = {**job.about, **_logged(result, config, job)}
@@ -57,6 +67,8 @@ def main(config: RunConfig, job: Job) -> int | None:
 
 def batch(jobs: Sequence[tuple[RunConfig, Job]], threads: int) -> list[dict[str, Any] | Exception]:
     """Run many at once, write what each asks for, and return their rows; one that fails does not stop the others."""
+    if any(config.study for config, _ in jobs):
+        raise ConfigError("study: is a table of its own and can't be swept; sweep runs, or change the study.")
     write_versions(jobs[0][1].results.parent)
     try:
         results = run_batch([config for config, _ in jobs], threads=threads)
@@ -65,6 +77,17 @@ def batch(jobs: Sequence[tuple[RunConfig, Job]], threads: int) -> list[dict[str,
             return [error]
         return [row for job in jobs for row in batch([job], threads)]
     return [_logged(result, config, job) for result, (config, job) in zip(results, jobs, strict=True)]
+
+
+def _studied(study: AbstractStudy, config: RunConfig, job: Job) -> None:
+    """Make the table of a study, write and print it."""
+    rows = [{**job.about, "status": Status.done.value, **row} for row in study.rows(config, job.results)]
+    write_summary(rows, job.results)
+    table = pd.DataFrame(rows).drop(columns=["experiment", "status"], errors="ignore")
+    text = table.to_string(index=False, na_rep="", float_format=lambda x: f"{x:.4g}", line_width=WIDTH)
+    console = Console()
+    console.print(text, highlight=False, soft_wrap=True)
+    console.print(f"Results: {job.results}", highlight=False, soft_wrap=True)
 
 
 def _logged(result: RunResult, config: RunConfig, job: Job) -> dict[str, Any]:

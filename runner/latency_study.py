@@ -1,0 +1,183 @@
+"""Whether late, jittered and lost messages bias the estimate: many seeds, each with links and noise of its own.
+
+A message is compared with what was predicted for the time of its sending (see `runner.latency`). Two estimators do so.
+The joint one sees measurements with noise: mass, centre of mass, yaw inertia and friction, each seed
+with its own noise, delays and losses. The published rule (eq. 2) runs in the closed loop without noise, aware of the
+delay and unaware of it, so that what is left is the latency's alone.
+
+The remote moves as commanded, whatever the local side makes of it: it is simulated once. Delays shift when an estimate
+is known, not what it is; what is lost, or overtaken, is missing in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runner import law
+from runner.config import registered
+from runner.errors import check_range
+from runner.estimation.belief import Prior, Tracker
+from runner.estimation.copies import Copies, errors, to_vector
+from runner.experiment import Experiment, commands
+from runner.follow import Immediate, Unaware
+from runner.frames import RunResult
+from runner.link import LinkConfig, NoiseConfig, arrivals, taken_in
+from runner.loop import run, run_batch
+from runner.parameters import PARAMETERS
+from runner.progress import progress
+from runner.sinks import RrdSink
+from runner.studies import AbstractStudy, Rows
+
+POSE = ("x_m", "y_m", "yaw_rad", "vx_m_s", "vy_m_s", "wz_rad_s")
+LANES = 50  # side by side
+INTERVAL = 1.96  # standard errors to either side that hold 95 %
+NOISE = NoiseConfig(position_m=5e-4, angle_rad=1e-3, velocity_m_s=5e-3, rate_rad_s=1e-2)
+
+
+@dataclass(frozen=True)
+class Sent:
+    """What arrives of the remote's states over many links.
+
+    Attributes:
+        ends: After how many steps each tick comes, (m,).
+        measured: The state that was sent at each tick, with noise, (seeds, m, 6); NaN: not taken in.
+        overtaken: Share of the messages that were dropped because a newer one had come before.
+    """
+
+    ends: np.ndarray
+    measured: np.ndarray
+    overtaken: float
+
+
+def sent(truth: RunResult, link: LinkConfig, seeds: list[int]) -> Sent:
+    """Send the remote's states of a planar run over a link, once for each seed."""
+    frames = truth.updates
+    times_s = frames.column("time_s")
+    states = np.column_stack([frames.column(f"remote_{name}") for name in POSE])
+    measured, overtaken = np.full((len(seeds), *states.shape), np.nan), 0
+    for i, seed in enumerate(seeds):
+        tick = arrivals(link, times_s, np.random.default_rng([seed, 1]))
+        taken = [message for messages in taken_in(tick) for message in messages]
+        noise = link.noise.draws(len(times_s), 2, 1, np.random.default_rng([seed, 2]))
+        measured[i, taken] = states[taken] + noise[taken]
+        overtaken += int((tick < len(tick)).sum()) - len(taken)
+    return Sent(frames.column("frame"), measured, overtaken / (len(seeds) * len(times_s)))
+
+
+def joint_errors(experiment: Experiment, given: Sent, prior_sd: np.ndarray) -> np.ndarray:
+    """Return the errors of all parameters after the run, (seeds, 5), as `estimation.copies.errors` has them."""
+    noise = experiment.link.noise
+    noise_sd = np.array([*2 * [noise.position_m], noise.angle_rad, *2 * [noise.velocity_m_s], noise.rate_rad_s])
+    tracker = Tracker(Copies(experiment.scene, experiment.local), noise_sd)
+    pushes = commands(experiment).pushes[:-1, law.PUSH_SIZE : 2 * law.PUSH_SIZE]
+    belief = tracker.start(Prior(to_vector(experiment.local), prior_sd), np.zeros((len(given.measured), 6)))
+    at = 0
+    for k, end in enumerate(given.ends.tolist()):
+        belief = tracker.update(belief, pushes[at:end], given.measured[:, k])
+        at = end
+    return errors(tracker.settled(belief).x, to_vector(experiment.remote.body))
+
+
+@registered("study")
+@dataclass(frozen=True)
+class Latency(AbstractStudy):
+    """Bias over delays.
+
+    Attributes:
+        delays_s: Of the link, in place of its own; its jitter and loss are kept.
+        seeds: For each delay, with the joint estimator. No seed is used twice.
+        closed_loops: Seeds of the published rule in the closed loop.
+    """
+
+    delays_s: tuple[float, ...] = (0.1, 0.3)
+    seeds: int = 200
+    closed_loops: int = 5
+
+    def __post_init__(self) -> None:
+        for i, delay in enumerate(self.delays_s):
+            check_range(f"delays_s[{i}]", delay, 0.0, 10.0, unit="s")
+        check_range("seeds", self.seeds, 2, 100_000)
+        check_range("closed_loops", self.closed_loops, 0, 10_000)
+
+    def rows(self, experiment: Experiment, folder: Path) -> Rows:
+        quiet = replace(experiment, link=replace(experiment.link, noise=NoiseConfig()))
+        out: Rows = []
+        first = run(replace(quiet, link=replace(quiet.link, delay_s=self.delays_s[0])))
+        RrdSink().write(first, folder, {"seed": experiment.seed})
+        first.updates.table().to_parquet(folder / "frames.parquet")
+        if self.closed_loops:
+            out += [row for delay in self.delays_s for row in self._closed(quiet, delay)]
+        truth = run(replace(quiet, link=LinkConfig(experiment.link.rate_hz)))
+        with progress("Estimating", total=len(self.delays_s) * self.seeds, unit="seeds") as advance:
+            for i, delay in enumerate(self.delays_s):
+                link = replace(experiment.link, delay_s=delay, noise=experiment.link.noise or NOISE)
+                seeds = [experiment.seed + i * self.seeds + s for s in range(self.seeds)]
+                parts, overtaken = [], []
+                for begin in range(0, self.seeds, LANES):
+                    given = sent(truth, link, seeds[begin : begin + LANES])
+                    parts.append(joint_errors(replace(experiment, link=link), given, PRIOR_SD))
+                    overtaken.append(given.overtaken)
+                    advance(len(parts[-1]))
+                out += _bias_rows(_about(link) | {"overtaken_share": float(np.mean(overtaken))}, np.vstack(parts))
+        return out
+
+    def _closed(self, experiment: Experiment, delay_s: float) -> Rows:
+        out = []
+        for policy in (Immediate(), Unaware()):
+            link = replace(experiment.link, delay_s=delay_s)
+            runs = [
+                replace(experiment, link=link, follow=policy, seed=experiment.seed + s)
+                for s in range(self.closed_loops)
+            ]
+            results = run_batch(runs)
+            name = next(iter(experiment.estimator))
+            error = np.array([r.updates.column(f"{name}_mass_error")[-1] for r in results])
+            behind = [r.updates.column(f"{name}_position_error_m")[len(r.updates) // 2 :] for r in results]
+            out.append(
+                _about(link)
+                | {
+                    "estimator": name,
+                    "aware": not isinstance(policy, Unaware),
+                    "parameter": "mass",
+                    "seeds": len(runs),
+                    "bias": float(error.mean()),
+                    "largest_error": float(np.abs(error).max()),
+                    "behind_m": float(np.sqrt(np.mean(np.square(behind)))),
+                }
+            )
+        return out
+
+
+# so uncertain are log mass, CoM per half size, log inertia and log friction beforehand
+PRIOR_SD = np.array([1.0, 0.3, 0.3, 1.0, 1.0])
+
+
+def _about(link: LinkConfig) -> dict[str, Any]:
+    return {"delay_s": link.delay_s, "jitter_s": link.jitter_s, "loss": link.loss}
+
+
+def _bias_rows(about: dict[str, Any], error: np.ndarray) -> Rows:
+    n = len(error)
+    out = []
+    for name, column in zip(PARAMETERS, error.T, strict=True):
+        bias, se = float(column.mean()), float(column.std(ddof=1))
+        out.append(
+            about
+            | {
+                "estimator": "joint",
+                "aware": True,
+                "parameter": name.rsplit("_", 1)[0],
+                "seeds": n,
+                "bias": bias,
+                "se": se,
+                "bias_per_se": bias / se,
+                "bias_per_se_low": bias / se - INTERVAL / np.sqrt(n),
+                "bias_per_se_high": bias / se + INTERVAL / np.sqrt(n),
+                "largest_error": float(np.abs(column).max()),
+            }
+        )
+    return out
