@@ -6,6 +6,7 @@ rows of the runs that have ended in a file of its own in `rows/`, a line of JSON
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -50,7 +51,17 @@ def summary_row(result: RunResult, about: Mapping[str, Any] | None = None) -> di
     row["wall_s"] = result.wall_s
     row["steps_per_s"] = result.step_count / result.wall_s if result.wall_s > 0 else np.nan
     row["host"] = socket.gethostname()
+    row["motion"] = fingerprint(result)
     return row
+
+
+def fingerprint(result: RunResult) -> str:
+    """Return a text that two runs share if all columns of their updates are the same, bit for bit."""
+    digest = hashlib.blake2b(digest_size=8)
+    for name, column in result.updates.columns.items():
+        digest.update(name.encode())
+        digest.update(np.ascontiguousarray(column))
+    return digest.hexdigest()
 
 
 def _errors(result: RunResult, name: str, parameter: str, truth: Truth, prefix: str) -> dict[str, Any]:

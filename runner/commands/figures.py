@@ -10,6 +10,7 @@ whether it holds. They go to `figures` in the first folder, or to `out=FOLDER`.
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,7 +34,7 @@ class FiguresConfig:
 def main(config: FiguresConfig, job: Job) -> None:
     """Draw and say where."""
     out = config.out or config.paths[0] / "figures"
-    entries = write(config.paths, out)
+    entries = write(config.paths, out, skipped=lambda line: print(line, file=sys.stderr))
     for entry in entries:
         print(f"{entry.file}: {entry.seen}" + (f" The claim {entry.verdict}." if entry.claim else ""))
     print(f"{len(entries)} figures: {out / 'index.html'}")

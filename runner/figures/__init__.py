@@ -7,21 +7,24 @@ new module) and nothing else:
     @figure("start_mass", "final_error")        # experiment, name of the file
     def final_error(runs: Runs) -> Drawn:
         page, ax = canvas(xlabel="start mass [kg]", ylabel="relative error of the mass")
-        ax.plot(runs.table["mass_start_kg"], runs.table["mass_final_error"].abs(), "o")
+        errors = np.abs(runs.values("mass_final_error"))
+        ax.plot(runs.values("mass_start_kg"), size(errors), "o")
+        log_error(ax)
         stated(ax, 2e-4, "paper: 0.02 %")
-        worst = runs.table["mass_final_error"].abs().max()
+        worst = errors.max()
         return Drawn(
             page,
             claim="Start masses above 50 % of the true mass end within 0.02 % of it (fig. 13).",
-            seen=f"They end within {percent(worst)}.",
+            seen=f"They end {within(worst)}.",
             holds=bool(worst < 2e-4),
         )
 
-`runs.table` has a row for each run that went well, in run order, with the columns of `runner table`; `runs.frames(i)`
-is the run's `frames.parquet`, `runs.parquet(i, "other.parquet")` any other table in its folder. A command other than
-`run` takes part if the rows of its `summary.parquet` have the columns `experiment` and `status` ("done" for a run to
-be drawn). `claim` is empty where the paper says nothing; `holds` is None where there is nothing to hold. `seen` becomes
-the title of the figure. `runner figures PATH...` writes PNG, SVG, `index.html` and `index.md`.
+`runs.table` has a row for each run that went well, in run order, with the columns of `runner table`; `runs.values(key)`
+is one of them as an array; `runs.frames(i)` is the run's `frames.parquet`, `runs.parquet(i, "other.parquet")` any other
+table in its folder. A command other than `run` takes part if the rows of its `summary.parquet` have the columns
+`experiment` and `status` ("done" for a run to be drawn). `claim` is empty where the paper says nothing; `holds` is None
+where there is nothing to hold. `seen` becomes the title of the figure. `runner figures PATH...` writes PNG, SVG,
+`index.html` and `index.md`.
 """
 
 from __future__ import annotations
@@ -34,6 +37,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -54,6 +58,16 @@ class Runs:
     experiment: str
     table: pd.DataFrame
     failed: pd.DataFrame
+
+    def values(self, key: str) -> np.ndarray:
+        """Return a column of the table, one value for each run.
+
+        Raises:
+            ResultError: If the runs have no such column.
+        """
+        if key not in self.table:
+            raise ResultError(f"paths: the runs of '{self.experiment}' have no '{key}', which a figure needs.")
+        return self.table[key].to_numpy()
 
     def parquet(self, i: int, name: str) -> pd.DataFrame:
         """Return a table from the folder of the i-th run.

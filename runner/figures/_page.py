@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,8 +49,13 @@ def runs_in(paths: Iterable[Path]) -> list[Runs]:
     return out
 
 
-def write(paths: Iterable[Path], out: Path) -> list[Entry]:
+def write(paths: Iterable[Path], out: Path, skipped: Callable[[str], None]) -> list[Entry]:
     """Draw what there is to draw and write it to a folder.
+
+    Args:
+        paths: Folders of runs.
+        out: Where the figures go.
+        skipped: Told of each figure that lacks something, such as frames that were not kept.
 
     Raises:
         ResultError: If there are no runs, or none of an experiment that has figures.
@@ -63,14 +68,18 @@ def write(paths: Iterable[Path], out: Path) -> list[Entry]:
             + nearest(found[0].experiment, figures)
         )
     out.mkdir(parents=True, exist_ok=True)
-    entries = [entry for runs in known for entry in _drawn(runs, out)]
+    entries = [entry for runs in known for entry in _drawn(runs, out, skipped)]
     _write_page(entries, out)
     return entries
 
 
-def _drawn(runs: Runs, out: Path) -> Iterator[Entry]:
+def _drawn(runs: Runs, out: Path, skipped: Callable[[str], None]) -> Iterator[Entry]:
     for name, draw in load()[runs.experiment].items():
-        drawn = draw(runs)
+        try:
+            drawn = draw(runs)
+        except ResultError as error:
+            skipped(f"{runs.experiment}_{name}: left out. {error}")
+            continue
         stem = f"{runs.experiment}_{name}"
         _save(drawn, out / stem)
         count = f"{len(runs.table)} runs" + (f", {len(runs.failed)} more failed" if len(runs.failed) else "")
@@ -78,7 +87,7 @@ def _drawn(runs: Runs, out: Path) -> Iterator[Entry]:
 
 
 def _save(drawn: Drawn, stem: Path) -> None:
-    width = int(drawn.figure.get_figwidth() * 12)  # letters to a line, at this size
+    width = int(drawn.figure.get_figwidth() * 11)  # letters to a line, at this size
     lines = textwrap.wrap(drawn.seen, width)
     top = 1 - 0.1 / drawn.figure.get_figheight()
     with mpl.rc_context(STYLE):
