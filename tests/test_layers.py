@@ -25,7 +25,7 @@ LAYERS = (
     "latency",
     "loop gap",
     "tables sinks studies",
-    "latency_study model_jump",
+    "latency_study model_jump plumb_line",
     "diagnose",
     "blind",
     "report figures",
