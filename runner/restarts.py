@@ -15,6 +15,7 @@ import numpy as np
 from mujoco import rollout
 
 from runner import law
+from runner.colour import Colour
 from runner.effects import AbstractEffect, ActuatorDelay, Motion, ObservationDelay
 from runner.scene import push_columns
 from runner.simulate import FULL, USERDATA, Effects, Simulator
@@ -45,8 +46,8 @@ class Signals(Protocol):
         ...
 
     @property
-    def colour(self) -> np.ndarray:
-        """Lag-one correlation of each channel's noise, (C,)."""
+    def colour(self) -> Colour:
+        """Colour of each channel's noise."""
         ...
 
     @property
@@ -207,12 +208,7 @@ def unseen(effects: Sequence[AbstractEffect], shown: np.ndarray, step_s: float) 
 
 def whiten(residual: np.ndarray, valid: np.ndarray, signals: Signals) -> np.ndarray:
     """Return residuals (..., n, C) in units of the noise, its colour taken out; what doesn't count is 0."""
-    scaled = np.where(valid, residual / signals.sigma, 0.0)
-    if signals.colour.any():
-        phi = signals.colour
-        later = (scaled[..., 1:, :] - phi * scaled[..., :-1, :]) / np.sqrt(1 - phi**2)
-        scaled = np.where(valid, np.concatenate([scaled[..., :1, :], later], axis=-2), 0.0)
-    return scaled
+    return np.where(valid, signals.colour.whiten(np.where(valid, residual / signals.sigma, 0.0)), 0.0)
 
 
 @dataclass(frozen=True)

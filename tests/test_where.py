@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from cases import RATE_HZ, made
 
+from runner.colour import Colour
 from runner.diagnose.measured import measure
 from runner.diagnose.where import Where, localise, smoothed_states
 from runner.effects import ActuatorDelay, FrictionPatch, Inertia, Wind
@@ -130,7 +131,7 @@ def test_smoothed_states_are_exact_on_a_cubic() -> None:
         values = (np.hstack([pose, rate]),)
         valid = (np.ones((121, 6), bool),)
         sigma = np.array([0.01, 0.01, 0.01, 0.1, 0.1, 0.1])
-        colour = np.zeros(6)
+        colour = Colour.white(6)
         stated = np.ones(6, bool)
 
     windows = windows_of([121], 20)

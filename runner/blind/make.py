@@ -73,7 +73,7 @@ class Reality:
         texture: Range of the standard deviation of friction over the floor, relative.
         wrong_size: Range of the relative error of the nominal half size.
         mismatch_limit: The rms of both on the trajectories, in units of the noise; each is shrunk to keep it.
-        coloured: Share of cases whose noise is a first-order autoregression.
+        coloured: Share of cases whose noise is slow in part: 40 % to all of its variance, for 20 to 120 ms.
         outliers: Share of cases in which one sample in 200 is far off.
         noise_unknown, noise_partly: Shares of cases whose noise is not stated, or only in part.
         noise_fine: Share of cases with a noise of one or two millimetres, instead of three to thirteen.
@@ -85,7 +85,7 @@ class Reality:
     texture: tuple[float, float] = (0.005, 0.01)
     wrong_size: tuple[float, float] = (0.002, 0.005)
     mismatch_limit: float = 0.3
-    coloured: float = 0.12
+    coloured: float = 0.18
     outliers: float = 0.08
     noise_unknown: float = 0.25
     noise_partly: float = 0.15
@@ -265,7 +265,9 @@ def _try_case(job: Job, reality: Reality, g: np.random.Generator) -> tuple[dict,
     paths = simulate_or_none(world, episodes)
     if paths is None or not _within_bands(_ratio(paths, nominal_paths, sigma), effects):
         return None
-    colour = float(g.uniform(0.5, 0.9)) if g.random() < reality.coloured else 0.0
+    slow_share = float(g.uniform(0.4, 1.0)) if g.random() < reality.coloured else 0.0
+    slow_s = float(np.exp(g.uniform(math.log(0.02), math.log(0.12))))
+    colour = slow_share, math.exp(-1.0 / (slow_s * rate_hz))
     outliers = 0.005 if g.random() < reality.outliers else 0.0
     measured = [path + _noise(len(path), sigma, colour, outliers, g) for path in paths]
     difference = np.concatenate([(m - p) / sigma for m, p in zip(measured, nominal_paths, strict=True)])
@@ -278,7 +280,8 @@ def _try_case(job: Job, reality: Reality, g: np.random.Generator) -> tuple[dict,
             "mismatch_ratio": round(_ratio(simulate_or_none(real, episodes), nominal_paths, sigma), 4),
             "mismatch": mismatch,
             "noise": noise,
-            "noise_autocorrelation": round(colour, 3),
+            "noise_slow_share": round(slow_share, 3),
+            "noise_slow_s": round(slow_s, 4),
             "outlier_share": outliers,
             "starts": [[round(float(v), 6) for v in e.start] for e in episodes],
         },
@@ -452,12 +455,17 @@ def _mean_texture(world: World, paths: list[np.ndarray]) -> float:
     return float(np.mean(values.reshape(len(path), -1) @ share))
 
 
-def _noise(n: int, sigma: np.ndarray, colour: float, outliers: float, g: np.random.Generator) -> np.ndarray:
-    """Return noise (n, 6): white, or autoregressive with the same standard deviation, and some samples far off."""
-    white = g.standard_normal((n, 6))
-    if colour > 0.0:
+def _noise(
+    n: int, sigma: np.ndarray, colour: tuple[float, float], outliers: float, g: np.random.Generator
+) -> np.ndarray:
+    """Return noise (n, 6), some samples far off; `colour`: share that is autoregressive, correlation of samples."""
+    share, memory = colour
+    white = math.sqrt(1.0 - share) * g.standard_normal((n, 6))
+    if share > 0.0:
+        slow = g.standard_normal((n, 6))
         for k in range(1, n):
-            white[k] = colour * white[k - 1] + math.sqrt(1.0 - colour * colour) * white[k]
+            slow[k] = memory * slow[k - 1] + math.sqrt(1.0 - memory * memory) * slow[k]
+        white += math.sqrt(share) * slow
     if outliers > 0.0:
         far = g.random((n, 6)) < outliers
         white[far] += (g.choice([-1.0, 1.0], far.sum())) * g.uniform(5.0, 15.0, far.sum())

@@ -11,13 +11,13 @@ import pandas as pd
 from scipy.special import logsumexp
 
 from runner.diagnose.fit import NONE, Fit, Fitter
-from runner.diagnose.measured import CHANNELS, UNITS, Measured, measure
+from runner.diagnose.measured import CHANNELS, UNITS, Measured, materially_different, measure, refine
 from runner.diagnose.search import Contender, Search, are_twins, search
 from runner.diagnose.where import Where, localise
 from runner.effects.base import Context
 from runner.errors import RecordingError
 from runner.recording import Recording
-from runner.simulate import Effects, Simulator, context_of
+from runner.simulate import Effects, Run, Simulator, context_of
 
 HELD_OUT = 2  # by the convention of the format, the last two episodes check the explanation
 TEMPER = 2.0  # log odds are divided by it, against overconfidence; not yet calibrated
@@ -116,9 +116,8 @@ def diagnose(recording: Recording, *, threads: int | None = None) -> Diagnosis:
     began = time.perf_counter()
     fitted, held_out = split(len(recording.episodes))
     simulator = Simulator(recording, grid=8, threads=threads)
-    measured = measure(recording)
+    measured, found = _explained(recording, simulator, fitted)
     fitter = Fitter(simulator, measured, context_of(recording))
-    found = search(fitter, fitted)
     excess = residual_excess(found.best, measured, fitted)
     ranked = rank(found, fitter.context, excess)
     top = next(c for c in found.contenders if np.isfinite(c.log_posterior))
@@ -153,6 +152,28 @@ def diagnose(recording: Recording, *, threads: int | None = None) -> Diagnosis:
         next_push=next_push(ranked),
         notes=notes(recording, measured, top, excess, held_out),
     )
+
+
+def _explained(recording: Recording, simulator: Simulator, fitted: Sequence[int]) -> tuple[Measured, Search]:
+    """Search for the explanation; what noise there is shows in what the best one leaves, so look twice."""
+    context = context_of(recording)
+    measured = measure(recording)
+    nominal = Fitter(simulator, measured, context).fit(NONE, fitted, iterations=8)
+    measured = refine(measured, recording, _left(nominal, (), simulator, measured))
+    found = search(Fitter(simulator, measured, context), fitted)
+    best = found.best.fit
+    again = refine(measured, recording, _left(best, best.explanation.make(best.x, context), simulator, measured))
+    if materially_different(measured, again):
+        measured, found = again, search(Fitter(simulator, again, context), fitted)
+    return measured, found
+
+
+def _left(fit: Fit, effects: Effects, simulator: Simulator, measured: Measured) -> dict[int, np.ndarray]:
+    """Return what a fit leaves, per episode (T, C), physical units."""
+    return {
+        e: simulator.predict(e, [Run(effects, start)])[0] - measured.values[e]
+        for e, start in zip(fit.episodes, fit.starts, strict=True)
+    }
 
 
 def residual_excess(best: Contender, measured: Measured, fitted: Sequence[int]) -> float:
@@ -252,8 +273,6 @@ def _turn(name: str, difference: float) -> float:
 
 def close(before: Fit, after: Fit, measured: Measured, fitter: Fitter, effects: Effects) -> Closure:
     """Compare residuals of the held-out episodes without and with the effects."""
-    from runner.simulate import Run
-
     rows, pairs = [], []
     for k, e in enumerate(before.episodes):
         truth = measured.values[e]
@@ -332,7 +351,7 @@ def notes(
     out = list(recording.notes)
     if not measured.stated.all():
         out.append("The noise was not stated for every channel and was estimated from the recording.")
-    if measured.colour.any():
+    if measured.colour.lag_one.any():
         out.append("The noise is correlated from sample to sample; this was taken into account.")
     dropped = int(sum((~v).sum() for v in measured.valid))
     if dropped:

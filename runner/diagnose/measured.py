@@ -10,15 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.signal import detrend
 
+from runner.colour import Colour, Found, estimate
 from runner.recording import Episode, Recording
 
 CHANNELS = ("x", "y", "yaw", "vx", "vy", "wz")
 UNITS = ("m", "m", "rad", "m/s", "m/s", "rad/s")
 KINDS = ("position", "position", "yaw", "velocity", "velocity", "rate")
 OUTLIER_SIGMAS = 6.0
-COLOUR_FLOOR = 0.15  # a smaller lag-one correlation is not told from none
+MATERIAL = 0.05  # a noise level that moved by this share, or a colour by twice as much, is another one
 
 
 @dataclass(frozen=True)
@@ -28,26 +28,21 @@ class Measured:
     Args:
         values: Per episode (T, C).
         sigma: Noise standard deviation of each channel, (C,).
-        colour: Lag-one autocorrelation of the noise of each channel, (C,).
+        colour: Of the noise of each channel.
         valid: Per episode (T, C): False for outliers and what was not measured.
         stated: Whether the owner stated the noise of each channel, (C,).
     """
 
     values: tuple[np.ndarray, ...]
     sigma: np.ndarray
-    colour: np.ndarray
+    colour: Colour
     valid: tuple[np.ndarray, ...]
     stated: np.ndarray
 
     def whiten(self, episode: int, residual: np.ndarray) -> np.ndarray:
         """Return residuals (..., T, C) in units of the noise and with its colour taken out; invalid ones are 0."""
-        scaled = np.where(self.valid[episode], residual / self.sigma, 0.0)
-        if not self.colour.any():
-            return scaled
-        out = scaled.copy()
-        # a jump over an invalid sample is damped with the rest: rare enough not to matter
-        out[..., 1:, :] = (scaled[..., 1:, :] - self.colour * scaled[..., :-1, :]) / np.sqrt(1 - self.colour**2)
-        return np.where(self.valid[episode], out, 0.0)
+        valid = self.valid[episode]
+        return np.where(valid, self.colour.whiten(np.where(valid, residual / self.sigma, 0.0)), 0.0)
 
     def count(self, episode: int) -> int:
         """Number of values that count."""
@@ -55,8 +50,57 @@ class Measured:
 
 
 def measure(recording: Recording) -> Measured:
-    """Prepare a planar recording: estimate the noise where it isn't stated, its colour, and outliers."""
+    """Prepare a planar recording: the noise where it isn't stated, and its colour, from its rests; outliers."""
     values = tuple(np.hstack([e.pose, e.twist]) for e in recording.episodes)
+    rests = [v[s] for v, e in zip(values, recording.episodes, strict=True) for s in rest_segments(e)]
+    stated = _stated(recording)
+    white = np.array([_white([v[:, columns] for v in values]) for columns in _columns().values()])
+    sigma, colour = _noise([r for r in rests if np.isfinite(r).all()], recording.episodes[0].step_s, stated, white)
+    return Measured(values, sigma, colour, tuple(_inliers(v, sigma) for v in values), np.isfinite(stated))
+
+
+def refine(measured: Measured, recording: Recording, residuals: dict[int, np.ndarray]) -> Measured:
+    """Look at the noise again in what a model leaves, which is far closer to noise than a motion is.
+
+    Args:
+        measured: What is known so far.
+        recording: Where it comes from.
+        residuals: Per episode (T, C), prediction less measurement in physical units.
+    """
+    stretches = []
+    for e, residual in residuals.items():
+        # an outlier must not pass for noise; the line between its neighbours does no harm
+        filled = residual.copy()
+        for c in range(filled.shape[1]):
+            bad = ~measured.valid[e][:, c]
+            if bad.any() and not bad.all():
+                filled[bad, c] = np.interp(np.flatnonzero(bad), np.flatnonzero(~bad), filled[~bad, c])
+        stretches.append(np.nan_to_num(filled))
+    sigma, colour = _noise(stretches, recording.episodes[0].step_s, _stated(recording), measured.sigma[_firsts()])
+    valid = list(measured.valid)
+    for e, residual in residuals.items():
+        valid[e] = np.isfinite(measured.values[e]) & _inliers(residual, sigma)
+    return Measured(measured.values, sigma, colour, tuple(valid), measured.stated)
+
+
+def materially_different(a: Measured, b: Measured) -> bool:
+    """Whether two accounts of the noise of a recording lead to other standard errors."""
+    return bool(
+        np.any(np.abs(np.log(a.sigma / b.sigma)) > MATERIAL)
+        or np.any(np.abs(a.colour.lag_one - b.colour.lag_one) > 2 * MATERIAL)
+    )
+
+
+def _columns() -> dict[str, list[int]]:
+    return {kind: [i for i, k in enumerate(KINDS) if k == kind] for kind in dict.fromkeys(KINDS)}
+
+
+def _firsts() -> list[int]:
+    return [columns[0] for columns in _columns().values()]
+
+
+def _stated(recording: Recording) -> np.ndarray:
+    """Return the stated noise of each channel, NaN where there is none, (C,)."""
     noise = recording.nominal.noise
     given = {
         "position": noise.position_m,
@@ -64,16 +108,29 @@ def measure(recording: Recording) -> Measured:
         "velocity": noise.velocity_m_s,
         "rate": noise.rate_rad_s,
     }
-    rest = [rest_segments(e) for e in recording.episodes]
-    sigma, colour = np.empty(len(KINDS)), np.zeros(len(KINDS))
-    for kind in dict.fromkeys(KINDS):
-        columns = [i for i, k in enumerate(KINDS) if k == kind]
-        estimate, phi = _noise([v[:, columns] for v in values], rest)
-        stated = given[kind]
-        sigma[columns] = estimate if stated is None else stated
-        colour[columns] = phi
-    valid = tuple(_inliers(v, sigma) for v in values)
-    return Measured(values, sigma, colour, valid, np.array([given[k] is not None for k in KINDS]))
+    return np.array([np.nan if given[k] is None else given[k] for k in KINDS], float)
+
+
+def _noise(
+    stretches: Sequence[np.ndarray], step_s: float, stated: np.ndarray, otherwise: np.ndarray
+) -> tuple[np.ndarray, Colour]:
+    """Return the noise of each channel, (C,), and its colour; `otherwise` per kind where there is too little to tell."""
+    columns = list(_columns().values())
+    known = stated[_firsts()]
+    found = estimate([[s[:, c] for s in stretches] for c in columns], step_s, known)
+    if found is None:
+        found = Found(np.where(np.isfinite(known), known, otherwise), 0.0, 0.0)
+    sigma = np.empty(len(KINDS))
+    for c, level in zip(columns, found.level, strict=True):
+        sigma[c] = level
+    return sigma, Colour(np.full(len(KINDS), found.share), np.full(len(KINDS), found.memory))
+
+
+def _white(values: Sequence[np.ndarray]) -> float:
+    """Return the noise level of channels of one kind, each (T, k), if it is white."""
+    # third differences leave nothing of a smooth motion: variance 20 sigma^2 for white noise
+    third = np.concatenate([np.diff(v, 3, axis=0).ravel() for v in values])
+    return float(np.nanmedian(np.abs(third))) / 0.6745 / np.sqrt(20.0)
 
 
 def rest_segments(episode: Episode, settle_s: float = 1.0, least_s: float = 0.3) -> list[slice]:
@@ -91,32 +148,6 @@ def rest_segments(episode: Episode, settle_s: float = 1.0, least_s: float = 0.3)
             if np.all(np.abs(part.mean(axis=0)) < error):
                 out.append(slice(begin, end))
     return out
-
-
-def _noise(values: Sequence[np.ndarray], rest: Sequence[Sequence[slice]]) -> tuple[float, float]:
-    """Return the noise level and its lag-one correlation, over channels of one kind, each (T, k)."""
-    # third differences leave nothing of a smooth motion: variance 20 sigma^2 for white noise
-    third = np.concatenate([np.diff(v, 3, axis=0).ravel() for v in values])
-    white = float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0)
-    above = below = lag = 0.0
-    count = 0
-    for value, segments in zip(values, rest, strict=True):
-        for segment in segments:
-            # the last of the motion, and slow drift, go with the line; two degrees of freedom per channel with it
-            part = detrend(value[segment], axis=0)
-            part = np.clip(part, -5 * part.std(), 5 * part.std())
-            n = len(part)
-            above += float((part[1:] * part[:-1]).sum())
-            below += float((part**2).sum())
-            lag += 4.0 * part.shape[1]  # what subtracting the line takes from both sums, in units of the variance
-            count += n * part.shape[1]
-    if count < 300:
-        return white, 0.0
-    variance = below / max(count - lag / 2, 1.0)
-    phi = above / max(below, 1e-300) + lag / 2 / count
-    if phi < max(COLOUR_FLOOR, 4.0 / np.sqrt(count)):
-        return white, 0.0
-    return float(np.sqrt(variance)), float(min(phi, 0.95))
 
 
 def _inliers(values: np.ndarray, sigma: np.ndarray) -> np.ndarray:

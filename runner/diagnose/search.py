@@ -38,6 +38,9 @@ ONE_MORE = 5.0  # log prior odds against each further effect
 # the nominal model leaves. Less is what any simulator's own small errors would offer to explain.
 WORTH, WORTH_SHARE = 0.03, 0.004
 NEAR = 1000.0  # log odds within which an explanation is worth adding to
+SETTLED = 0.03  # of the nominal model's excess: where the leader leaves less, nothing else is worth adding to
+LINEAR = 0.1  # of the nominal model's excess: where a fit leaves less, the promises of further effects hold
+OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
 # the same motion, or nearly, under known forces on a level floor; see the confounded set for what these data say
 TWINS = ({"mass", "actuator_gain"}, {"floor_tilt", "wind"}, {"actuator_delay", "observation_delay"})
 
@@ -78,11 +81,15 @@ def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS)
         target = np.inf if size == 1 else min(c.fit.total for c in contenders)
         for contender in beam:
             offers = _offers(contender, fitter)
+            left = contender.fit.total - count
             if size > 1:
-                if contender.fit.total - count < worth:
+                if left < worth:
                     continue  # nothing is left that would be worth an effect
-                # far from a good fit the linear promise misleads: the commonest effects are always tried
-                offers = [o for i, o in enumerate(offers) if i < CANDIDATES or o[1] in COMMON]
+                if left < LINEAR * (nominal.total - count):
+                    offers = [o for o in offers[:CANDIDATES] if o[0] > OFFERED * worth]
+                else:
+                    # far from a good fit the linear promise misleads: the commonest effects are always tried
+                    offers = [o for i, o in enumerate(offers) if i < CANDIDATES or o[1] in COMMON]
             for _, kind, vector in offers:
                 explanation, x = joined(contender.fit, kind, vector)
                 key = _key(explanation)
@@ -117,6 +124,8 @@ def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS)
             new.sort(key=lambda c: -c.log_posterior)
         beam = []
         for contender in new:
+            if beam and beam[0].fit.total - count < SETTLED * (nominal.total - count):
+                break
             near = contender.log_posterior > new[0].log_posterior - NEAR
             if near and len(beam) < BEAM and not any(are_twins(contender.fit, b.fit) for b in beam):
                 beam.append(contender)

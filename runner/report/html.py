@@ -333,7 +333,7 @@ def _noise(diagnosis: Diagnosis) -> list[dict[str, str]]:
     out = []
     for i, channel in enumerate(CHANNELS):
         unit, scale = SMALL[UNITS[i]]
-        colour = float(diagnosis.measured.colour[i])
+        colour = float(diagnosis.measured.colour.lag_one[i])
         out.append(
             {
                 "name": NAMES[channel],

@@ -1,0 +1,149 @@
+"""The colour of measurement noise: how far one sample's error says something of the next.
+
+Filters and fusion in a tracking system leave noise that is partly white and partly slow. It is taken for the sum of
+white noise and a first-order autoregression, an ARMA(1, 1) process: its correlation at lag k >= 1 is `share *
+memory**k`. Left out of account, it makes every standard error too small by a factor of up to
+sqrt((1 + memory) / (1 - memory)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, toeplitz
+from scipy.optimize import minimize
+from scipy.signal import lfilter
+
+WINDOW_S, MOST_SAMPLES = 0.5, 64
+DEGREE = 3  # a motion, or a model's error, is close to a cubic over a window; noise is not
+LEAST_SAMPLES = 300
+LEAST_CORRELATION = 0.1  # at lag one: less does no harm
+CLEAR = 25.0  # twice the log likelihood that colour must gain
+KNOCKED = 3.0  # windows with so many times the median power hold more than noise
+MEMORIES_S = 0.006, 0.25  # the slow part lasts at least and at most so long
+
+
+@dataclass(frozen=True)
+class Colour:
+    """The colour of each channel's noise.
+
+    Args:
+        share: Share of the variance that is slow, (C,); 0: white.
+        memory: Correlation of the slow part from one sample to the next, (C,).
+    """
+
+    share: np.ndarray
+    memory: np.ndarray
+
+    @classmethod
+    def white(cls, channels: int) -> Colour:
+        """No colour."""
+        return cls(np.zeros(channels), np.zeros(channels))
+
+    @property
+    def lag_one(self) -> np.ndarray:
+        """Correlation of the noise from one sample to the next, (C,)."""
+        return self.share * self.memory
+
+    def whiten(self, scaled: np.ndarray) -> np.ndarray:
+        """Return the innovations (..., n, C) of residuals in units of the noise (..., n, C), of unit variance.
+
+        The Kalman filter of the slow part, from its stationary state; its gain settles within some samples, and from
+        there on it is a recursive filter.
+        """
+        slow = np.flatnonzero(self.lag_one)
+        if not len(slow):
+            return scaled
+        out = scaled.copy()
+        for share, memory in {(self.share[c], self.memory[c]) for c in slow}:
+            which = [c for c in slow if (self.share[c], self.memory[c]) == (share, memory)]
+            out[..., which] = _innovations(scaled[..., which], share, memory)
+        return out
+
+
+def _innovations(x: np.ndarray, share: float, memory: float) -> np.ndarray:
+    out = np.empty_like(x)
+    n = x.shape[-2]
+    variance, slow = share, np.zeros_like(x[..., 0, :])
+    for k in range(n):
+        total = variance + 1.0 - share
+        gain = variance / total
+        error = x[..., k, :] - slow
+        out[..., k, :] = error / np.sqrt(total)
+        slow = memory * (slow + gain * error)
+        before, variance = variance, memory**2 * variance * (1.0 - gain) + share * (1.0 - memory**2)
+        if abs(variance - before) < 1e-9 and k + 1 < n:
+            tail, _ = lfilter(
+                [1.0, -memory],
+                [1.0, -memory * (1.0 - gain)],
+                x[..., k + 1 :, :],
+                axis=-2,
+                zi=-slow[..., None, :],
+            )
+            out[..., k + 1 :, :] = tail / np.sqrt(total)
+            break
+    return out
+
+
+@dataclass(frozen=True)
+class Found:
+    """An estimate of the noise: level of each kind, (K,), and what is common to all: share and memory, 0 if white."""
+
+    level: np.ndarray
+    share: float
+    memory: float
+
+
+def estimate(kinds: Sequence[Sequence[np.ndarray]], step_s: float, known: np.ndarray) -> Found | None:
+    """Estimate the noise from stretches of what a model leaves, or of rest.
+
+    Half-second windows, of which only what no cubic follows is looked at: neither a motion nor a model's error is
+    there, and what the cubics take of the noise is accounted for. Maximum likelihood for Gaussian noise; one colour for
+    all kinds (they come from one tracking system), each with its own level.
+
+    Args:
+        kinds: Stretches of each kind of channel, each (T, k), without NaN.
+        step_s: Between samples.
+        known: Level of each kind where it is known, else NaN, (K,).
+
+    Returns:
+        None with too little to tell.
+    """
+    n = min(max(3 * (DEGREE + 1), round(WINDOW_S / step_s)), MOST_SAMPLES)
+    every = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, n), n - 1))[0]
+    rough = every[:, DEGREE + 1 :]
+    spreads, counts = [], []
+    for stretches in kinds:
+        parts = [r[i : i + n] for r in stretches for i in range(0, len(r) - n + 1, n)]
+        if not parts or n * len(parts) * parts[0].shape[1] < LEAST_SAMPLES:
+            return None
+        left = rough.T @ np.concatenate(parts, axis=1)  # (n - 4, windows * k)
+        power = (left**2).sum(axis=0)
+        left = left[:, power <= KNOCKED * np.median(power)]
+        spreads.append(left @ left.T / left.shape[1])
+        counts.append(left.shape[1])
+    spread, count = np.array(spreads), np.array(counts)
+    dimension = n - DEGREE - 1
+
+    def fit(share: float, memory: float) -> tuple[float, np.ndarray]:
+        """Return -2 log likelihood and the levels."""
+        factor = cho_factor(rough.T @ (share * toeplitz(memory ** np.arange(n)) + (1 - share) * np.eye(n)) @ rough)
+        square = np.array([np.trace(cho_solve(factor, one)) for one in spread])
+        variance = np.where(np.isfinite(known), known**2, square / dimension)
+        volume = 2 * np.log(np.diag(factor[0])).sum()
+        return float(count @ (volume + dimension * np.log(variance) + square / variance)), np.sqrt(variance)
+
+    white, level = fit(0.0, 0.0)
+    longest, shortest = np.exp(-step_s / MEMORIES_S[1]), np.exp(-step_s / MEMORIES_S[0])
+    bounds = [(0.0, 1.0), (shortest, longest)]
+    starts = [(0.5, 0.5 * (shortest + longest)), (0.7, 0.95 * longest)]
+    found = min(
+        (minimize(lambda p: fit(*p)[0] - white, start, bounds=bounds, method="L-BFGS-B") for start in starts),
+        key=lambda result: result.fun,
+    )
+    share, memory = map(float, found.x)
+    if found.fun > -CLEAR or share * memory < LEAST_CORRELATION:
+        return Found(level, 0.0, 0.0)
+    return Found(fit(share, memory)[1], share, memory)

@@ -1,0 +1,68 @@
+"""Coloured noise is whitened exactly, and its level and colour are found beneath a motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import cholesky, solve_triangular, toeplitz
+
+from runner.colour import Colour, estimate
+
+
+def noise(n: int, k: int, share: float, memory: float, seed: int) -> np.ndarray:
+    """Return noise of unit variance, (n, k), from its covariance."""
+    lower = cholesky(covariance(n, share, memory), lower=True)
+    return lower @ np.random.default_rng(seed).standard_normal((n, k))
+
+
+def covariance(n: int, share: float, memory: float) -> np.ndarray:
+    """Return the covariance of white and slow noise."""
+    return share * toeplitz(memory ** np.arange(n)) + (1 - share) * np.eye(n)
+
+
+@pytest.mark.parametrize(("share", "memory"), [(0.64, 0.72), (0.64, 0.92), (1.0, 0.8), (0.2, 0.5)])
+def test_whitening_is_that_of_the_covariance(share: float, memory: float) -> None:
+    """The innovations are what the inverse of the Cholesky factor makes of the noise, from the first sample on."""
+    n = 150
+    x = np.random.default_rng(0).standard_normal((3, n, 2))
+    want = np.stack(
+        [solve_triangular(cholesky(covariance(n, share, memory), lower=True), one, lower=True) for one in x]
+    )
+    got = Colour(np.array([share, 0.0]), np.array([memory, 0.0])).whiten(x)
+    np.testing.assert_allclose(got[..., 0], want[..., 0], atol=1e-6)
+    np.testing.assert_array_equal(got[..., 1], x[..., 1])
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("rate_hz", [60.0, 240.0])
+def test_level_and_colour_are_found_beneath_a_motion(rate_hz: float, known: bool) -> None:
+    """The slow part lasts 50 ms; a cubic of a hundred noises beneath it changes nothing."""
+    memory = np.exp(-1 / (0.05 * rate_hz))
+    n = int(6 * rate_hz)
+    t = np.linspace(0, 1, n)[:, None]
+    sizes = 0.003, 0.02
+    kinds = [
+        [size * (noise(n, k, 0.64, memory, 10 * k + seed) + 100 * (t**3 - t)) for seed in range(5)]
+        for k, size in zip((2, 1), sizes, strict=True)
+    ]
+    found = estimate(kinds, 1 / rate_hz, np.array([0.003, np.nan]) if known else np.full(2, np.nan))
+    assert found is not None
+    np.testing.assert_allclose(found.level, sizes, rtol=0.1)
+    assert found.share * found.memory == pytest.approx(0.64 * memory, abs=0.07)
+    assert found.memory == pytest.approx(memory, abs=0.08)
+
+
+def test_white_noise_has_no_colour() -> None:
+    """Neither does noise with windows in which something else goes on."""
+    for seed in range(10):
+        stretches = [noise(360, 2, 0.0, 0.5, 10 * seed + i) for i in range(5)]
+        stretches[0][100:110] += 20.0
+        found = estimate([stretches], 1 / 60, np.array([np.nan]))
+        assert found is not None
+        assert found.share == 0.0
+        assert found.level == pytest.approx(1.0, rel=0.05)
+
+
+def test_too_little_is_not_judged() -> None:
+    """A quarter of a second says nothing."""
+    assert estimate([[np.zeros((15, 2))]], 1 / 60, np.array([np.nan])) is None
