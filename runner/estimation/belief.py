@@ -33,7 +33,7 @@ VAGUE = 100.0  # so many times the noise of the first measurement the start stat
 # x and y at the start shift a motion and change nothing else: no copy is needed for them
 _TRIED = np.arange(2, UNKNOWNS)
 _STEP = np.array([1e-4, 1e-4, 1e-4, 1e-4] + SIZE * [1e-4])
-_STRIDE, _FARTHEST = 1.5, 6.0  # of the parameters: the longest step, and how far from the prior, in its deviations
+_STRIDE, _FARTHEST = 1.5, 4.0  # of the parameters: the longest step, and how far from the prior, in its deviations
 _AHEAD = 1.2  # the history must have grown by this factor before it is gone through again
 
 

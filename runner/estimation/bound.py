@@ -100,4 +100,4 @@ def batch_fit(
         return ((states[:UNKNOWNS] - states[UNKNOWNS:]) / (2 * _STEP)).reshape(UNKNOWNS, -1).T
 
     found = least_squares(residuals, start, jacobian, method="lm", x_scale="jac")  # pyright: ignore[reportArgumentType]
-    return BatchFit(found.x, np.linalg.inv(found.jac.T @ found.jac), float(2 * found.cost))
+    return BatchFit(found.x, np.linalg.pinv(found.jac.T @ found.jac, hermitian=True), float(2 * found.cost))
