@@ -115,6 +115,9 @@ def _schema_type(hint: Any, where: str) -> Any:
     return Any
 
 
+_hints = functools.cache(typing.get_type_hints)
+
+
 def _is_abstract(cls: type) -> bool:
     return inspect.isabstract(cls) or cls.__name__.startswith("Abstract")
 
@@ -204,7 +207,7 @@ def _build_section(value: dict[str, Any], hint: Any, key: str) -> Any:
     cls = hint if target is None else _TARGETS.get(target)
     if cls is None:
         raise ConfigError(f"{key + '.' if key else ''}{TARGET}: no class '{target}' is registered.")
-    hints = typing.get_type_hints(cls)
+    hints = _hints(cls)
     start = f"{key}." if key else ""
     own = {f.name: f for f in dataclasses.fields(cls) if f.init}
     for name in value.keys() - own.keys() - {TARGET}:

@@ -60,7 +60,7 @@ def fingerprint(result: RunResult) -> str:
     digest = hashlib.blake2b(digest_size=8)
     for name, column in result.updates.columns.items():
         digest.update(name.encode())
-        digest.update(np.ascontiguousarray(column))
+        digest.update(np.ascontiguousarray(column).tobytes())
     return digest.hexdigest()
 
 

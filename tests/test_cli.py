@@ -16,7 +16,8 @@ from demo import CONF, PLAIN, SOURCE
 from runner import commands, tables
 from runner.__main__ import main
 from runner.commands import _compose
-from runner.commands._execute import built, composed_for
+from runner.commands._execute import composed_for
+from runner.commands._explain import built
 from runner.errors import ConfigError
 
 Cli = Callable[..., tuple[int, str, str]]

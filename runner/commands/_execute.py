@@ -22,8 +22,8 @@ from runner import commands, config
 from runner.commands import Command, Job
 from runner.commands._arguments import take
 from runner.commands._compose import QUIET, Composer, composer, without_hydra
-from runner.commands._explain import explain
-from runner.commands._jobs import built, overridden, write_config
+from runner.commands._explain import built, explain
+from runner.commands._jobs import overridden, write_config
 from runner.commands._sweep import explain_sweep, literal, sweep, whole_chunk
 from runner.errors import ConfigError
 from runner.tables import SWEEP

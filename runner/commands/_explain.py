@@ -32,6 +32,8 @@ from omegaconf.errors import (
     OmegaConfBaseException,
 )
 
+from runner import config
+from runner.commands import Command
 from runner.commands._compose import Composer
 from runner.config import TARGET
 from runner.errors import ConfigError, RunnerError, nearest
@@ -256,3 +258,15 @@ def _first_line(error: Exception) -> str:
 
 def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
+
+
+def built(command: Command[Any], own: Any, groups: dict[str, tuple[str, ...]]) -> Any:
+    """Return the dataclass of a composed config.
+
+    Raises:
+        ConfigError: If a value is missing or out of its range.
+    """
+    try:
+        return config.build(own, command.config)
+    except (RunnerError, OmegaConfBaseException) as error:
+        raise explain_value(error, own, groups) from error

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 from hydra._internal.callbacks import Callbacks
-from hydra._internal.core_plugins.basic_launcher import BasicLauncher
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
@@ -33,13 +32,13 @@ from omegaconf import DictConfig, OmegaConf
 from runner import commands, tables
 from runner.commands import Command, Job
 from runner.commands._compose import Composer
-from runner.commands._explain import explain
-from runner.commands._jobs import JobComposer, built, write_config
+from runner.commands._explain import built, explain
+from runner.commands._jobs import JobComposer
 from runner.errors import ConfigError, RunnerError
 from runner.progress import progress
 
 Row = Mapping[str, Any]
-LARGEST = 32  # jobs in one process at once; memory grows with it, and the cost per run hardly falls any more
+TOGETHER = 32  # jobs done at once; memory grows with it, and the cost per run hardly falls any more
 TASKS_PER_CORE = 4  # so that no core waits long for the last task
 TOLD = 5  # failures that are told; all of them are in the table
 POLL_S = 0.5
@@ -87,7 +86,8 @@ def sweep(
             hydra_context=context, config=composed, task_function=functools.partial(_chunk, None)
         )
         assert sweeper.launcher is not None
-        launcher = Chunks(sweeper.launcher, name, command, hydra, folder.absolute(), chunk)
+        alone = composed.hydra.runtime.choices.get("hydra/launcher") == "basic"  # all in this process
+        launcher = Chunks(sweeper.launcher, name, command, hydra, folder.absolute(), chunk, alone=alone)
         sweeper.launcher = launcher  # type: ignore[assignment]
         # Hydra would compose every job; the launcher of chunks does it sooner, and with our messages
         sweeper.validate_batch_is_legal = lambda batch: None  # type: ignore[method-assign]
@@ -117,11 +117,27 @@ class Chunks(Launcher):
     """A launcher that hands chunks of jobs to another one."""
 
     def __init__(
-        self, inner: Launcher, name: str, command: Command[Any], hydra: Composer, folder: Path, chunk: int | None
+        self,
+        inner: Launcher,
+        name: str,
+        command: Command[Any],
+        hydra: Composer,
+        folder: Path,
+        chunk: int | None,
+        *,
+        alone: bool,
     ) -> None:
         self.inner, self.name, self.command, self.hydra, self.folder = inner, name, command, hydra, folder
-        self.chunk = chunk
+        self.chunk, self.alone = chunk, alone
         self.expect: Callable[[int], None] = lambda jobs: None
+
+    def _length(self, jobs: int) -> int:
+        """Return how many jobs make a task."""
+        if self.alone:
+            return max(jobs, 1)
+        if self.command.batch is None:  # long ones, one after another
+            return 1
+        return max(1, -(-jobs // (TASKS_PER_CORE * (os.cpu_count() or 1))))
 
     def setup(self, *, hydra_context: HydraContext, task_function: Any, config: DictConfig) -> None:
         self.inner.setup(hydra_context=hydra_context, task_function=task_function, config=config)
@@ -132,17 +148,16 @@ class Chunks(Launcher):
         Raises:
             ConfigError: If one of the jobs can't be composed; none has been done then.
         """
-        composer = JobComposer(self.hydra)
+        composer = _composer(self.name, self.hydra.hydra)
         jobs = [_Swept(initial_job_idx + i, tuple(overrides)) for i, overrides in enumerate(job_overrides)]
         done = {row["job"] for row in tables.sweep_rows(self.folder)}
         missing = [job for job in jobs if job.number not in done]
         for job in missing:
             composer.compose(job.overrides)
         self.expect(len(missing))
-        alone = isinstance(self.inner, BasicLauncher)
-        length = self.chunk or _length(len(missing), alone, together=self.command.batch is not None)
+        length = self.chunk or self._length(len(missing))
         tasks = [missing[i : i + length] for i in range(0, len(missing), length)]
-        work = _Work(self.name, self.folder, tasks, threads=0 if alone else 1)
+        work = _Work(self.name, self.folder, tasks, threads=0 if self.alone else 1)
         self.inner.task_function = functools.partial(_chunk, work)  # type: ignore[attr-defined]
         if tasks:
             for returned in self.inner.launch([[] for _ in tasks], initial_job_idx=0):
@@ -167,13 +182,6 @@ class _Work:
     folder: Path
     tasks: list[list[_Swept]]
     threads: int
-
-
-def _length(jobs: int, alone: bool, *, together: bool) -> int:
-    """Return how many jobs make a task."""
-    if not together:  # long ones, one after another
-        return LARGEST if alone else 1
-    return LARGEST if alone else max(1, min(LARGEST, -(-jobs // (TASKS_PER_CORE * (os.cpu_count() or 1)))))
 
 
 def _returned(job: _Swept, status: str) -> JobReturn:
@@ -221,8 +229,17 @@ def _chunk(work: _Work | None, composed: DictConfig) -> None:
     task = work.tasks[HydraConfig.get().job.num]
     composer = _composer(work.name, GlobalHydra.instance().hydra)  # launchers carry it over
     ledger = tables.Ledger(work.folder, task[0].number)
+    together = TOGETHER if command.batch is not None else 1
+    for i in range(0, len(task), together):
+        _do(command, composer, work, task[i : i + together], ledger)
+
+
+def _do(
+    command: Command[Any], composer: JobComposer, work: _Work, some: Sequence[_Swept], ledger: tables.Ledger
+) -> None:
+    """Do some jobs, together if the command can, and note how they ended."""
     ready: list[tuple[Any, Job]] = []
-    for swept in task:
+    for swept in some:
         job, value = _prepared(command, composer, work, swept)
         if isinstance(value, Exception):
             ledger.write(swept.number, [_failure(job, value)])
@@ -246,9 +263,9 @@ def _prepared(command: Command[Any], composer: JobComposer, work: _Work, swept: 
     """Return a job and its config as a dataclass, or what is wrong with it."""
     composed, job = composer.job(swept.overrides, work.folder / str(swept.number), swept.number)
     job.results.mkdir(exist_ok=True)
-    write_config(job.results, work.name, swept.overrides, job.config)
+    composer.write_config(job.results, swept.overrides, composed.shown)
     try:
-        return job, built(command, composed.config, {})
+        return job, built(command, composed.values, {})
     except Exception as error:
         return job, error
 
