@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import yaml
@@ -156,6 +156,13 @@ def heading(name: str, overrides: Sequence[str]) -> str:
     return f"# {shlex.join(['runner', *name.split(), *overrides])}\n"
 
 
+class _Dumper(yaml.CSafeDumper):
+    """Writes paths as text."""
+
+
+_Dumper.add_multi_representer(PurePath, lambda dumper, path: dumper.represent_str(str(path)))
+
+
 def yaml_text(shown: Mapping[str, Any]) -> str:
     """Return plain containers as YAML, in their own order."""
-    return yaml.dump(dict(shown), Dumper=yaml.CSafeDumper, sort_keys=False, allow_unicode=True, width=200)
+    return yaml.dump(dict(shown), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=200)

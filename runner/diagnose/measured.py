@@ -114,7 +114,7 @@ def _stated(recording: Recording) -> np.ndarray:
 def _noise(
     stretches: Sequence[np.ndarray], step_s: float, stated: np.ndarray, otherwise: np.ndarray
 ) -> tuple[np.ndarray, Colour]:
-    """Return the noise of each channel, (C,), and its colour; `otherwise` per kind where there is too little to tell."""
+    """Return the noise of each channel, (C,), and its colour; `otherwise` per kind where too little is there."""
     columns = list(_columns().values())
     known = stated[_firsts()]
     found = estimate([[s[:, c] for s in stretches] for c in columns], step_s, known)
