@@ -34,6 +34,7 @@ VAGUE = 100.0  # so many times the noise of the first measurement the start stat
 _TRIED = np.arange(2, UNKNOWNS)
 _STEP = np.array([1e-4, 1e-4, 1e-4, 1e-4] + SIZE * [1e-4])
 _STRIDE, _FARTHEST = 1.5, 4.0  # of the parameters: the longest step, and how far from the prior, in its deviations
+_AT_REST = 0.01  # of the loss: so little is not worth a step
 _AHEAD = 1.2  # the history must have grown by this factor before it is gone through again
 
 
@@ -183,14 +184,13 @@ class Tracker:
     Args:
         copies: The model.
         noise_sd: What to expect of the measurements, (6,), all positive.
-        second_order: A point of linearisation is kept while the estimate's squared distance from it stays below this
-            share of its standard deviation, parameter by parameter.
+        tolerance: A point of linearisation is kept while it says the loss (-2 log posterior) at the estimate so well.
         tries: Points spread over the prior that are tried where the measurements can't be explained; a power of 2.
     """
 
     copies: Copies
     noise_sd: np.ndarray
-    second_order: float = 0.1
+    tolerance: float = 0.2
     tries: int = 64
 
     def __post_init__(self) -> None:
@@ -255,10 +255,6 @@ class Tracker:
         )
         return self._improved(_solved(belief))
 
-    def settled(self, belief: Belief) -> Belief:
-        """Return the belief linearised at its estimate, however often it was gone through before."""
-        return self._improved(replace(belief, gone=np.zeros(len(belief.mean))))
-
     def rebased(self, belief: Belief) -> Belief:
         """Return the same belief anchored at the last update, its history summed up in its mean and covariance."""
         forward = np.zeros((len(belief.mean), UNKNOWNS, UNKNOWNS))
@@ -310,54 +306,55 @@ class Tracker:
             )
         )
 
-    def _moved(self, belief: Belief) -> np.ndarray:
-        """Return which lanes are too far from their point of linearisation, (N,)."""
-        distance = _times(belief.root, belief.z - belief.point)[:, STATE:]
-        return np.any(distance**2 > self.second_order * np.maximum(belief.sd, 1e-9), axis=1)
-
     def _improved(self, belief: Belief) -> Belief:
-        """Go through the history again where that is due."""
+        """Linearise anew where that is due: where the linear model does not say what the loss at the estimate is."""
         length = len(belief.history)
-        due = length >= _AHEAD * belief.gone
-        lanes = np.flatnonzero(due & (self._moved(belief) | _unexplained(belief)))
+        lanes = np.flatnonzero((length >= _AHEAD * belief.gone) & ((_gain(belief) > _AT_REST) | _unexplained(belief)))
         if not len(lanes):
             return belief
-        some = self._descended(_lanes(belief, lanes))
+        some = replace(_lanes(belief, lanes), gone=np.full(len(lanes), float(length)))
+        actual = self._losses(some, some.z[:, None])[:, 0]
+        off = np.flatnonzero((np.abs(actual - _expected_loss(some)) > self.tolerance) | _unexplained(some))
+        some = _with_lanes(some, off, self._descended(_lanes(some, off)))
         lost = np.flatnonzero(_unexplained(some))
         if len(lost) and self.tries:
             other = self._descended(self._searched(_lanes(some, lost)))
-            better = _loss(other) < _loss(some)[lost]
-            some = _with_lanes(some, lost[better], _lanes(other, np.flatnonzero(better)))
-        return _with_lanes(belief, lanes, replace(some, gone=np.full(len(lanes), float(length))))
+            better = np.flatnonzero(_loss(other) < _loss(some)[lost])
+            some = _with_lanes(some, lost[better], _lanes(other, better))
+        return _with_lanes(belief, lanes, some)
 
     def _descended(self, belief: Belief) -> Belief:
         """Return the belief linearised anew until its estimate comes to rest, or nothing is gained."""
         damping = np.zeros(len(belief.mean))
-        lanes = np.flatnonzero(self._moved(belief) | _unexplained(belief))
+        lanes = np.arange(len(belief.mean))
         for _ in range(15):
             if not len(lanes):
                 break
             old = _lanes(belief, lanes)
             trial = self._gone_through(old, _shortened(old, _solved(old, damping[lanes]).z))
-            gained = _loss(trial) < _loss(old) * (1 - 1e-9)
+            gained = _loss(trial) < _loss(old)
             damping[lanes] = np.where(gained, damping[lanes] / 10, np.maximum(damping[lanes] * 20, 1e-3))
             belief = _with_lanes(belief, lanes[gained], _lanes(trial, np.flatnonzero(gained)))
-            lanes = lanes[np.where(gained, self._moved(trial), damping[lanes] < 1e3)]
+            lanes = lanes[np.where(gained, _gain(trial) > _AT_REST, damping[lanes] < 1e3)]
         return belief
+
+    def _losses(self, belief: Belief, points: np.ndarray) -> np.ndarray:
+        """Return the loss at points (N, c, 11), (N, c), without linearising there."""
+        unknowns = belief.mean[:, None] + np.einsum("nij,ncj->nci", belief.root, points)
+        states, loss = unknowns[..., :STATE], (points**2).sum(axis=2)
+        for window in belief.history:
+            states = self._step(unknowns, states, window.pushes)
+            loss += np.nansum(((window.measured[:, None] - states) / self.noise_sd) ** 2, axis=2)
+        return loss
 
     def _searched(self, belief: Belief) -> Belief:
         """Return the belief linearised at the best of some points that are spread over the prior."""
         n, tries = len(belief.mean), self.tries
         normal = qmc.MultivariateNormalQMC(np.zeros(SIZE), rng=np.random.default_rng(0)).random(tries)
-        point = np.zeros((n, tries, UNKNOWNS))
-        point[..., STATE:] = normal
-        unknowns = belief.mean[:, None] + np.einsum("nij,ntj->nti", belief.root, point)
-        states, loss = unknowns[..., :STATE], (point**2).sum(axis=2)
-        for window in belief.history:
-            states = self._step(unknowns, states, window.pushes)
-            residual = (window.measured[:, None] - states) / self.noise_sd
-            loss += np.nansum(residual**2, axis=2)
-        return self._gone_through(belief, point[np.arange(n), loss.argmin(axis=1)])
+        points = np.zeros((n, tries, UNKNOWNS))
+        points[..., STATE:] = normal
+        best = self._losses(belief, points).argmin(axis=1)
+        return self._gone_through(belief, points[np.arange(n), best])
 
 
 def _unexplained(belief: Belief) -> np.ndarray:
@@ -370,9 +367,17 @@ def _loss(belief: Belief) -> np.ndarray:
     return belief.misfit + (belief.point**2).sum(axis=1)
 
 
+def _gain(belief: Belief) -> np.ndarray:
+    """Return by how much the linear model expects the loss to fall from the point to the estimate, (N,).
+
+    That is their squared distance in standard deviations of the estimate.
+    """
+    return (_downhill(belief) * (belief.z - belief.point)).sum(axis=1)
+
+
 def _expected_loss(belief: Belief) -> np.ndarray:
     """Return the loss that the linear model expects at the estimate, (N,)."""
-    return _loss(belief) - (_downhill(belief) * (belief.z - belief.point)).sum(axis=1)
+    return _loss(belief) - _gain(belief)
 
 
 def _downhill(belief: Belief) -> np.ndarray:
