@@ -146,6 +146,21 @@ class Ledger:
         finally:
             os.close(handle)
 
+    def noted(self) -> dict[int, list[dict[str, Any]]]:
+        """Return the rows that are noted here, by run."""
+        return _noted(self._path) if self._path.is_file() else {}
+
+
+def _noted(file: Path) -> dict[int, list[dict[str, Any]]]:
+    found: dict[int, list[dict[str, Any]]] = {}
+    for line in file.read_text(encoding="utf-8").splitlines():
+        try:
+            noted = json.loads(line)
+        except json.JSONDecodeError:  # empty, or cut off
+            continue
+        found[noted["job"]] = noted["rows"]
+    return found
+
 
 def sweep_rows(folder: Path) -> list[dict[str, Any]]:
     """Return the rows of the runs of a sweep that have ended so far, in the order of their numbers."""
@@ -154,12 +169,7 @@ def sweep_rows(folder: Path) -> list[dict[str, Any]]:
         for row in read_summary(folder / SUMMARY):
             found.setdefault(row["job"], []).append(row)
     for file in sorted((folder / ROWS).glob("*.jsonl")):
-        for line in file.read_text(encoding="utf-8").splitlines():
-            try:
-                noted = json.loads(line)
-            except json.JSONDecodeError:  # empty, or cut off
-                continue
-            found[noted["job"]] = noted["rows"]
+        found |= _noted(file)
     return [row for job in sorted(found) for row in found[job]]
 
 

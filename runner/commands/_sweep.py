@@ -229,6 +229,8 @@ def _chunk(work: _Work | None, composed: DictConfig) -> None:
     task = work.tasks[HydraConfig.get().job.num]
     composer = _composer(work.name, GlobalHydra.instance().hydra)  # launchers carry it over
     ledger = tables.Ledger(work.folder, task[0].number)
+    noted = ledger.noted()  # where the task was begun before, and its machine was lost
+    task = [swept for swept in task if swept.number not in noted]
     together = TOGETHER if command.batch is not None else 1
     for i in range(0, len(task), together):
         _do(command, composer, work, task[i : i + together], ledger)
