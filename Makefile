@@ -30,7 +30,7 @@ $(STAMP): pyproject.toml constraints.txt
 			echo "Building .venv with $$($$python --version) from constraints.txt ..." && \
 			$$python -m venv --clear .venv && \
 			$(BIN)/pip install --quiet --constraint constraints.txt setuptools hatchling editables && \
-			$(BIN)/pip install --quiet --constraint constraints.txt --no-build-isolation --editable '.[test]' && \
+			$(BIN)/pip install --quiet --constraint constraints.txt --no-build-isolation --editable '.[test,cluster]' && \
 			$(BIN)/pip check --quiet && touch $(STAMP) && exit 0; \
 			exit 1; \
 		fi; \
