@@ -20,6 +20,7 @@ the first measurement. A zero column of `root` is an unknown that is known.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -106,15 +107,12 @@ class Belief:
     @property
     def normal(self) -> np.ndarray:
         """Inverse covariance of z, (N, 11, 11)."""
-        return np.eye(UNKNOWNS) + self.root.transpose(0, 2, 1) @ self.information @ self.root
+        return _normal(self.root, self.information)
 
     @property
     def covariance(self) -> np.ndarray:
         """Of the unknowns, (N, 11, 11)."""
-        normal = self.normal
-        scale = np.sqrt(np.einsum("nii->ni", normal))
-        root = self.root / scale[:, None, :]
-        return root @ np.linalg.inv(normal / scale[:, :, None] / scale[:, None, :]) @ root.transpose(0, 2, 1)
+        return covariance_of(self.root, self.information)
 
     @property
     def parameter_covariance(self) -> np.ndarray:
@@ -170,6 +168,18 @@ class _Terms:
     gradient: np.ndarray
     misfit: np.ndarray
     count: np.ndarray
+
+
+def _normal(root: np.ndarray, information: np.ndarray) -> np.ndarray:
+    return np.eye(UNKNOWNS) + root.transpose(0, 2, 1) @ information @ root
+
+
+def covariance_of(root: np.ndarray, information: np.ndarray) -> np.ndarray:
+    """Return the covariance of the unknowns (N, 11, 11) from that before, root root^T, and the information since."""
+    normal = _normal(root, information)
+    scale = np.sqrt(np.einsum("nii->ni", normal))
+    root = root / scale[:, None, :]
+    return root @ np.linalg.inv(normal / scale[:, :, None] / scale[:, None, :]) @ root.transpose(0, 2, 1)
 
 
 def observable(sd: np.ndarray, prior_sd: np.ndarray, share: float = 0.9) -> np.ndarray:
@@ -262,6 +272,23 @@ class Tracker:
         forward[:, STATE:, STATE:] = np.eye(SIZE)
         covariance = forward @ belief.covariance @ forward.transpose(0, 2, 1)
         return self.anchored(np.hstack([belief.now[0], belief.x]), root_of(covariance))
+
+    def foreseen(
+        self, unknowns: np.ndarray, pushes: np.ndarray, period: int
+    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Yield at each message to come the state (N, 6), and what it will tell of the unknowns, (N, 11, 11).
+
+        Args:
+            unknowns: State and parameters now, (N, 11).
+            pushes: Commands, (N, n, 12).
+            period: Steps between messages.
+        """
+        beside = _beside(unknowns)
+        states = beside[..., :STATE]
+        for begin in range(0, pushes.shape[1], period):
+            states = self._step(beside, states, pushes[:, begin : begin + period])
+            white = _sensitivities(states) / self.noise_sd[:, None]
+            yield states[:, 0], white.transpose(0, 2, 1) @ white
 
     def _step(self, unknowns: np.ndarray, states: np.ndarray, pushes: np.ndarray) -> np.ndarray:
         """Step copies (N, c, ...) from their states."""

@@ -125,7 +125,8 @@ class Copies:
         alike = pushes.ndim == 2
         differ = (np.diff(pushes, axis=-2) != 0).any(axis=-1 if alike else (0, -1))
         begins = [0, *(np.flatnonzero(differ) + 1).tolist()] if n else []
-        for begin, end in zip(begins, [*begins[1:], n], strict=True):
+        ends = [*begins[1:], n] if n else []
+        for begin, end in zip(begins, ends, strict=True):
             push = pushes[..., begin, :]
             pushed = push.any(axis=-1) | (np.abs(self._v[:k]) > _AT_REST).any(axis=-1)
             self._user[:k, : law.PUSH_SIZE] = push
