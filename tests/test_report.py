@@ -104,6 +104,9 @@ def found(recording: Recording) -> Any:
         closure=SimpleNamespace(
             table=pd.DataFrame(rows), gap_closed=0.87, gap_closed_low=0.85, gap_closed_high=0.88, closable_closed=0.99
         ),
+        rivals=(),
+        excess=0.01,
+        nominal_excess=4.0,
         seconds=12.0,
         simulated_s=4000.0,
         next_push=None,

@@ -10,8 +10,11 @@ import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
+from runner.diagnose.evidence import directions, surroundings, survey
 from runner.diagnose.fit import NONE, Fit, Fitter
 from runner.diagnose.measured import CHANNELS, UNITS, Measured, materially_different, measure, refine
+from runner.diagnose.next_push import best_push
+from runner.diagnose.rivals import Rival, rivals
 from runner.diagnose.search import Contender, Search, are_twins, search
 from runner.diagnose.where import Where, localise
 from runner.effects.base import Context
@@ -83,10 +86,12 @@ class Diagnosis:
     where: Where
     closure: Closure
     excess: float
+    nominal_excess: float
     seconds: float
     simulated_s: float
     next_push: str | None
     notes: tuple[str, ...]
+    rivals: tuple[Rival, ...] = ()
 
 
 def split(count: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -147,9 +152,11 @@ def diagnose(recording: Recording, *, threads: int | None = None) -> Diagnosis:
         where=where,
         closure=closure,
         excess=excess,
+        nominal_excess=found.nominal.total / sum(measured.count(e) for e in fitted) - 1.0,
         seconds=time.perf_counter() - began,
         simulated_s=simulator.simulated_s,
-        next_push=next_push(ranked),
+        next_push=next_push(ranked, found, recording, fitter, threads),
+        rivals=found_rivals(found.best, fitter),
         notes=notes(recording, measured, top, excess, held_out),
     )
 
@@ -201,7 +208,9 @@ def rank(found: Search, context: Context, excess: float) -> tuple[Ranked, ...]:
         lead = min(group, key=lambda i: (share[i] < 0.05 * share[group].max(), _commonness(contenders[i].fit)))
         contender = contenders[lead]
         names = contender.fit.explanation.names or ("none",)
-        others = tuple(dict.fromkeys(n for i in group if (n := contenders[i].fit.explanation.names) != names))
+        others = tuple(
+            dict.fromkeys(n for i in group if (n := contenders[i].fit.explanation.names or ("none",)) != names)
+        )
         parameters, errors = values_of(contender, context)
         out.append(
             Ranked(
@@ -310,17 +319,53 @@ def _closed(squares: np.ndarray) -> tuple[float, float]:
     return float(1 - np.sqrt(after / before)), float((before - after) / closable)
 
 
-def next_push(ranked: Sequence[Ranked]) -> str | None:
-    """Say which further push would tell the leading explanations apart."""
-    lead = [r for r in ranked if r.probability > 0.03 or r is ranked[0]][:3]
-    names = {n for r in lead for n in r.effects} | {n for r in lead for e in r.equivalent for n in e}
-    for pair, advice in ADVICE.items():
+def found_rivals(best: Contender, fitter: Fitter) -> tuple[Rival, ...]:
+    """Return what could be taken for the effects of the best explanation."""
+    if not best.fit.explanation.kinds:
+        return ()
+    around = surroundings(best.fit, survey(fitter, best.fit, directions(fitter.context)))
+    return rivals(around, best.evidence, fitter)
+
+
+def next_push(
+    ranked: Sequence[Ranked], found: Search, recording: Recording, fitter: Fitter, threads: int | None
+) -> str | None:
+    """Say which further push would tell the leading explanations apart, if they need to be."""
+    named = [r for r in ranked if r.effects != ("unknown",)]
+    lead = named[0]
+    names = set(lead.effects) | {n for e in lead.equivalent for n in e}
+    for pair, advice in EXACT.items():
         if pair <= names:
             return advice
-    return None
+    if len(named) < 2 or named[1].probability < WORTH_TELLING:
+        return None
+    first, second = (_contender(found, r) for r in named[:2])
+    push = best_push(
+        recording,
+        fitter.measured,
+        fitter.context,
+        (first.fit.explanation, first.fit.x),
+        (second.fit.explanation, second.fit.x),
+        second.evidence.covariance,
+        threads=threads,
+    )
+    rivals_named = f"{' and '.join(lead.effects)} from {' and '.join(named[1].effects)}".replace("_", " ")
+    if push.log_odds < 1.0:
+        return f"No push within the forces used so far would tell {rivals_named}; push harder, or elsewhere."
+    return (
+        f"{push.sentence()} To tell {rivals_named}, each such push is worth about {push.log_odds:.1f} in natural "
+        "log odds."
+    )
 
 
-ADVICE = {
+def _contender(found: Search, ranked: Ranked) -> Contender:
+    names = () if ranked.effects == ("none",) else ranked.effects
+    return next(c for c in found.contenders if np.isfinite(c.log_posterior) and c.fit.explanation.names == names)
+
+
+WORTH_TELLING = 0.02  # an explanation that is less likely needs no push against it
+# what no push alone tells apart, and what would
+EXACT = {
     frozenset({"mass", "actuator_gain"}): (
         "Push with a known weight added to the object: a wrong mass shrinks in proportion, a wrong force gain stays."
     ),
@@ -330,17 +375,6 @@ ADVICE = {
     frozenset({"actuator_delay", "observation_delay"}): (
         "Add an event that is timed by itself, such as an impact or a second sensor: only a late measurement shifts it."
     ),
-    frozenset({"actuator_delay", "actuator_lag"}): (
-        "Use short pulses: a delay shifts them whole, a lag lowers and smears them."
-    ),
-    frozenset({"com_offset", "application_point_offset"}): (
-        "Let the object spin down freely: only an offset centre of mass makes it wander while no force acts."
-    ),
-    frozenset({"viscous_drag", "air_drag"}): "Coast from the highest speed that is safe: only then do they part.",
-    frozenset({"stribeck", "friction"}): "Push at several steady speeds, slow ones included.",
-    frozenset(
-        {"stiction", "friction"}
-    ): "Raise the force slowly from zero, several times: the start of motion shows it.",
 }
 
 

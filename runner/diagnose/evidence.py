@@ -110,7 +110,8 @@ class Evidence:
     Args:
         log: Log evidence, up to a constant that all explanations of a recording share.
         level: Log evidence of each mismatch level, (len(LEVELS),).
-        loss: Sum of squared residuals after the mismatch has taken its part, at the likeliest level.
+        loss: Sum of squared residuals after the mismatch has taken its part, at level 1: what the simulator is trusted
+            with beforehand.
         covariance: Of the parameters, mismatch included, (p, p).
     """
 
@@ -177,7 +178,10 @@ def evidence(around: Surroundings, context: Context) -> Evidence:
         covariances.append(covariance)
     best = int(np.argmax(logs))
     return Evidence(
-        float(np.logaddexp.reduce(logs) - np.log(len(LEVELS))), np.array(logs), losses[best], covariances[best]
+        float(np.logaddexp.reduce(logs) - np.log(len(LEVELS))),
+        np.array(logs),
+        float(losses[LEVELS.index(1.0)]),
+        covariances[best],
     )
 
 
@@ -189,32 +193,32 @@ def promise(around: Surroundings, level: float) -> dict[type[AbstractEffect], tu
     """
     p = len(around.fit.x)
     total = around.gram.sum(axis=0)
-    spread = np.array([d.mismatch for d in around.directions]) * level
+    inner, right = total[:-1, :-1], total[:-1, -1]
+    # own parameters are free, everything else has its mismatch
+    spread = np.concatenate([np.full(p, 1e4), np.array([d.mismatch for d in around.directions]) * level])
     out: dict[type[AbstractEffect], tuple[float, np.ndarray]] = {}
     kinds: dict[type[AbstractEffect], list[int]] = {}
     for i, d in enumerate(around.directions):
         kinds.setdefault(d.kind, []).append(i)
-    # own parameters are free, everything else has its mismatch
-    free = np.concatenate([np.full(p, 1e4), spread])
-    base = free[:, None] * total[:-1, :-1] * free + np.eye(len(free))
-    factor = cho_factor(base, lower=True)
-    right = total[:-1, -1]
-    left = right - total[:-1, :-1] @ (free * cho_solve(factor, free * right))  # J^T r after the fit of the rest
-    solved = cho_solve(factor, free[:, None] * total[:-1, :-1])
-    inner = total[:-1, :-1] - total[:-1, :-1] @ (free[:, None] * solved)
     for kind, members in kinds.items():
         index = p + np.array(members)
+        free = spread.copy()
+        free[index] = 0.0  # it must not be explained away by its own mismatch
+        factor = cho_factor(free[:, None] * inner * free + np.eye(len(free)), lower=True)
+        scaled = free[:, None] * np.column_stack([inner[:, index], right])
+        solved = free[:, None] * cho_solve(factor, scaled)
+        h = inner[np.ix_(index, index)] - inner[index] @ solved[:, :-1]
+        g = right[index] - inner[index] @ solved[:, -1]
         if len(around.directions[members[0]].vector) == len(members):
-            h = inner[np.ix_(index, index)] + 0.05 * np.eye(len(index))
-            step = -np.linalg.solve(h, left[index])
+            step = -np.linalg.solve(h + 0.05 * np.eye(len(index)), g)
             vector = step * np.array(
                 [np.max(np.abs(around.directions[m].vector)) / abs(around.directions[m].per) for m in members]
             )
-            out[kind] = float(-left[index] @ step), vector
+            out[kind] = float(-g @ step), vector
         else:
-            gain = left[index] ** 2 / (np.diag(inner)[index] + 0.05)
+            gain = g**2 / (np.diag(h) + 0.05)
             best = int(np.argmax(gain))
-            amplitude = -left[index[best]] / (inner[index[best], index[best]] + 0.05)
+            amplitude = -g[best] / (h[best, best] + 0.05)
             vector = around.directions[members[best]].vector.copy()
             vector[0] *= float(np.clip(amplitude, -4, 4))
             out[kind] = float(gain[best]), vector

@@ -13,6 +13,7 @@ from runner.errors import ResultError
 FILE = "verdict.json"
 ALL = "verdicts.json"
 CHANCE = 0.05  # of the cells that exceed chance, so many may do so by chance
+RIVALS = 6  # the most alike
 WHERE = ["factor", "cell", "share", "lift", "q"]
 
 
@@ -36,11 +37,16 @@ def verdict(diagnosis: Diagnosis) -> dict[str, Any]:
         "gap_closed_interval": [diagnosis.closure.gap_closed_low, diagnosis.closure.gap_closed_high],
         "closable_closed": diagnosis.closure.closable_closed,
         "residual_excess": diagnosis.excess,
+        "nominal_excess": diagnosis.nominal_excess,
         "where": {
             "sentence": diagnosis.where.sentence,
             "p": diagnosis.where.p,
             "cells": diagnosis.where.cells.loc[lambda c: c["q"] < CHANCE, WHERE].to_dict("records"),
         },
+        "rivals": [
+            {"effect": r.effect, "rival": r.rival, "alike": r.alike, "log_odds": r.log_odds, "confounded": r.confounded}
+            for r in diagnosis.rivals[:RIVALS]
+        ],
         "next_push": diagnosis.next_push,
         "notes": list(diagnosis.notes),
     }

@@ -471,13 +471,20 @@ def verdict(diagnosis: Diagnosis) -> str:
 
 
 def confounded(diagnosis: Diagnosis) -> str:
-    """Return which explanations these data can't tell from the first; empty: there is none."""
+    """Return which explanations these data can't tell from the first, and what comes near; empty: there is nothing."""
     top = likeliest(diagnosis)
     others = equals(top)
-    if not others:
-        return ""
-    names = listed([title(e) for e in others], "or")
-    return f"These data would fit {names} just as well: nothing in the recording tells it from {title(top.effects)}."
+    parts = []
+    if others:
+        names = listed([title(e) for e in others], "or")
+        parts.append(
+            f"These data would fit {names} just as well: nothing in the recording tells it from {title(top.effects)}."
+        )
+    known = {n for e in others for n in e}
+    for r in diagnosis.rivals if settled(diagnosis) else ():
+        if r.confounded and r.rival not in known:
+            parts.append(f"Such data can hardly tell {title((r.rival,))} from {title((r.effect,))}.")
+    return " ".join(parts)
 
 
 def equals(ranked: Ranked) -> list[tuple[str, ...]]:
