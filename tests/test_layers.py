@@ -26,9 +26,11 @@ LAYERS = (
     "loop gap",
     "tables sinks studies",
     "latency_study model_jump plumb_line",
+    "compound",
     "diagnose",
-    "blind",
     "report figures",
+    "diagnose_many",
+    "blind",
     "commands",
     "__main__",
 )

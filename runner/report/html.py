@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -53,11 +52,20 @@ def write_html(diagnosis: Diagnosis, path: str | Path) -> Path:
 
 def render(diagnosis: Diagnosis) -> str:
     """Return the report as HTML."""
-    source = resources.files("runner.report").joinpath(TEMPLATE).read_text(encoding="utf-8")
+    return page_template("runner.report", TEMPLATE).render(_content(diagnosis))
+
+
+def page_template(package: str, name: str) -> jinja2.Template:
+    """Return a page's template from its package; it may include the style that all pages share."""
+    loaders = [jinja2.PackageLoader(p, ".") for p in dict.fromkeys((package, "runner.report"))]
     environment = jinja2.Environment(
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+        loader=jinja2.ChoiceLoader(loaders),
+        autoescape=jinja2.select_autoescape(enabled_extensions=("j2",)),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
     )
-    return environment.from_string(source).render(_content(diagnosis))
+    return environment.get_template(name)
 
 
 def _content(diagnosis: Diagnosis) -> dict[str, Any]:

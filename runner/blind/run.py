@@ -1,0 +1,165 @@
+"""Diagnose cases where the answers can't be seen: copies under new names, workers behind a fence.
+
+The path of the answers is given to nobody here. A worker sees a copy of each case that holds the recording and what
+its owner believes, named after its own content; it may open no file outside its temporary folder, Python and the
+package, and start no program. The fence is a hook on the interpreter's own events: it holds for whatever Python code
+does, not for compiled libraries that open files by themselves.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import runner
+from runner.blind.make import HASH_FILE
+from runner.diagnose_many import Seclusion, diagnose_many
+from runner.errors import ResultError
+from runner.recording import find_cases
+
+PROVENANCE = "diagnosed_by.json"
+COPIED = ("nominal.yaml", "recording.parquet", "recording.csv")
+PACKAGE = Path(runner.__file__).parent
+# what would hand a file, or its content, past the check of `open`
+REFUSED = frozenset(
+    {"subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.spawn", "os.fork", "os.forkpty", "pty.spawn"}
+    | {"os.link", "os.symlink", "socket.connect", "sqlite3.connect"}
+)
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Which program diagnosed: version, commit (None: not under git), whether files differed from it, since when."""
+
+    runner: str
+    commit: str | None
+    changed: bool | None
+    begun: str
+
+
+def blind_run(folder: Path, results: Path, *, workers: int | None = None) -> tuple[int, dict[str, str]]:
+    """Diagnose the cases of a folder behind the fence; those that have a verdict in the results are kept.
+
+    Args:
+        folder: Made by `make_cases`: the cases, and the hash of their answers.
+        results: Where the hash, the program's version and the verdicts go, in this order.
+        workers: So many at a time; None: one per core.
+
+    Returns:
+        The number of cases, and what was wrong with those that could not be diagnosed, by name.
+
+    Raises:
+        ResultError: If the hash is missing, or the results are of other answers.
+    """
+    cases = {case.relative_to(folder).as_posix(): case for case in find_cases(folder)}
+    _remember(read_hash(folder), results)
+    with tempfile.TemporaryDirectory(prefix="runner-blind-") as name:
+        place = Path(name).resolve()
+        hidden = copy_cases(cases, place / "cases")
+        fence = Seclusion(place / "verdicts", enter_fence, ((str(place),),))
+        failed = diagnose_many(hidden, results, workers=workers, report=False, secluded=fence)
+    return len(cases), failed
+
+
+def read_hash(folder: Path) -> str:
+    """Return the SHA-256 of the answers that stands in a folder.
+
+    Raises:
+        ResultError: If there is none.
+    """
+    try:
+        words = (folder / HASH_FILE).read_text(encoding="utf-8").split()
+    except OSError:
+        raise ResultError(f"{folder / HASH_FILE}: no such file; it holds the SHA-256 of the answers.") from None
+    if not words or len(words[0]) != 64 or set(words[0]) - set("0123456789abcdef"):
+        raise ResultError(f"{folder / HASH_FILE}: holds no SHA-256.")
+    return words[0]
+
+
+def _remember(digest: str, results: Path) -> None:
+    """Write down, before the first diagnosis, of which answers the verdicts will be and what makes them."""
+    if (results / HASH_FILE).exists():
+        if read_hash(results) != digest:
+            raise ResultError(f"out: '{results}' holds verdicts for other answers; name a new folder.")
+    else:
+        (results / HASH_FILE).write_text(f"{digest}\n", encoding="utf-8")
+    text = json.dumps([*provenance(results), asdict(_own_provenance())], indent=1) + "\n"
+    (results / PROVENANCE).write_text(text, encoding="utf-8")
+
+
+def provenance(results: Path) -> list[dict[str, Any]]:
+    """Return what diagnosed, one entry for each time that the run was begun or taken up again."""
+    file = results / PROVENANCE
+    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else []
+
+
+def _own_provenance() -> Provenance:
+    commit = changed = None
+    # a package that lies in somebody else's working tree is not described by that tree's commit
+    if _git("ls-files", "--error-unmatch", "__init__.py") is not None:
+        commit = _git("rev-parse", "HEAD")
+        changed = bool(_git("status", "--porcelain", "--untracked-files=no", "."))
+    return Provenance(version("runner"), commit, changed, datetime.now(UTC).isoformat(timespec="seconds"))
+
+
+def _git(*arguments: str) -> str | None:
+    """Return what git says in the package's folder, None without git or where it complains."""
+    try:
+        done = subprocess.run(["git", *arguments], cwd=PACKAGE, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return done.stdout.strip()
+
+
+def copy_cases(cases: dict[str, Path], place: Path) -> dict[str, Path]:
+    """Copy what belongs to each case to folders named after their content, in the order of those names."""
+    named: dict[str, list[str]] = {}
+    for name, case in cases.items():
+        digest = hashlib.sha256()
+        for file in COPIED:
+            if (case / file).is_file():
+                digest.update(file.encode() + (case / file).read_bytes())
+        named.setdefault(digest.hexdigest()[:16], []).append(name)
+    hidden = {}
+    for content, names in sorted(named.items()):
+        for number, name in enumerate(names):
+            hidden[name] = place / (f"{content}-{number}" if number else content)
+            hidden[name].mkdir(parents=True)
+            for file in COPIED:
+                if (cases[name] / file).is_file():
+                    shutil.copyfile(cases[name] / file, hidden[name] / file)
+    return hidden
+
+
+def enter_fence(folders: Sequence[str]) -> None:
+    """Let this process, from now on and for good, open no file but in these folders, Python's and the package's."""
+    allowed = tuple({os.path.realpath(p) for p in (*folders, sys.prefix, sys.base_prefix, PACKAGE)} | {os.devnull})
+
+    def inside(path: Any) -> bool:
+        if isinstance(path, int):
+            return True  # opened before
+        real = os.path.realpath(os.fsdecode(path))
+        return any(real == root or real.startswith(root + os.sep) for root in allowed)
+
+    def watch(event: str, arguments: tuple[Any, ...]) -> None:
+        if event == "open":
+            wrong = [] if inside(arguments[0]) else [arguments[0]]
+        elif event == "os.rename":
+            wrong = [path for path in arguments[:2] if not inside(path)]
+        else:
+            wrong = [event] if event in REFUSED else []
+        if wrong:
+            raise PermissionError(f"not while cases are diagnosed blind: {wrong[0]}")
+
+    sys.addaudithook(watch)

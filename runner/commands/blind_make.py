@@ -1,0 +1,53 @@
+"""Make cases with withheld effects, from a physics that is not the simulator's.
+
+`runner blind make n=200 out=DIR` writes one folder per case, and the answers to `DIR.answers.json` beside it (or to
+`answers=FILE`, never inside DIR). The SHA-256 of the answers is printed and stands in `DIR/answers.sha256`, so that
+nobody can change them after a diagnosis. Without `seed` one is drawn, and printed.
+
+    runner blind make n=200 out=blind
+    runner blind run blind out=blind_verdicts
+    runner blind score verdicts=blind_verdicts answers=blind.answers.json cases=blind
+"""
+
+from __future__ import annotations
+
+import secrets
+from dataclasses import dataclass
+from pathlib import Path
+
+from runner.blind.make import make_cases
+from runner.commands import Command, Job
+from runner.errors import ConfigError, check_range
+
+
+@dataclass(frozen=True)
+class BlindMakeConfig:
+    """How many cases, from which seed (None: drawn), where to; `workers` at a time (None: one per core)."""
+
+    n: int
+    out: Path
+    seed: int | None = None
+    answers: Path | None = None
+    workers: int | None = None
+
+    def __post_init__(self) -> None:
+        check_range("n", self.n, 1, 100000)
+        if self.seed is not None:
+            check_range("seed", self.seed, 0, 2**63 - 1)
+        if self.workers is not None:
+            check_range("workers", self.workers, 1, 1024)
+
+
+def main(config: BlindMakeConfig, job: Job) -> None:
+    """Make them and print the hash."""
+    answers = config.answers or config.out.with_name(f"{config.out.name}.answers.json")
+    if answers.exists():
+        raise ConfigError(f"answers: '{answers}' exists; name a new file.")
+    seed = secrets.randbelow(2**32) if config.seed is None else config.seed
+    made = make_cases(config.n, seed, config.out, answers, workers=config.workers)
+    print(f"{len(made.cases)} cases: {made.folder} (seed {seed}{', drawn' if config.seed is None else ''})")
+    print(f"answers: {made.answers}")
+    print(f"SHA-256 of the answers: {made.sha256}")
+
+
+COMMAND = Command(config=BlindMakeConfig, main=main)

@@ -1,0 +1,126 @@
+"""Diagnose cases: what a diagnosis leaves in its folder, and many cases side by side in processes of their own."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from runner.diagnose.corrected import write_corrected
+from runner.diagnose.diagnosis import Diagnosis, diagnose
+from runner.diagnose.verdict import ALL, FILE, verdict, write_verdict
+from runner.errors import RunnerError
+from runner.progress import progress
+from runner.recording import read_case
+from runner.report.html import write_html
+from runner.report.record import write_rrd
+from runner.simulate import Simulator
+
+
+def write_all(diagnosis: Diagnosis, folder: Path, *, report: bool) -> None:
+    """Write what a diagnosis leaves; `verdict.json` last, as the sign that all is there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    diagnosis.closure.table.to_parquet(folder / "closure.parquet", index=False)
+    write_corrected(folder, diagnosis.effects, Simulator(diagnosis.recording, grid=8))
+    if report:
+        where = diagnosis.where
+        tables = {"gap": where.gap, "windows": where.windows, "wrench": where.wrench, "cells": where.cells}
+        for name, table in tables.items():
+            table.to_parquet(folder / f"where_{name}.parquet", index=False)
+        write_html(diagnosis, folder / "report.html")
+        write_rrd(diagnosis, folder / "diagnosis.rrd")
+    write_verdict(folder / FILE, verdict(diagnosis))
+
+
+@dataclass(frozen=True)
+class Seclusion:
+    """Keeps workers to themselves: what they leave is taken to the results by the process that started them.
+
+    Args:
+        folder: Where the workers write.
+        begin: Called first in every worker; must be importable by name.
+        arguments: What it is given.
+    """
+
+    folder: Path
+    begin: Callable[..., None]
+    arguments: tuple[Any, ...] = ()
+
+
+def diagnose_many(
+    cases: Mapping[str, Path],
+    results: Path,
+    *,
+    workers: int | None = None,
+    report: bool = True,
+    secluded: Seclusion | None = None,
+) -> dict[str, str]:
+    """Diagnose cases that have no verdict in the results yet, and keep `verdicts.json` of all up to date.
+
+    Args:
+        cases: Where each lies, by the name that it has in the results.
+        results: A folder for each case, and `verdicts.json`.
+        workers: So many at a time; None: one per core.
+        report: Whether to write more than the verdict and the corrected model.
+        secluded: How workers are kept from everything but their cases; None: they are not.
+
+    Returns:
+        What was wrong with each case that could not be diagnosed, by name.
+    """
+    todo = [name for name in cases if not (results / name / FILE).exists()]
+    count = min(workers or len(os.sched_getaffinity(0)), max(len(todo), 1))
+    root = results if secluded is None else secluded.folder
+    target = {name: root / (name if secluded is None else cases[name].name) for name in todo}
+    failed: dict[str, str] = {}
+    with progress("Diagnosing", total=len(cases), unit="cases") as advance:
+        advance(len(cases) - len(todo))
+        for name, problem in _run({n: (cases[n], target[n]) for n in todo}, count, report, secluded):
+            if problem is not None:
+                failed[name] = problem
+            elif secluded is not None:
+                _take(target[name], results / name)
+            write_verdict(results / ALL, collect(results, cases))
+            advance()
+    write_verdict(results / ALL, collect(results, cases))
+    return failed
+
+
+def collect(results: Path, names: Iterable[str]) -> dict[str, Any]:
+    """Return the verdicts that are there, by case."""
+    files = {name: results / name / FILE for name in names}
+    return {name: json.loads(file.read_text(encoding="utf-8")) for name, file in files.items() if file.exists()}
+
+
+def _run(
+    tasks: Mapping[str, tuple[Path, Path]], workers: int, report: bool, secluded: Seclusion | None
+) -> Iterator[tuple[str, str | None]]:
+    # fresh processes: MuJoCo's threads and a fork don't go together
+    begin, arguments = (None, ()) if secluded is None else (secluded.begin, secluded.arguments)
+    with ProcessPoolExecutor(workers, get_context("spawn"), begin, arguments) as pool:
+        jobs = {pool.submit(_one, case, folder, report): name for name, (case, folder) in tasks.items()}
+        for job in as_completed(jobs):
+            yield jobs[job], job.result()
+
+
+def _one(path: Path, folder: Path, report: bool) -> str | None:
+    """Diagnose a case in a process of its own; return what was wrong with it, if anything."""
+    try:
+        write_all(diagnose(read_case(path), threads=1), folder, report=report)
+    except RunnerError as error:
+        return str(error)
+    return None
+
+
+def _take(folder: Path, target: Path) -> None:
+    """Move what a worker left; the verdict last, as when it is written."""
+    target.mkdir(parents=True, exist_ok=True)
+    for file in sorted(folder.iterdir(), key=lambda f: f.name == FILE):
+        part = target / f"{file.name}.part"
+        shutil.move(file, part)
+        part.replace(target / file.name)
