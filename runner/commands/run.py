@@ -26,7 +26,7 @@ import yaml
 from rich.console import Console
 from rich.table import Table
 
-from runner import latency_study, model_jump, plumb_line  # noqa: F401  (the studies must be registered)
+from runner import compound, latency_study, model_jump, plumb_line  # noqa: F401  (the studies must be registered)
 from runner.commands import Command, Job
 from runner.errors import ConfigError
 from runner.experiment import Experiment
