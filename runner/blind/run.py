@@ -2,27 +2,23 @@
 
 The path of the answers is given to nobody here. A worker sees a copy of each case that holds the recording and what
 its owner believes, named after its own content; it may open no file outside its temporary folder, Python and the
-package, and start no program. The fence is a hook on the interpreter's own events: it holds for whatever Python code
-does, not for compiled libraries that open files by themselves.
+package, and start no program: see `runner.blind.fence`.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shutil
 import subprocess
-import sys
 import tempfile
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import runner
+from runner.blind.fence import PACKAGE, enter_fence
 from runner.blind.make import HASH_FILE
 from runner.diagnose_many import Seclusion, diagnose_many
 from runner.errors import ResultError
@@ -30,12 +26,6 @@ from runner.recording import find_cases
 
 PROVENANCE = "diagnosed_by.json"
 COPIED = ("nominal.yaml", "recording.parquet", "recording.csv")
-PACKAGE = Path(runner.__file__).parent
-# what would hand a file, or its content, past the check of `open`
-REFUSED = frozenset(
-    {"subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.spawn", "os.fork", "os.forkpty", "pty.spawn"}
-    | {"os.link", "os.symlink", "socket.connect", "sqlite3.connect"}
-)
 
 
 @dataclass(frozen=True)
@@ -67,7 +57,7 @@ def blind_run(folder: Path, results: Path, *, workers: int | None = None) -> tup
     with tempfile.TemporaryDirectory(prefix="runner-blind-") as name:
         place = Path(name).resolve()
         hidden = copy_cases(cases, place / "cases")
-        fence = Seclusion(place / "verdicts", enter_fence, ((str(place),),))
+        fence = Seclusion(place / "verdicts", begin_worker, (place,))
         failed = diagnose_many(hidden, results, workers=workers, report=False, secluded=fence)
     return len(cases), failed
 
@@ -122,6 +112,11 @@ def _git(*arguments: str) -> str | None:
     return done.stdout.strip()
 
 
+def begin_worker(folder: Path) -> None:
+    """Shut a worker in; this module's imports, and so the diagnosis and the fonts of figures, are loaded by then."""
+    enter_fence([folder])
+
+
 def copy_cases(cases: dict[str, Path], place: Path) -> dict[str, Path]:
     """Copy what belongs to each case to folders named after their content, in the order of those names."""
     named: dict[str, list[str]] = {}
@@ -140,26 +135,3 @@ def copy_cases(cases: dict[str, Path], place: Path) -> dict[str, Path]:
                 if (cases[name] / file).is_file():
                     shutil.copyfile(cases[name] / file, hidden[name] / file)
     return hidden
-
-
-def enter_fence(folders: Sequence[str]) -> None:
-    """Let this process, from now on and for good, open no file but in these folders, Python's and the package's."""
-    allowed = tuple({os.path.realpath(p) for p in (*folders, sys.prefix, sys.base_prefix, PACKAGE)} | {os.devnull})
-
-    def inside(path: Any) -> bool:
-        if isinstance(path, int):
-            return True  # opened before
-        real = os.path.realpath(os.fsdecode(path))
-        return any(real == root or real.startswith(root + os.sep) for root in allowed)
-
-    def watch(event: str, arguments: tuple[Any, ...]) -> None:
-        if event == "open":
-            wrong = [] if inside(arguments[0]) else [arguments[0]]
-        elif event == "os.rename":
-            wrong = [path for path in arguments[:2] if not inside(path)]
-        else:
-            wrong = [event] if event in REFUSED else []
-        if wrong:
-            raise PermissionError(f"not while cases are diagnosed blind: {wrong[0]}")
-
-    sys.addaudithook(watch)

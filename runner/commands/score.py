@@ -1,7 +1,7 @@
-"""Hold verdicts against answers: accuracy with intervals, the confusion table, calibration.
+"""Hold verdicts against answers: accuracy with intervals, what was taken for what, calibration.
 
 `runner score verdicts=FILE answers=FILE` reads the `verdicts.json` of `runner diagnose` and the answers of the same
-cases, prints the figures, and keeps them as tables.
+cases, prints the figures, and keeps them as tables. `runner blind score` does more, for cases of `runner blind make`.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import pandas as pd
 from rich.console import Console
-from rich.table import Table
 
+from runner.blind import score_words as words
 from runner.commands import Command, Job
+from runner.commands._print import print_table
 from runner.diagnose.score import read_answers, score
 from runner.diagnose.verdict import read_verdicts
 
@@ -30,26 +30,14 @@ def main(config: ScoreConfig, job: Job) -> None:
     """Print the figures and keep the tables."""
     result = score(read_verdicts(config.verdicts), read_answers(config.answers))
     console = Console()
-    console.print(_table("First answers, with 95 % Wilson intervals", result.table))
-    wrong = pd.DataFrame(
-        result.cases[~result.cases["right"]], columns=["case", "truth", "severity", "first", "probability"]
-    )
-    if len(wrong):
-        console.print(_table("Wrong", wrong))
-    console.print(_table("What was named (across) for what (down)", result.confusion.reset_index()))
+    print_table(console, "Answers that are right (95 % Wilson intervals)", words.groups(result.table), right=(1, 2, 3))
+    print_table(console, "What was taken for what", words.confusion(result))
     for name, value in result.summary.items():
         console.print(f"{name.replace('_', ' ')}: {value:.3f}", highlight=False)
-    for name in ("cases", "table", "confusion"):
-        getattr(result, name).to_parquet(job.results / f"score_{name}.parquet")
-
-
-def _table(title: str, frame: pd.DataFrame) -> Table:
-    table = Table(title=title, title_justify="left")
-    for name in frame.columns:
-        table.add_column(str(name), overflow="fold")
-    for row in frame.itertuples(index=False):
-        table.add_row(*(f"{v:.2f}" if isinstance(v, float) else "" if v == 0 else str(v) for v in row))
-    return table
+    if result.unanswered:
+        console.print(f"{len(result.unanswered)} cases have no verdict: {', '.join(result.unanswered)}", soft_wrap=True)
+    for name in ("cases", "table", "confusion", "calibration"):
+        getattr(result, name).to_parquet(job.results / f"score_{name}.parquet", index=False)
 
 
 COMMAND = Command(config=ScoreConfig, main=main, keeps="score")

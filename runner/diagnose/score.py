@@ -6,7 +6,9 @@ The answers are read here and nowhere else.
 from __future__ import annotations
 
 import json
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -14,19 +16,33 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binomtest
 
+from runner.diagnose.search import TWINS
 from runner.errors import ResultError
 
 NONE, UNKNOWN = "none", "unknown"
+BINS = 10
+FIRST = 3  # answers that are looked at beside the first one
 
 
 @dataclass(frozen=True)
 class Score:
-    """Figures by case (`cases`), by effect and size (`table`), and what was named for what (`confusion`)."""
+    """Figures of the cases that have both a verdict and an answer.
+
+    Args:
+        cases: One row per case: what was planted, what was named, whether that is right.
+        table: First answers by group of cases: all, by number of effects, by size, by effect; 95 % Wilson intervals.
+        confusion: How often each answer (`first`) was given for what was planted (`truth`), and whether it is right.
+        calibration: Stated probability of the first answer against how often it is right, in ten bins.
+        summary: `first_right`, `expected_calibration_error`, `brier`.
+        unanswered: Cases with an answer but without a verdict.
+    """
 
     cases: pd.DataFrame
     table: pd.DataFrame
     confusion: pd.DataFrame
+    calibration: pd.DataFrame
     summary: dict[str, float]
+    unanswered: tuple[str, ...]
 
 
 def read_answers(path: Path) -> dict[str, dict[str, Any]]:
@@ -52,8 +68,8 @@ def read_answers(path: Path) -> dict[str, dict[str, Any]]:
 def score(verdicts: dict[str, dict[str, Any]], answers: dict[str, dict[str, Any]]) -> Score:
     """Score the cases that have both a verdict and an answer.
 
-    The first answer is right if every effect it names is accepted and it names at least one; of a case with two
-    effects it must name both (an accepted equivalent counts for the one it stands for).
+    The first answer is right if it names what was planted, each effect by its own name or by an accepted equivalent,
+    and nothing else.
 
     Raises:
         ResultError: If no case has both.
@@ -61,78 +77,104 @@ def score(verdicts: dict[str, dict[str, Any]], answers: dict[str, dict[str, Any]
     shared = [c for c in answers if c in verdicts]
     if not shared:
         raise ResultError("no case has both a verdict and an answer; the names of the cases must be the same in both.")
-    rows = []
-    for case in shared:
-        answer, ranked = answers[case], verdicts[case]["ranked"]
-        truth = [e["name"] for e in answer["effects"]]
-        accept = set(answer["accept"])
-        ranks = [r for r in ranked if r["effects"]]
-        first = ranks[0]["effects"]
-        rows.append(
-            {
-                "case": case,
-                "truth": "+".join(sorted(truth)) or NONE,
-                "severity": "+".join(e.get("severity", "") for e in answer["effects"]) or "-",
-                "first": "+".join(first),
-                "probability": float(ranks[0]["probability"]),
-                "right": _right(first, truth, accept),
-                "one_right": bool(set(first) & accept),
-                "in_first_three": any(_right(r["effects"], truth, accept) for r in ranks[:3]),
-                "abstain": bool(verdicts[case].get("abstain", False)),
-                "gap_closed": verdicts[case].get("gap_closed"),
-                "effects": len(truth),
-            }
-        )
-    cases = pd.DataFrame(rows)
-    groups = [_row(name, part) for name, part in _groups(cases)]
-    confusion = pd.crosstab(cases["truth"], cases["first"])
-    return Score(cases, pd.DataFrame(groups), confusion, _summary(cases))
+    cases = pd.DataFrame([_marked(case, verdicts[case], answers[case]) for case in shared])
+    confusion = cases.groupby(["truth", "first", "right"]).size().rename("cases").reset_index()
+    p, right = cases["probability"].to_numpy(float), cases["right"].to_numpy(float)
+    summary = {
+        "first_right": float(right.mean()),
+        "expected_calibration_error": calibration_error(p, right),
+        "brier": float(np.mean((p - right) ** 2)),
+    }
+    table = pd.DataFrame([{"group": name, **accuracy(part)} for name, part in _groups(cases)])
+    unanswered = tuple(c for c in answers if c not in verdicts)
+    return Score(cases, table, confusion, calibration(p, right), summary, unanswered)
 
 
-def _right(named: list[str], truth: list[str], accept: set[str]) -> bool:
+def _marked(case: str, verdict: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
+    truth, accept = [e["name"] for e in answer["effects"]], set(answer["accept"])
+    ranks = [r for r in verdict["ranked"] if r["effects"]]
+    first = ranks[0]["effects"]
+    rank = next((i for i, r in enumerate(ranks, 1) if is_right(r["effects"], truth, accept)), None)
+    return {
+        "case": case,
+        "kind": NONE if not truth else UNKNOWN if UNKNOWN in truth else "single" if len(truth) == 1 else "pair",
+        "truth": "+".join(sorted(truth)) or NONE,
+        "severity": "+".join(e.get("severity", "") for e in answer["effects"]) or "-",
+        "first": "+".join(first),
+        "probability": float(ranks[0]["probability"]),
+        "right": rank == 1,
+        "one_right": any(any(_stands_for(n, t, truth, accept) for n in first) for t in truth),
+        "in_first_three": rank is not None and rank <= FIRST,
+        "rank_of_truth": rank,
+        "probability_of_truth": 0.0 if rank is None else float(ranks[rank - 1]["probability"]),
+        "abstain": bool(verdict.get("abstain", False)),
+        "gap_closed": verdict.get("gap_closed"),
+        "effects": len(truth),
+    }
+
+
+def is_right(named: Sequence[str], truth: Sequence[str], accept: Collection[str]) -> bool:
+    """Tell whether names cover what was planted, one to one."""
     if not truth:
-        return named == [NONE]
-    if any(n not in accept for n in named):
-        return False
-    if UNKNOWN in accept and named == [UNKNOWN]:
+        return list(named) == [NONE]
+    orders = permutations(truth) if len(named) == len(truth) else ()
+    return any(all(_stands_for(n, t, truth, accept) for n, t in zip(named, o, strict=True)) for o in orders)
+
+
+def _stands_for(name: str, planted: str, truth: Collection[str], accept: Collection[str]) -> bool:
+    """Tell whether a name counts for an effect: its own, or an accepted one that was not planted itself."""
+    if name == planted:
         return True
-    # each planted effect needs one name; a name that isn't planted itself stands for one that wasn't named
-    return len(set(named)) == len(set(truth))
+    twins = [pair for pair in TWINS if name in pair]
+    return name in accept and name not in truth and (not twins or any(planted in pair for pair in twins))
+
+
+def share(hits: Sequence[bool] | np.ndarray | pd.Series) -> tuple[float, float, float]:
+    """Return a share and its 95 % interval by Wilson; NaN of nothing."""
+    if not len(hits):
+        return np.nan, np.nan, np.nan
+    count = int(np.count_nonzero(hits))
+    interval = binomtest(count, len(hits)).proportion_ci(method="wilson")
+    return count / len(hits), float(interval.low), float(interval.high)
+
+
+def accuracy(part: pd.DataFrame) -> dict[str, Any]:
+    """Return how often the first answer, and one of the first three, is right in these cases."""
+    first = dict(zip(("first_right", "low", "high"), share(part["right"]), strict=True))
+    three = dict(zip(("first_three_right", "three_low", "three_high"), share(part["in_first_three"]), strict=True))
+    return {"cases": len(part), **first, **three, "one_right": float(np.mean(part["one_right"].to_numpy(float)))}
 
 
 def _groups(cases: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
-    single = cases[cases["effects"] == 1]
-    out = [
-        ("all", cases),
-        (NONE, cases[cases["effects"] == 0]),
-        ("one effect", single),
-        ("two effects", cases[cases["effects"] > 1]),
-    ]
-    out += [(f"one effect, {s}", part) for s, part in single.groupby("severity")]
+    single = cases[cases["kind"] == "single"]
+    out = [("all", cases), (NONE, cases[cases["kind"] == NONE]), ("one effect", single)]
+    out += [(f"one effect, {s}", single[single["severity"] == s]) for s in ordered_sizes(single["severity"])]
+    out += [("two effects", cases[cases["kind"] == "pair"]), (UNKNOWN, cases[cases["kind"] == UNKNOWN])]
     out += [(str(name), part) for name, part in single.groupby("truth")]
     return [(name, part) for name, part in out if len(part)]
 
 
-def _row(name: str, part: pd.DataFrame) -> dict[str, Any]:
-    right = int(np.count_nonzero(part["right"]))
-    interval = binomtest(right, len(part)).proportion_ci(method="wilson")
-    return {
-        "group": name,
-        "cases": len(part),
-        "first_right": right / len(part),
-        "low": interval.low,
-        "high": interval.high,
-        "first_three_right": float(np.mean(part["in_first_three"].to_numpy(float))),
-        "one_right": float(np.mean(part["one_right"].to_numpy(float))),
-    }
+def ordered_sizes(sizes: pd.Series) -> list[str]:
+    """Return the sizes that occur, small to large."""
+    known = ("subtle", "moderate", "strong")
+    return sorted(set(sizes), key=lambda s: (known.index(s) if s in known else len(known), s))
 
 
-def _summary(cases: pd.DataFrame) -> dict[str, float]:
-    p, right = cases["probability"].to_numpy(), cases["right"].to_numpy(float)
-    bins = np.clip((p * 10).astype(int), 0, 9)
-    calibration = sum(abs(p[bins == b].mean() - right[bins == b].mean()) * (bins == b).mean() for b in np.unique(bins))
-    return {
-        "first_right": float(right.mean()),
-        "expected_calibration_error": float(calibration),
-        "brier": float(np.mean((p - right) ** 2)),
-    }
+def calibration(p: np.ndarray, right: np.ndarray) -> pd.DataFrame:
+    """Return what was stated and what came of it in bins of equal width, with 95 % Wilson intervals."""
+    bins = np.clip((p * BINS).astype(int), 0, BINS - 1)
+    rows = []
+    for b in np.unique(bins):
+        value, low, high = share(right[bins == b])
+        stated = float(p[bins == b].mean())
+        rows.append(
+            {"from": b / BINS, "to": (b + 1) / BINS, "cases": int((bins == b).sum()), "stated": stated,
+             "right": value, "low": low, "high": high}
+        )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def calibration_error(p: np.ndarray, right: np.ndarray) -> float:
+    """Return the expected calibration error: the mean distance of stated and true in the bins, by their cases."""
+    table = calibration(p, right)
+    return float(np.average(np.abs(table["stated"] - table["right"]), weights=table["cases"]))

@@ -1,0 +1,80 @@
+"""An oracle that was told which effects there are, and fits their parameters: how far the gap can be closed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from runner.diagnose.diagnosis import close, split
+from runner.diagnose.evidence import clip, directions, joined, promise, surroundings, survey
+from runner.diagnose.fit import NONE, Fit, Fitter
+from runner.diagnose.measured import Measured, materially_different, measure, refine
+from runner.effects.base import EFFECTS, AbstractEffect
+from runner.errors import ResultError
+from runner.recording import Recording
+from runner.simulate import Effects, Run, Simulator, context_of
+
+FILM = "film"  # of the variants of viscous drag
+
+
+def kinds_of(effects: Sequence[Mapping[str, Any]]) -> list[type[AbstractEffect]]:
+    """Return the classes of planted effects; of several variants the one that `true` speaks of.
+
+    Raises:
+        ResultError: If an effect is not in the vocabulary.
+    """
+    out = []
+    for effect in effects:
+        variants = EFFECTS.get(effect["name"])
+        if not variants:
+            raise ResultError(f"answers: no effect '{effect['name']}' in the vocabulary.")
+        film = effect.get("true", {}).get("acts") == FILM
+        fitting = [k for k in variants if (FILM in k.__name__.lower()) == film]
+        out.append((fitting or variants)[0])
+    return out
+
+
+def oracle_closed(recording: Recording, effects: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
+    """Fit the effects that are known to be there and return how far that closes the gap on the held-out episodes.
+
+    Returns:
+        The share of the closable mean square that is closed, and how much is closable, in squared noises.
+    """
+    kinds = kinds_of(effects)
+    fitted, held_out = split(len(recording.episodes))
+    simulator, context = Simulator(recording, grid=8), context_of(recording)
+    measured = measure(recording)
+    nominal = Fitter(simulator, measured, context).fit(NONE, fitted, iterations=8)
+    measured = refine(measured, recording, _left(nominal, (), simulator, measured))
+    fit = _fit(Fitter(simulator, measured, context), kinds, fitted)
+    again = refine(measured, recording, _left(fit, fit.explanation.make(fit.x, context), simulator, measured))
+    if materially_different(measured, again):
+        measured, fit = again, _fit(Fitter(simulator, again, context), kinds, fitted)
+    fitter, found = Fitter(simulator, measured, context), fit.explanation.make(fit.x, context)
+    before = fitter.fit(NONE, held_out)
+    after = Fitter(simulator, measured, context, found).fit(NONE, held_out)
+    table = close(before, after, measured, fitter, found)
+    closable = float(np.mean((table.table["before"] / table.table["noise"]) ** 2)) - 1.0
+    return table.closable_closed, closable
+
+
+def _fit(fitter: Fitter, kinds: Sequence[type[AbstractEffect]], episodes: Sequence[int]) -> Fit:
+    """Fit one effect after the other, each from where it promises most, all so far together."""
+    every = [d for d in directions(fitter.context) if d.kind in kinds]
+    fit, left = fitter.fit(NONE, episodes, iterations=8), list(kinds)
+    while left:
+        offers = promise(surroundings(fit, survey(fitter, fit, every)), 1.0)
+        kind = max(left, key=lambda k: offers[k][0])
+        left.remove(kind)
+        explanation, x = joined(fit, kind, clip(kind, offers[kind][1], fitter.context))
+        fit = fitter.fit(explanation, episodes, x=x, near=fit, iterations=40)
+    return fit
+
+
+def _left(fit: Fit, effects: Effects, simulator: Simulator, measured: Measured) -> dict[int, np.ndarray]:
+    return {
+        e: simulator.predict(e, [Run(effects, start)])[0] - measured.values[e]
+        for e, start in zip(fit.episodes, fit.starts, strict=True)
+    }

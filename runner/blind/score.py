@@ -1,0 +1,345 @@
+"""The score of a blind test: every figure with its interval, beside the bar that it is to reach.
+
+Beyond what is right and wrong: how well the stated intervals of parameters hold what was planted, how near the place
+of a patch or a tether is, and which share of the closable gap is closed against an oracle that was told the effect.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from runner.blind.oracle import oracle_closed
+from runner.blind.run import read_hash
+from runner.diagnose.score import NONE, UNKNOWN, Score, accuracy, calibration_error, ordered_sizes, score, share
+from runner.errors import ResultError
+from runner.progress import track
+from runner.recording import Nominal, read_case
+
+DRAWS = 2000  # bootstrap over cases
+WORST = 10
+WIDE = 1.959964  # standard errors to each side of a 95 % interval
+AXES = {("anisotropic_friction", "angle_rad")}  # a direction without a sense: known up to half a turn
+PLACED = ("friction_patch", "tether")
+LEAST_CLOSED = 0.05  # of the noise's variance: less than this, even by the oracle, tells nothing
+RENAMED = {
+    ("friction", "mu"): "friction",
+    ("stribeck", "speed_m_s"): "speed_m_per_s",
+    ("anisotropic_friction", "angle_rad"): "axis_1_rad",
+    ("viscous_drag", "film_n_s_per_m"): "coefficient_n_s_per_m",
+}
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One figure and what it is to reach.
+
+    Args:
+        name: What it is of.
+        value: Measured; NaN: there was nothing to measure it on.
+        low, high: Its 95 % interval.
+        cases: On how many cases, or parameters.
+        least, most: The bar; one of them may be missing.
+        percent: Whether it is a share.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    cases: int
+    least: float = -math.inf
+    most: float = math.inf
+    percent: bool = True
+
+    @property
+    def missed_by(self) -> float:
+        """How far beyond the bar; 0 if it is reached, NaN if it was not measured."""
+        return max(self.least - self.value, self.value - self.most, 0.0) if math.isfinite(self.value) else math.nan
+
+    @property
+    def certain(self) -> bool:
+        """Whether the interval lies wholly on the side of the bar on which the value is."""
+        inside = self.least <= self.low and self.high <= self.most
+        return inside if self.missed_by == 0.0 else self.high < self.least or self.low > self.most
+
+
+@dataclass(frozen=True)
+class BlindScore:
+    """Everything that is scored; tables have one row per what their name says.
+
+    Args:
+        basic: What is right and wrong, confusion, calibration.
+        bars: Figures beside their bars.
+        effects: Single effects by name and size.
+        parameters: Parameters of right answers beside the planted ones.
+        coverage: How often the 95 % intervals hold the planted value, by parameter; the first row is of all.
+        places: Patches and tethers that were named: distance from the truth beside the stated error.
+        gap: Share of the closable gap closed, own and oracle, by case; None: not looked at.
+        worst: Wrong answers, most certain first.
+    """
+
+    basic: Score
+    bars: tuple[Bar, ...]
+    effects: pd.DataFrame
+    parameters: pd.DataFrame
+    coverage: pd.DataFrame
+    places: pd.DataFrame
+    gap: pd.DataFrame | None
+    worst: pd.DataFrame = field(repr=False)
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """All tables by name, to be kept."""
+        bars = pd.DataFrame([{**vars(b), "missed_by": b.missed_by, "certain": b.certain} for b in self.bars])
+        out = {
+            "bars": bars,
+            "cases": self.basic.cases,
+            "groups": self.basic.table,
+            "effects": self.effects,
+            "confusion": self.basic.confusion,
+            "calibration": self.basic.calibration,
+            "parameters": self.parameters,
+            "coverage": self.coverage,
+            "places": self.places,
+            "worst": self.worst,
+        }
+        return out if self.gap is None else out | {"gap": self.gap}
+
+
+def check_hash(answers: Path, *folders: Path) -> str:
+    """Return the SHA-256 of the answers, if it is the one that stands beside the verdicts, and with the cases.
+
+    Raises:
+        ResultError: If the file or a stored hash is missing, or they differ.
+    """
+    try:
+        digest = hashlib.sha256(answers.read_bytes()).hexdigest()
+    except OSError as error:
+        raise ResultError(f"answers: '{answers}' can't be read: {error.strerror}.") from None
+    for folder in folders:
+        if (stored := read_hash(folder)) != digest:
+            raise ResultError(
+                f"answers: the SHA-256 of '{answers}' is {digest[:12]}..., that in '{folder}' is {stored[:12]}...: "
+                "these are not the answers that were set down beforehand."
+            )
+    return digest
+
+
+def blind_score(
+    verdicts: dict[str, dict[str, Any]], answers: dict[str, dict[str, Any]], cases: Path | None = None
+) -> BlindScore:
+    """Score verdicts.
+
+    Args:
+        verdicts: By case.
+        answers: By case, with `true` values.
+        cases: Folder of the cases, for the oracle and for what is relative to the nominal model; None: without these.
+
+    Raises:
+        ResultError: If no case has both, or a case is missing.
+    """
+    basic = score(verdicts, answers)
+    names = list(basic.cases["case"])
+    nominal = {} if cases is None else {name: read_case(cases / name).nominal for name in names}
+    parameters = pd.DataFrame(
+        [row for name in names for row in _compared(name, answers[name], verdicts[name], nominal.get(name))],
+        columns=["case", "effect", "parameter", "true", "value", "standard_error", "errors_off", "covered", "right"],
+    )
+    gap = None if cases is None else _gap(basic.cases, answers, verdicts, cases)
+    right = parameters[parameters["right"]].drop(columns="right").reset_index(drop=True)
+    single = basic.cases[basic.cases["kind"] == "single"]
+    effects = pd.DataFrame([row for name, part in single.groupby("truth") for row in _by_size(str(name), part)])
+    coverage = _coverage(right)
+    return BlindScore(
+        basic, _bars(basic.cases, right, gap), effects, right, coverage, _places(parameters), gap,
+        _worst(basic.cases, answers),
+    )  # fmt: skip
+
+
+def _by_size(effect: str, cases: pd.DataFrame) -> list[dict[str, Any]]:
+    sizes = [(size, cases[cases["severity"] == size]) for size in ordered_sizes(cases["severity"])]
+    return [{"effect": effect, "size": size, **accuracy(part)} for size, part in [("all", cases), *sizes]]
+
+
+def _bars(cases: pd.DataFrame, parameters: pd.DataFrame, gap: pd.DataFrame | None) -> tuple[Bar, ...]:
+    kind, single = cases["kind"], cases[cases["kind"] == "single"]
+    subtle = single[single["severity"] == "subtle"]
+    clear = single[single["severity"].isin(["moderate", "strong"])]
+    null, unknown, pairs = (cases[kind == k] for k in (NONE, UNKNOWN, "pair"))
+    p, right = cases["probability"].to_numpy(float), cases["right"].to_numpy(float)
+    covered = parameters["covered"].to_numpy(bool)
+    bars = [
+        Bar("moderate and strong named first", *share(clear["right"]), len(clear), least=0.95),
+        Bar("subtle named first", *share(subtle["right"]), len(subtle), least=0.80),
+        Bar("false alarms where nothing is", *share(~null["right"]), len(null), most=0.03),
+        Bar("unknown effects abstained from", *share(unknown["right"]), len(unknown), least=0.80),
+        Bar("pairs: both found", *share(pairs["right"]), len(pairs), least=0.70),
+        Bar("pairs: one found", *share(pairs["one_right"]), len(pairs), least=0.95),
+        Bar(
+            "expected calibration error", calibration_error(p, right), *_drawn(_error_of, np.column_stack([p, right])),
+            len(cases), most=0.06, percent=False,
+        ),
+        Bar("95 % intervals that hold the truth", *share(covered), len(covered), least=0.90, most=0.98),
+    ]  # fmt: skip
+    ratio = np.empty(0) if gap is None else gap["ratio"].dropna().to_numpy(float)
+    known = len(ratio) > 0
+    bars.append(
+        Bar(
+            "gap closed, of the oracle's", float(ratio.mean()) if known else math.nan,
+            *(_drawn(lambda r: float(r.mean()), ratio) if known else (math.nan, math.nan)), len(ratio), least=0.93,
+        )
+    )  # fmt: skip
+    return tuple(bars)
+
+
+def _error_of(pairs: np.ndarray) -> float:
+    return calibration_error(pairs[:, 0], pairs[:, 1])
+
+
+def _drawn(statistic: Callable[[np.ndarray], float], rows: np.ndarray) -> tuple[float, float]:
+    """Return the 95 % percentile bootstrap interval over cases."""
+    rng = np.random.default_rng(0)
+    values = [statistic(rows[rng.integers(len(rows), size=len(rows))]) for _ in range(DRAWS)]
+    return float(np.quantile(values, 0.025)), float(np.quantile(values, 0.975))
+
+
+def if_calibrated(p: np.ndarray) -> float:
+    """Return the calibration error that stated probabilities would show if they were exactly right, by chance alone."""
+    rng = np.random.default_rng(0)
+    return float(np.mean([calibration_error(p, (rng.random(len(p)) < p).astype(float)) for _ in range(DRAWS // 4)]))
+
+
+def planted(effect: Mapping[str, Any], answer: Mapping[str, Any], nominal: Nominal | None) -> dict[str, float]:
+    """Return the true values of an effect under the names that a verdict has for them, SI units.
+
+    What a verdict has no word for is left out: the profile of a pressure and of a patch with soft flanks differ in
+    kind from those that are fitted, so that their numbers can't be compared; of the patch, its place can.
+    """
+    name, true = effect["name"], dict(effect.get("true", {}))
+    if name == "contact_pressure":
+        return {}
+    if name == "friction_patch" and true.get("shape") == "gaussian":
+        return {k: true[k] for k in ("x_m", "y_m")}
+    if name == "anisotropic_friction":
+        true["ratio"] = true["friction_1"] / true["friction_2"]
+    if name == "inertia" and nominal is not None:
+        masses = [e["true"]["mass_kg"] for e in answer["effects"] if e["name"] == "mass"]
+        heavier = masses[0] / nominal.mass_kg if masses else 1.0
+        true["ratio"] = true["inertia_kg_m2"] / (_yaw_inertia(nominal) * heavier)
+    out = {k: v for k, v in true.items() if not isinstance(v, str)}
+    return out | {new: out[old] for (kind, new), old in RENAMED.items() if kind == name and old in out}
+
+
+def _yaw_inertia(nominal: Nominal) -> float:
+    given = nominal.inertia_kg_m2
+    if isinstance(given, float | int):
+        return float(given)
+    if given is not None:
+        return float(given[2])
+    return nominal.mass_kg * (nominal.half_size_m[0] ** 2 + nominal.half_size_m[1] ** 2) / 3.0
+
+
+def _compared(
+    case: str, answer: dict[str, Any], verdict: dict[str, Any], nominal: Nominal | None
+) -> list[dict[str, Any]]:
+    """Return the parameters that the first answer states of effects that were planted, under their own names."""
+    first = verdict["ranked"][0]
+    right = set(first["effects"]) == {e["name"] for e in answer["effects"]}
+    rows = []
+    for effect in answer["effects"]:
+        name = effect["name"]
+        true = planted(effect, answer, nominal)
+        for parameter, value in first["parameters"].get(name, {}).items():
+            error = first["standard_errors"].get(name, {}).get(parameter)
+            if parameter in true and value is not None and error is not None and error > 0:
+                off = difference(name, parameter, value, true[parameter]) / error
+                rows.append(
+                    {"case": case, "effect": name, "parameter": parameter, "true": true[parameter], "value": value,
+                     "standard_error": error, "errors_off": off, "covered": abs(off) <= WIDE, "right": right}
+                )  # fmt: skip
+    return rows
+
+
+def difference(effect: str, parameter: str, value: float, true: float) -> float:
+    """Return value less truth, angles the short way round."""
+    if not parameter.endswith("_rad"):
+        return value - true
+    turn = math.pi if (effect, parameter) in AXES else 2 * math.pi
+    return (value - true + turn / 2) % turn - turn / 2
+
+
+def _coverage(parameters: pd.DataFrame) -> pd.DataFrame:
+    groups = [(("all", ""), parameters), *parameters.groupby(["effect", "parameter"])]
+    rows = []
+    for (effect, parameter), part in groups:
+        value, low, high = share(part["covered"])
+        off = part["errors_off"].to_numpy(float)
+        typical = float(np.sqrt(np.mean(off**2))) if len(off) else math.nan
+        rows.append(
+            {"effect": effect, "parameter": parameter, "values": len(part), "covered": value, "low": low, "high": high,
+             "errors_off": typical}
+        )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def _places(parameters: pd.DataFrame) -> pd.DataFrame:
+    rows = []
+    for (case, effect), part in parameters[parameters["effect"].isin(PLACED)].groupby(["case", "effect"]):
+        part = part.set_index("parameter")
+        if {"x_m", "y_m"} <= set(part.index):
+            off = part.loc[["x_m", "y_m"], "value"] - part.loc[["x_m", "y_m"], "true"]
+            distance_m = float(np.linalg.norm(off))
+            stated_m = float(np.linalg.norm(part.loc[["x_m", "y_m"], "standard_error"]))
+            rows.append(
+                {"case": case, "effect": effect, "distance_m": distance_m, "stated_error_m": stated_m,
+                 "errors_off": distance_m / stated_m, "right": bool(part["right"].iloc[0])}
+            )  # fmt: skip
+    columns = ["case", "effect", "distance_m", "stated_error_m", "errors_off", "right"]
+    return pd.DataFrame(rows, columns=columns).sort_values(["effect", "distance_m"], ignore_index=True)
+
+
+def _gap(cases: pd.DataFrame, answers: dict[str, Any], verdicts: dict[str, Any], folder: Path) -> pd.DataFrame:
+    """Return, per case with known effects, the share of the closable gap closed, own and the oracle's."""
+    rows = []
+    known = cases[cases["kind"].isin(["single", "pair"])]
+    for case, first in track(list(zip(known["case"], known["first"], strict=True)), "Oracle", unit="cases"):
+        own = verdicts[case].get("closable_closed")
+        row = {"case": case, "own": own, "oracle": own, "ratio": 1.0, "same": True}
+        if set(first.split("+")) != {e["name"] for e in answers[case]["effects"]}:
+            closed, closable = oracle_closed(read_case(folder / case), answers[case]["effects"])
+            told = closed * closable > LEAST_CLOSED and own is not None
+            row |= {"oracle": closed, "ratio": own / closed if told else math.nan, "same": False}
+        rows.append(row)
+    return pd.DataFrame(rows, columns=["case", "own", "oracle", "ratio", "same"])
+
+
+def _worst(cases: pd.DataFrame, answers: dict[str, Any]) -> pd.DataFrame:
+    wrong = cases[~cases["right"]].sort_values("probability", ascending=False, kind="stable").head(WORST)
+    columns = ["case", "truth", "severity", "first", "probability", "rank_of_truth", "probability_of_truth"]
+    out = pd.DataFrame(wrong, columns=columns).reset_index(drop=True)
+    out["error_ratio"] = [answers[c].get("error_ratio") for c in out["case"]]
+    out["about"] = [about(answers[c]) for c in out["case"]]
+    return out
+
+
+def about(answer: Mapping[str, Any]) -> str:
+    """Return what is special about a case, in words: what it is apart from its effect, which effect if unknown."""
+    made = answer.get("made", {})
+    parts = [e["true"]["what"].replace("_", " ") for e in answer["effects"] if "what" in e.get("true", {})]
+    if made.get("noise_slow_share"):
+        parts.append(f"{100 * made['noise_slow_share']:.0f} % of the noise slow ({made['noise_slow_s']:.2g} s)")
+    if made.get("outlier_share"):
+        parts.append("outliers")
+    if made.get("noise", {}).get("position", 1.0) < 0.003:
+        parts.append("fine noise")
+    if "mismatch_ratio" in made:
+        parts.append(f"mismatch {made['mismatch_ratio']:.2f} noises")
+    return ", ".join(parts)

@@ -1,0 +1,23 @@
+"""Tables of text in the terminal that fit 80 columns: what is too long is folded, never cut."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+
+def print_table(
+    console: Console, title: str, content: tuple[Sequence[str], Sequence[Sequence[str]]], *, right: Collection[int] = ()
+) -> None:
+    """Print a table of heading and rows; columns named in `right` hold numbers, and are not folded."""
+    heading, rows = content
+    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
+    for i, name in enumerate(heading):
+        numbers = i in right
+        table.add_column(name, justify="right" if numbers else "left", no_wrap=numbers, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    console.print(table, highlight=False)

@@ -1,0 +1,64 @@
+"""Score a blind run: every figure with its interval beside the bar that it is to reach, as tables, page and figures.
+
+`runner blind score verdicts=RESULTS answers=FILE cases=DIR` first checks that the answers are those whose SHA-256 was
+set down beside the verdicts before the first diagnosis. With `cases` an oracle that is told the effects is fitted
+where the first answer is not what was planted, to see how much of the gap could have been closed. In the results:
+`score.html`, `figures/`, and the tables as Parquet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from runner.blind import score_words as words
+from runner.blind.run import provenance
+from runner.blind.score import blind_score, check_hash
+from runner.blind.score_figures import write_figures
+from runner.blind.score_page import FILE, headline, write_page
+from runner.commands import Command, Job
+from runner.commands._print import print_table
+from runner.diagnose.score import read_answers
+from runner.diagnose.verdict import read_verdicts
+
+
+@dataclass(frozen=True)
+class BlindScoreConfig:
+    """Results of `runner blind run` (the folder or its `verdicts.json`), the answers, and the cases for the oracle."""
+
+    verdicts: Path
+    answers: Path
+    cases: Path | None = None
+
+
+def main(config: BlindScoreConfig, job: Job) -> None:
+    """Check, score, print and keep."""
+    verdicts = read_verdicts(config.verdicts)
+    beside = config.verdicts if config.verdicts.is_dir() else config.verdicts.parent
+    folders = (beside,) if config.cases is None else (beside, config.cases)
+    digest = check_hash(config.answers, *folders)
+    found = blind_score(verdicts, read_answers(config.answers), config.cases)
+    for name, table in found.tables.items():
+        table.to_parquet(job.results / f"score_{name}.parquet", index=False)
+    figures = write_figures(found, job.results / "figures")
+    page = write_page(found, figures, job.results / FILE, digest=digest, by=provenance(beside))
+    console = Console()
+    print_table(console, "Single effects by size", words.effects(found.effects), right=(2, 3, 4))
+    print_table(console, "Answers that are right", words.groups(found.basic.table.head(8)), right=(1, 2, 3))
+    print_table(console, "What was taken for what", words.confusion(found.basic))
+    print_table(console, "95 % intervals of right answers' parameters", words.coverage(found), right=(1, 2, 3))
+    if len(found.places):
+        print_table(console, "Where it is", words.places(found), right=(2, 3, 4))
+    heading, rows = words.worst(found)
+    print_table(console, "Wrong answers, most certain first", (heading[:-1], [r[:-1] for r in rows]), right=(3,))
+    print_table(console, "Against the bars", words.bars(found), right=(1, 2, 3))
+    console.print(f"Brier score: {found.basic.summary['brier']:.3f}", highlight=False)
+    for note in words.notes(found):
+        console.print(f"Note: {note}", style="yellow", highlight=False)
+    console.print(headline(found.bars), style="bold", highlight=False)
+    console.print(f"{page}", highlight=False, soft_wrap=True)
+
+
+COMMAND = Command(config=BlindScoreConfig, main=main, keeps="blind_score")

@@ -1,0 +1,156 @@
+"""A blind diagnosis can't read the answers: behind the fence no file of theirs opens, and they change no byte."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cases import made
+
+from runner.__main__ import main
+from runner.blind.make import HASH_FILE
+from runner.blind.run import PROVENANCE, blind_run, copy_cases, read_hash
+from runner.commands import blind_run as command
+from runner.diagnose.verdict import ALL, FILE
+from runner.errors import ResultError
+from runner.recording import write_case
+
+FENCED = """
+import os, subprocess, sys, tempfile
+from pathlib import Path
+from runner.blind.fence import enter_fence
+inside, secret = Path(sys.argv[1]), Path(sys.argv[2])
+(inside / "way").symlink_to(secret)
+enter_fence([inside])
+(inside / "own.txt").write_text("mine")
+assert (inside / "own.txt").read_text() == "mine"
+import zipapp, numpy  # Python's and the environment's own files still open
+for attempt in (
+    lambda: secret.read_text(),
+    lambda: open(secret, "rb"),
+    lambda: os.open(secret, os.O_RDONLY),
+    lambda: open(os.fsencode(secret)),
+    lambda: (inside / "way").read_text(),
+    lambda: open(inside / ".." / secret.name),
+    lambda: open("/proc/self/root" + str(secret)),
+    lambda: os.link(secret, inside / "copy"),
+    lambda: os.rename(secret, inside / "copy"),
+    lambda: subprocess.run(["cat", str(secret)]),
+    lambda: os.system("cat " + str(secret)),
+):
+    try:
+        attempt()
+    except PermissionError as error:
+        assert "blind" in str(error), error
+    else:
+        sys.exit("went through")
+print("kept in")
+"""
+
+
+def test_the_fence_refuses_whatever_lies_outside(tmp_path: Path) -> None:
+    """Reading the answers fails, by any name or way round; own files and Python's open as ever."""
+    (tmp_path / "inside").mkdir()
+    secret = tmp_path / "answers.json"
+    secret.write_text("{}")
+    words = [sys.executable, "-c", FENCED, str(tmp_path / "inside"), str(secret)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.stdout == "kept in\n", done.stderr
+    assert secret.read_text() == "{}"
+
+
+@pytest.fixture(scope="module")
+def cases(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One short case whose answers lie beside it, and their hash with it."""
+    folder = tmp_path_factory.mktemp("blind") / "cases"
+    write_case(made(episodes=2, seconds=1.0)[0], folder / "strong_mass")
+    text = json.dumps({"strong_mass": {"effects": [], "accept": ["none"]}})
+    (folder.parent / "cases.answers.json").write_text(text)
+    (folder / HASH_FILE).write_text(hashlib.sha256(text.encode()).hexdigest() + "\n")
+    return folder
+
+
+def test_answers_change_no_byte_of_a_verdict(cases: Path, tmp_path: Path) -> None:
+    """Right answers beside the cases, none, or false ones under another name: the same verdict, byte for byte."""
+    verdicts = {}
+    for kind in ("right", "removed", "falsified"):
+        place = tmp_path / kind / "cases"
+        shutil.copytree(cases, place)
+        if kind == "right":
+            shutil.copy(cases.parent / "cases.answers.json", place.parent)
+        elif kind == "falsified":
+            lie = {"effects": [{"name": "tether", "severity": "strong"}], "accept": ["tether"]}
+            (place.parent / "truth.json").write_text(json.dumps({"strong_mass": lie}))
+            (place / "strong_mass" / "answers.json").write_text(json.dumps(lie))
+            (place / "strong_mass").rename(place / "weak_tether")
+        results = tmp_path / kind / "results"
+        results.mkdir()
+        count, failed = blind_run(place, results, workers=1)
+        assert (count, failed) == (1, {})
+        name = "weak_tether" if kind == "falsified" else "strong_mass"
+        assert set(json.loads((results / ALL).read_text())) == {name}
+        assert read_hash(results) == read_hash(cases)
+        verdicts[kind] = (results / name / FILE).read_bytes()
+    assert len(set(verdicts.values())) == 1
+
+
+def test_names_of_copies_follow_from_their_content(cases: Path, tmp_path: Path) -> None:
+    """A copy holds the recording and the nominal model alone; what the case was called leaves no trace."""
+    other = tmp_path / "another"
+    shutil.copytree(cases / "strong_mass", other)
+    (other / "answers.json").write_text("{}")
+    first = copy_cases({"strong_mass": cases / "strong_mass"}, tmp_path / "a")
+    second = copy_cases({"zzz": other, "another": other}, tmp_path / "b")
+    assert first["strong_mass"].name == second["zzz"].name
+    assert second["another"].name == second["zzz"].name + "-1"
+    assert {f.name for folder in second.values() for f in folder.iterdir()} == {"nominal.yaml", "recording.parquet"}
+
+
+def test_what_is_written_before_the_first_diagnosis(
+    cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Hash, version and commit are in the results when the diagnosis begins; verdicts that are there are kept."""
+    seen = []
+
+    def diagnosed(hidden: dict[str, Path], results: Path, **_: object) -> dict[str, str]:
+        entries = json.loads((results / PROVENANCE).read_text())
+        seen.append((read_hash(results), len(entries), set(entries[0]), set(hidden)))
+        assert all(not p.is_relative_to(cases) for p in hidden.values())
+        return {}
+
+    monkeypatch.setattr("runner.blind.run.diagnose_many", diagnosed)
+    for time in (1, 2):
+        blind_run(cases, tmp_path)
+        assert seen[-1] == (read_hash(cases), time, {"runner", "commit", "changed", "begun"}, {"strong_mass"})
+    (tmp_path / HASH_FILE).write_text("0" * 64)
+    with pytest.raises(ResultError, match="holds verdicts for other answers"):
+        blind_run(cases, tmp_path)
+
+
+def test_refusals(cases: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Cases without the hash of their answers are not diagnosed; one line says so."""
+    shutil.copytree(cases, tmp_path / "cases")
+    (tmp_path / "cases" / HASH_FILE).unlink()
+    assert main(["blind", "run", str(tmp_path / "cases"), f"out={tmp_path / 'out'}"]) == 2
+    err = capsys.readouterr().err
+    assert "answers.sha256: no such file" in err
+    assert err.count("\n") == 1
+    assert not list((tmp_path / "out").glob("*.json"))
+    assert command.COMMAND.positional == "cases"
+
+
+def test_made_with_a_seed_that_was_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a seed one is drawn and printed; the answers lie beside the cases, their hash is printed."""
+    assert main(["blind", "make", "n=1", f"out={tmp_path / 'set'}", "workers=1"]) == 0
+    out = capsys.readouterr().out
+    digest = hashlib.sha256((tmp_path / "set.answers.json").read_bytes()).hexdigest()
+    assert f"SHA-256 of the answers: {digest}" in out
+    assert "drawn" in out
+    assert read_hash(tmp_path / "set") == digest
+    assert main(["blind", "make", "n=1", f"out={tmp_path / 'set2'}", f"answers={tmp_path / 'set.answers.json'}"]) == 2
+    assert "exists; name a new file" in capsys.readouterr().err
