@@ -332,7 +332,7 @@ HUNG = tuple(
 # to test with, on the floor: at the height of the base and above, at an edge, at a corner
 STANDING = {
     "low": Poke((35.0, 0.0, 0.0), (-0.5, 0.1, -0.45)),
-    "middle": Poke((28.0, 0.0, 0.0), (-0.5, 0.0, 0.0)),
+    "middle": Poke((36.0, 0.0, 0.0), (-0.5, 0.0, 0.0)),
     "top": Poke((27.0, 0.0, 0.0), (-0.5, 0.0, 0.5)),
     "top, aside": Poke((0.0, 26.0, 0.0), (-0.3, -0.5, 0.5)),
     "top corner": Poke((-20.0, 20.0, 0.0), (0.5, -0.5, 0.5)),
