@@ -25,6 +25,7 @@ LAYERS = (
     "latency",
     "loop gap",
     "tables sinks studies",
+    "estimation",
     "latency_study model_jump plumb_line",
     "compound",
     "diagnose",

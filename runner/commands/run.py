@@ -29,6 +29,7 @@ from rich.table import Table
 from runner import compound, latency_study, model_jump, plumb_line  # noqa: F401  (the studies must be registered)
 from runner.commands import Command, Job
 from runner.errors import ConfigError
+from runner.estimation import averaged, calibration_study, certainty_study, eq6_study, joint_studies  # noqa: F401
 from runner.experiment import Experiment
 from runner.frames import RunResult, Status
 from runner.loop import run, run_batch

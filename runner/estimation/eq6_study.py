@@ -1,4 +1,4 @@
-"""The study `com_eq6`: the CoM by eq. 6 of the paper, where it is right, where it fails; beside it the joint estimator."""
+"""The study `com_eq6`: the CoM by eq. 6 of the paper, where it is right and where not, beside the joint estimator."""
 
 from __future__ import annotations
 
@@ -117,7 +117,11 @@ class ComEq6Study(AbstractStudy):
             remote=RemoteConfig(mass, half, (x, y, z), None, case.friction),
             start=StartConfig(case.mass_ratio * mass),
             link=LinkConfig(rate_hz=experiment.link.rate_hz),
-            estimator={"eq6_free": ComEq6(Factor.free), "eq6_sliding": ComEq6(Factor.sliding)},
+            estimator={
+                "eq6_free": ComEq6(Factor.free),
+                "eq6_sliding": ComEq6(Factor.sliding),
+                "eq6_simulated": ComEq6(Factor.simulated),
+            },
             follow=Immediate(),
         )
 
