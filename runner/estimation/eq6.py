@@ -51,7 +51,6 @@ from runner.estimators import AbstractEstimator, Outcome, Seen, Setup
 from runner.parameters import COM_X, COM_Y
 from runner.scene import BodyConfig, SceneConfig
 
-
 _SLOWEST_M_S = 1e-3  # below it the local cube sticks, or creeps
 _SHIFT_M = 1e-4
 
