@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import functools
 import math
+import subprocess
+import sys
 import tempfile
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -21,11 +24,12 @@ import pyarrow.parquet as pq
 import rerun as rr
 import rerun.blueprint as rrb
 
-from runner.errors import check_range
+from runner.errors import ResultError, check_range
 from runner.frames import Frames, RunResult, Status
 from runner.scene import rotate
 
 REMOTE = "remote"
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class RrdDetail(Enum):
@@ -44,29 +48,39 @@ class FrameKind(Enum):
     off = "off"
 
 
+class RrdFiles(Enum):
+    """How the runs of a sweep share `.rrd` files."""
+
+    each = "each"  # one in the folder of each run
+    one = "one"  # one for the sweep, with a recording for each run
+
+
 @dataclass(frozen=True)
 class LogConfig:
     """What is written.
 
     `frames` is the kind of frames that are kept, in `frames.parquet` (updates) and `steps.parquet`, and shown in the
-    `.rrd`. `rrd` says how many of them the `.rrd` shows, `every_n` which with `rrd=every_n`.
+    `.rrd`. `rrd` says how many of them the `.rrd` shows, `every_n` which with `rrd=every_n`. `rrd_files` is for sweeps.
     """
 
     rrd: RrdDetail = RrdDetail.full
     every_n: int = 8
     frames: FrameKind = FrameKind.updates
+    rrd_files: RrdFiles = RrdFiles.each
 
     def __post_init__(self) -> None:
         check_range("every_n", self.every_n, 1, 1_000_000)
 
-    def sinks(self) -> list[AbstractSink]:
-        """Return the sinks that this asks for."""
+    def sinks(self, *, sweep: bool = False) -> list[AbstractSink]:
+        """Return the sinks that this asks for; `sweep`: for a run that is part of one."""
         steps = self.frames is FrameKind.steps
         out: list[AbstractSink] = []
         if self.frames is not FrameKind.off:
             out.append(ParquetSink(steps=steps))
         if self.rrd is not RrdDetail.off:
-            out.append(RrdSink(every=1 if self.rrd is RrdDetail.full else self.every_n, steps=steps))
+            every = 1 if self.rrd is RrdDetail.full else self.every_n
+            part = sweep and self.rrd_files is RrdFiles.one
+            out.append(RrdSink(every=every, steps=steps, name=RrdSink.PART if part else RrdSink.FILE))
         return out
 
 
@@ -74,8 +88,17 @@ class AbstractSink(ABC):
     """Writes a finished run into a folder."""
 
     @abstractmethod
-    def write(self, result: RunResult, folder: Path, config: Mapping[str, Any]) -> None:
-        """Write the run; `config` is the resolved config as plain containers."""
+    def write(
+        self, result: RunResult, folder: Path, config: Mapping[str, Any], overrides: Mapping[str, Any] = NOTHING
+    ) -> None:
+        """Write the run.
+
+        Args:
+            result: The run.
+            folder: Where to.
+            config: The resolved config as plain containers.
+            overrides: What of it was set for this run.
+        """
 
 
 @dataclass(frozen=True)
@@ -86,7 +109,9 @@ class ParquetSink(AbstractSink):
     STEPS: ClassVar[str] = "steps.parquet"
     steps: bool = False
 
-    def write(self, result: RunResult, folder: Path, config: Mapping[str, Any]) -> None:
+    def write(
+        self, result: RunResult, folder: Path, config: Mapping[str, Any], overrides: Mapping[str, Any] = NOTHING
+    ) -> None:
         _write_frames(result.updates, folder / self.FRAMES)
         if self.steps:
             _write_frames(result.steps, folder / self.STEPS)
@@ -116,13 +141,21 @@ class RrdSink(AbstractSink):
     """
 
     FILE: ClassVar[str] = "run.rrd"
+    PART: ClassVar[str] = "part.rrd"  # of the file of a whole sweep, see `combine`
     every: int = 1
     steps: bool = False
+    name: str = FILE
 
-    def write(self, result: RunResult, folder: Path, config: Mapping[str, Any]) -> None:
+    def write(
+        self, result: RunResult, folder: Path, config: Mapping[str, Any], overrides: Mapping[str, Any] = NOTHING
+    ) -> None:
         with rr.RecordingStream("runner") as recording:
-            recording.save(folder / self.FILE, default_blueprint=_Layout(_layout_key(result)))
-            self.log(recording, result, config, name=folder.name)
+            recording.save(folder / self.name, default_blueprint=_Layout(_layout_key(result)))
+            title = " ".join([folder.name, *(f"{key}={value}" for key, value in overrides.items())])
+            self.log(recording, result, config, name=title)
+            if overrides:
+                typed = _flat(config)  # a property must have one type in all recordings
+                recording.send_property("overrides", [_value(k, typed.get(k, str(v))) for k, v in overrides.items()])
             recording.flush()
             recording.disconnect()
 
@@ -138,6 +171,19 @@ class RrdSink(AbstractSink):
             _send_motion(recording, result, _thin(shown, self.every))
             _send_trail(recording, result)
             _send_estimates(recording, result)
+            _send_com(recording, result)
+
+
+def combine(parts: Sequence[Path], out: Path) -> None:
+    """Make one `.rrd` of several, in which each stays a recording of its own, with the layout of the last.
+
+    Raises:
+        ResultError: If Rerun can't.
+    """
+    command = [sys.executable, "-m", "rerun", "rrd", "merge", *map(str, parts), "-o", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise ResultError(f"log.rrd_files: Rerun can't make '{out}': {done.stderr.strip().splitlines()[-1]}")
 
 
 def _thin(frames: Frames, every: int) -> Frames:
@@ -280,6 +326,40 @@ def _send_estimates(recording: rr.RecordingStream, result: RunResult) -> None:
         # the viewer has no logarithmic axis; an exact estimate is drawn at the resolution of the numbers
         errors = [np.log10(np.maximum(np.abs(truth.error(v)), 1e-16)) for v in values]
         _send_scalars(recording, f"error/{parameter}", index, errors)
+
+
+ROUND = np.linspace(0.0, 2 * np.pi, 33)
+HOLDS_95 = 2.4477  # standard deviations of two numbers together
+
+
+def _send_com(recording: rr.RecordingStream, result: RunResult) -> None:
+    """Draw the CoM on top of the cubes: the true one, every estimate, and its 95 % ellipse where there is one."""
+    updates, top = result.updates, 1.02 * result.half_size_m[2]
+    index = _index(updates)
+    for i, name in enumerate(result.estimators):
+        known = result.parameters[name]
+        if not {"com_x_m", "com_y_m"} <= known.keys():
+            continue
+        true = (known["com_x_m"].true, known["com_y_m"].true, top)
+        recording.log(f"world/{REMOTE}/com", rr.Points3D([true], colors=(255, 255, 255), radii=0.015), static=True)
+        told = np.column_stack([updates.column(f"{name}_com_{a}_m") for a in "xy"])
+        place = np.column_stack([told, np.full(len(told), top)])
+        entity, colour = f"world/{name}/com", _local_colour(i)
+        recording.log(entity, rr.Points3D.from_fields(colors=colour, radii=0.012), static=True)
+        recording.send_columns(entity, index, rr.Points3D.columns(positions=place).partition(np.ones(len(place), int)))
+        if f"{name}_com_xy_covariance_m2" not in updates.columns:
+            continue
+        sx, sy = (updates.column(f"{name}_com_{a}_sd_m") for a in "xy")
+        xy = updates.column(f"{name}_com_xy_covariance_m2")
+        # Cholesky's root of the covariance takes a circle to the ellipse
+        across = xy / np.maximum(sx, 1e-300)
+        rest = np.sqrt(np.maximum(sy**2 - across**2, 0.0))
+        c, s = HOLDS_95 * np.cos(ROUND), HOLDS_95 * np.sin(ROUND)
+        rim = np.stack([told[:, :1] + np.outer(sx, c), told[:, 1:] + np.outer(across, c) + np.outer(rest, s)], axis=-1)
+        rim = np.concatenate([rim, np.full((*rim.shape[:2], 1), top)], axis=-1)
+        recording.log(f"{entity}/ellipse", rr.LineStrips3D.from_fields(colors=colour, radii=0.004), static=True)
+        strips = rr.LineStrips3D.columns(strips=list(rim)).partition(np.ones(len(rim), int))
+        recording.send_columns(f"{entity}/ellipse", index, strips)
 
 
 def _send_scalars(

@@ -72,6 +72,7 @@ class Command(Generic[C]):
             with a `status`, "done" where it went well, and a `reason`, or the exception it ended with. Without it
             the jobs of a sweep are done one after another by `main`, and their rows are those of the
             `summary.parquet` that it leaves, if it does.
+        finish: Called with the folder of a sweep when all its jobs have ended.
     """
 
     config: type[C]
@@ -79,6 +80,7 @@ class Command(Generic[C]):
     keeps: str | None = None
     positional: str | None = None
     batch: Callable[[Sequence[tuple[C, Job]], int], Sequence[Mapping[str, Any] | Exception]] | None = None
+    finish: Callable[[Path], None] | None = None
 
 
 def names() -> tuple[str, ...]:

@@ -99,7 +99,10 @@ def sweep(
     except Exception as error:
         raise explain_sweep(error, hydra, overrides) from error
     (folder / "multirun.yaml").unlink(missing_ok=True)  # Hydra's; ours is sweep.txt
-    return _told(tables.finish_sweep(folder), folder)
+    rows = tables.finish_sweep(folder)
+    if command.finish is not None:
+        command.finish(folder)
+    return _told(rows, folder)
 
 
 def _told(rows: Sequence[Row], folder: Path) -> int:

@@ -34,12 +34,13 @@ from runner.experiment import Experiment
 from runner.frames import RunResult, Status
 from runner.loop import run, run_batch
 from runner.progress import progress
-from runner.sinks import LogConfig, RrdSink
+from runner.sinks import LogConfig, RrdSink, combine
 from runner.studies import AbstractStudy
 from runner.tables import summary_row, write_summary
 
 PACKAGES = ("runner", "mujoco", "dm-control", "numba", "numpy", "pandas", "pyarrow", "rerun-sdk", "hydra-core")
 
+SWEEP_RRD = "sweep.rrd"
 WIDTH = 120  # of printed tables
 
 
@@ -94,11 +95,21 @@ def _studied(study: AbstractStudy, config: RunConfig, job: Job) -> None:
 def _logged(result: RunResult, config: RunConfig, job: Job) -> dict[str, Any]:
     """Write what is kept of a run and return its row."""
     began = time.perf_counter()
-    for sink in config.log.sinks():
-        sink.write(result, job.results, job.config)
+    for sink in config.log.sinks(sweep=job.number is not None):
+        sink.write(result, job.results, job.config, job.overrides)
     row = summary_row(result, {"seed": config.seed})
     row["log_s"] = time.perf_counter() - began
     return row
+
+
+def finish(folder: Path) -> None:
+    """Put the recordings of a sweep into one file, if they were kept for that."""
+    parts = sorted(folder.glob(f"*/{RrdSink.PART}"), key=lambda part: int(part.parent.name))
+    if parts:
+        combine(parts, folder / SWEEP_RRD)
+        for part in parts:
+            part.unlink()
+        print(f"Look at it: rerun {folder / SWEEP_RRD}")
 
 
 def versions() -> dict[str, str]:
@@ -148,4 +159,4 @@ def _seconds(value: float) -> str:
     return f"{value:.2f} s" if value == value else "never"
 
 
-COMMAND = Command(config=RunConfig, main=main, keeps="run", batch=batch)
+COMMAND = Command(config=RunConfig, main=main, keeps="run", batch=batch, finish=finish)
