@@ -121,23 +121,23 @@ class Evidence:
     covariance: np.ndarray
 
 
-def log_prior(fit: Fit, context: Context) -> float:
-    """Log density of an explanation's parameters: heavy-tailed in each amplitude, even over places and logarithms."""
-    total, i = 0.0, 0
+def log_densities(fit: Fit, context: Context) -> np.ndarray:
+    """Log prior density of each parameter, (p,): heavy-tailed in each amplitude, even over places and logarithms."""
+    out = []
+    i = 0
     for kind in fit.explanation.kinds:
         parameters = kind.parameters(context)
         scattered = len(kind.starts(context)) > 0
         for k, p in enumerate(parameters):
-            x = fit.x[i + k]
             if scattered and k > 0:
-                total -= np.log(p.upper - p.lower)
+                out.append(-np.log(p.upper - p.lower))
             else:
                 # Student's t with three degrees of freedom; one-sided amplitudes have twice the density
-                z = x / p.scale
+                z = fit.x[i + k] / p.scale
                 density = 0.3675525969 / p.scale * (1 + z * z / 3) ** -2
-                total += np.log(density * (2.0 if p.lower == 0 else 1.0))
+                out.append(np.log(density * (2.0 if p.lower == 0 else 1.0)))
         i += len(parameters)
-    return float(total)
+    return np.array(out)
 
 
 def evidence(around: Surroundings, context: Context) -> Evidence:
@@ -152,9 +152,10 @@ def evidence(around: Surroundings, context: Context) -> Evidence:
     own, rest = np.arange(p), p + mismatch
     h_oo, h_or, h_rr = total[np.ix_(own, own)], total[np.ix_(own, rest)], total[np.ix_(rest, rest)]
     g_o, g_r, rr = total[own, -1], total[rest, -1], total[-1, -1]
-    prior = log_prior(around.fit, context)
+    density = log_densities(around.fit, context)
+    # a parameter that the data don't tell: as uncertain as its prior is wide, so that it neither gains nor loses
+    width = 2 * np.pi * np.exp(2 * density)
     logs, losses, covariances = [], [], []
-    scale = np.array([q.scale for q in around.fit.explanation.parameters(context)])
     for level in LEVELS:
         s = spread[mismatch] * level
         # in amplitudes of unit prior variance
@@ -168,11 +169,10 @@ def evidence(around: Surroundings, context: Context) -> Evidence:
         volume = 0.0
         covariance = np.empty((p, p))
         if p:
-            # a parameter that the data don't tell keeps its usual size as its uncertainty
-            schur = schur + np.diag(1e-2 / scale**2)
+            schur = schur + np.diag(width)
             covariance = np.linalg.inv(schur)
             loss -= float(g @ covariance @ g)
-            volume = 0.5 * p * np.log(2 * np.pi) - 0.5 * float(np.linalg.slogdet(schur).logabsdet) + prior
+            volume = 0.5 * p * np.log(2 * np.pi) - 0.5 * float(np.linalg.slogdet(schur).logabsdet) + density.sum()
         logs.append(-0.5 * loss - float(np.log(np.diag(inner[0])).sum()) + volume)
         losses.append(loss)
         covariances.append(covariance)

@@ -7,7 +7,7 @@ ones are fitted; a fit that falls hopelessly behind is not finished. Explanation
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -34,7 +34,7 @@ COMMON = (Mass, Friction)
 FINISHED = 4  # leaders whose fit is carried on until it rests
 SURVEYED = 7  # explanations of one size that are compared by evidence
 ONE_MORE = 5.0  # log prior odds against each further effect
-# A further effect must matter: lower the mean square residual by this, in squared noises, and by this share of what
+# An effect must matter: lower the mean square residual by this, in squared noises, and by this share of what
 # the nominal model leaves. Less is what any simulator's own small errors would offer to explain.
 WORTH, WORTH_SHARE = 0.03, 0.004
 NEAR = 1000.0  # log odds within which an explanation is worth adding to
@@ -113,6 +113,8 @@ def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS)
         fits = _finished(fitter, sorted(fits, key=lambda f: f.total), worth)
         around_best = survey(fitter, fits[0], every)
         new = [_contend(fitter, fit, around_best) for fit in fits[:SURVEYED]]
+        if size == 1:
+            new = [_less(c, 0.5 * max(worth - (nominal.total - c.fit.total), 0.0)) for c in new]
         best = max(c.log_posterior for c in contenders)
         contenders += new
         new.sort(key=lambda c: -c.log_posterior)
@@ -131,6 +133,10 @@ def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS)
                 beam.append(contender)
     contenders.sort(key=lambda c: -c.log_posterior)
     return Search(tuple(contenders), nominal)
+
+
+def _less(contender: Contender, by: float) -> Contender:
+    return replace(contender, log_posterior=contender.log_posterior - by)
 
 
 def _finished(fitter: Fitter, fits: list[Fit], worth: float) -> list[Fit]:
