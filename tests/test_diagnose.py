@@ -11,12 +11,17 @@ import numpy as np
 import pytest
 
 from runner import effects as fx
-from runner.diagnose.diagnosis import Diagnosis, diagnose, split
+from runner.diagnose.diagnosis import Diagnosis, confirm, diagnose, split
+from runner.diagnose.evidence import Evidence
+from runner.diagnose.fit import NONE, Explanation, Fit, Fitter
+from runner.diagnose.measured import measure
+from runner.diagnose.next_push import best_push, candidates
 from runner.diagnose.score import read_answers, score
+from runner.diagnose.search import Contender, Search
 from runner.diagnose.verdict import read_verdicts, verdict, write_verdict
 from runner.errors import RecordingError, ResultError
 from runner.recording import Episode, Form, Noise, Nominal, Recording
-from runner.simulate import Effects, Run, Simulator
+from runner.simulate import Effects, Run, Simulator, context_of
 
 RATE, SECONDS = 60.0, 3.0
 SIGMA = np.array([0.003, 0.003, 0.004, 0.015, 0.015, 0.02])
@@ -146,3 +151,54 @@ def test_verdicts_are_written_and_scored(found: Diagnosis, tmp_path: Path) -> No
         read_answers(tmp_path / "none.json")
     with pytest.raises(ResultError, match="no case has both"):
         score({}, read_answers(tmp_path / "answers.json"))
+
+
+def test_what_can_be_taken_for_what_is_said(found: Diagnosis) -> None:
+    """A constant force does on a level floor what a tilt does; a patch of floor does not."""
+    (tilt,) = found.ranked[0].effects
+    twin = {"floor_tilt": "wind", "wind": "floor_tilt"}[tilt]
+    known = {r.rival: r for r in found.rivals}
+    assert known[twin].alike > 0.95
+    assert known[twin].confounded
+    assert not known["friction_patch"].confounded
+    assert found.next_push is not None
+    assert "known weight" in found.next_push
+
+
+def test_the_next_push_stays_within_the_forces_used_and_tells_explanations_apart(tilted: Recording) -> None:
+    """What it promises is what two simulations of it differ by, and more than a push that moves nothing yields."""
+    context = context_of(tilted)
+    first = Explanation((fx.Mass,)), np.array([0.1])
+    second = Explanation((fx.Friction,)), np.array([0.1])
+    pushes = candidates(tilted, context)
+    assert max(np.linalg.norm(p.force_n) for p in pushes) <= context.force_n * (1 + 1e-12)
+    best = best_push(tilted, measure(tilted), context, first, second, np.diag([1e-4]), threads=1)
+    assert best.log_odds > 5.0
+    same = best_push(tilted, measure(tilted), context, first, first, np.diag([1e-4]), threads=1)
+    assert same.log_odds == pytest.approx(0.0, abs=1e-9)
+
+
+def test_what_fails_on_unseen_episodes_loses_its_lead(tilted: Recording) -> None:
+    """A leader with a wild value is put behind the nominal model by the episodes left out; a true one stays."""
+    fitted, held_out = split(len(tilted.episodes))
+    simulator = Simulator(tilted, grid=8, threads=1)
+    fitter = Fitter(simulator, measure(tilted), context_of(tilted))
+    nominal = fitter.fit(NONE, fitted)
+    true = fitter.fit(Explanation((fx.FloorTilt,)), fitted, near=nominal)
+    wild = dataclasses.replace(true, explanation=Explanation((fx.Mass,)), x=np.array([0.5]))
+    nothing = Evidence(0.0, np.zeros(5), 0.0, np.eye(1))
+
+    def contender(fit: Fit, log: float) -> Contender:
+        return Contender(fit, nothing, log, {})
+
+    for fit, stays in ((true, True), (wild, False)):
+        search = Search((contender(fit, 0.0), contender(nominal, -20.0)), nominal)
+        left, before, after = confirm(search, fitter, held_out)
+        assert (left.best.fit is fit) == stays
+        assert (after.total < before.total) == stays
+
+
+def test_a_hair_s_breadth_is_no_effect() -> None:
+    """Friction off by 0.05 % explains some of the noise's whims and nothing that matters."""
+    diagnosis = diagnose(recorded((fx.Friction(NOMINAL.friction * 1.0005),)), threads=1)
+    assert diagnosis.ranked[0].effects == ("none",)
