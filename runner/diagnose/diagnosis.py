@@ -200,8 +200,12 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> tuple[Sea
         kinds = contender.fit.explanation.kinds
         if kinds not in known:
             effects = contender.fit.explanation.make(contender.fit.x, fitter.context)
-            near = known.get(())
-            known[kinds] = replace(fitter, held=effects).fit(NONE, held_out, near=near)
+            model = replace(fitter, held=effects)
+            # where the body spins fast, a descent of the start states may end in a hollow: from two sides
+            tries = [model.fit(NONE, held_out)]
+            if () in known:
+                tries.append(model.fit(NONE, held_out, near=known[()]))
+            known[kinds] = min(tries, key=lambda f: f.total)
         return known[kinds]
 
     contenders = [c for c in found.contenders if np.isfinite(c.log_posterior)]
