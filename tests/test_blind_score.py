@@ -80,18 +80,18 @@ def test_every_bar_counts_its_own_cases() -> None:
     ]
     bars = bars_of(rows)
     for name, hits, count in (
-        ("moderate and strong named first", 3, 4),
+        ("moderate/strong named first", 3, 4),
         ("subtle named first", 1, 2),
-        ("false alarms where nothing is", 1, 5),
-        ("unknown effects abstained from", 2, 3),
+        ("false alarms on nulls", 1, 5),
+        ("unknowns abstained from", 2, 3),
         ("pairs: both found", 1, 3),
         ("pairs: one found", 2, 3),
     ):
         bar, wilson = bars[name], binomtest(hits, count).proportion_ci(method="wilson")
         assert (bar.value, bar.cases) == (hits / count, count), name
         assert (bar.low, bar.high) == (wilson.low, wilson.high), name
-    assert bars["false alarms where nothing is"].missed_by == pytest.approx(0.17)
-    assert math.isnan(bars["gap closed, of the oracle's"].value)
+    assert bars["false alarms on nulls"].missed_by == pytest.approx(0.17)
+    assert math.isnan(bars["gap closed, of oracle's"].value)
     found = blind_score(*both(rows))
     mine = found.effects.set_index(["effect", "size"])
     assert mine.loc[("mass", "all"), "cases"] == 5
@@ -197,8 +197,8 @@ def test_the_oracle_takes_the_variant_that_was_planted() -> None:
 def test_words_of_an_outcome() -> None:
     """Reached or missed by how much, and whether the interval settles it."""
     assert outcome(Bar("a", 0.97, 0.96, 0.99, 200, least=0.95)) == "met"
-    assert outcome(Bar("a", 0.97, 0.90, 0.99, 30, least=0.95)) == "met, not settled"
-    assert outcome(Bar("a", 0.91, 0.88, 0.96, 90, least=0.95)) == "missed by 4.0, not settled"
+    assert outcome(Bar("a", 0.97, 0.90, 0.99, 30, least=0.95)) == "met ?"
+    assert outcome(Bar("a", 0.91, 0.88, 0.96, 90, least=0.95)) == "missed by 4.0 ?"
     assert outcome(Bar("a", 0.10, 0.05, 0.2, 90, most=0.03)) == "missed by 7.0"
     assert outcome(Bar("a", 0.99, 0.985, 1.0, 900, least=0.9, most=0.98)) == "missed by 1.0"
     assert outcome(Bar("a", math.nan, math.nan, math.nan, 0, least=0.9)) == "not measured"
@@ -242,7 +242,7 @@ def test_what_is_printed_and_kept(run: Path, capsys: pytest.CaptureFixture[str],
     out = capsys.readouterr().out
     assert max(len(line) for line in out.splitlines()[:-1]) <= 80
     assert "…" not in out
-    assert "moderate and strong named first" in " ".join(out.split())
+    assert "moderate/strong named first" in " ".join(out.split())
     page = (run / "out" / "score.html").read_text()
     assert "ffffffffffff" in page
     assert page.count("<svg ") == 6

@@ -156,7 +156,8 @@ def blind_score(
     gap = None if cases is None else _gap(basic.cases, answers, verdicts, cases)
     right = parameters[parameters["right"]].drop(columns="right").reset_index(drop=True)
     single = basic.cases[basic.cases["kind"] == "single"]
-    effects = pd.DataFrame([row for name, part in single.groupby("truth") for row in _by_size(str(name), part)])
+    rows = [row for name, part in single.groupby("truth") for row in _by_size(str(name), part)]
+    effects = pd.DataFrame(rows, columns=["effect", "size", *accuracy(single.head(1))])
     coverage = _coverage(right)
     return BlindScore(
         basic, _bars(basic.cases, right, gap), effects, right, coverage, _places(parameters), gap,
@@ -177,23 +178,23 @@ def _bars(cases: pd.DataFrame, parameters: pd.DataFrame, gap: pd.DataFrame | Non
     p, right = cases["probability"].to_numpy(float), cases["right"].to_numpy(float)
     covered = parameters["covered"].to_numpy(bool)
     bars = [
-        Bar("moderate and strong named first", *share(clear["right"]), len(clear), least=0.95),
+        Bar("moderate/strong named first", *share(clear["right"]), len(clear), least=0.95),
         Bar("subtle named first", *share(subtle["right"]), len(subtle), least=0.80),
-        Bar("false alarms where nothing is", *share(~null["right"]), len(null), most=0.03),
-        Bar("unknown effects abstained from", *share(unknown["right"]), len(unknown), least=0.80),
+        Bar("false alarms on nulls", *share(~null["right"]), len(null), most=0.03),
+        Bar("unknowns abstained from", *share(unknown["right"]), len(unknown), least=0.80),
         Bar("pairs: both found", *share(pairs["right"]), len(pairs), least=0.70),
         Bar("pairs: one found", *share(pairs["one_right"]), len(pairs), least=0.95),
         Bar(
             "expected calibration error", calibration_error(p, right), *_drawn(_error_of, np.column_stack([p, right])),
             len(cases), most=0.06, percent=False,
         ),
-        Bar("95 % intervals that hold the truth", *share(covered), len(covered), least=0.90, most=0.98),
+        Bar("truth in 95 % intervals", *share(covered), len(covered), least=0.90, most=0.98),
     ]  # fmt: skip
     ratio = np.empty(0) if gap is None else gap["ratio"].dropna().to_numpy(float)
     known = len(ratio) > 0
     bars.append(
         Bar(
-            "gap closed, of the oracle's", float(ratio.mean()) if known else math.nan,
+            "gap closed, of oracle's", float(ratio.mean()) if known else math.nan,
             *(_drawn(lambda r: float(r.mean()), ratio) if known else (math.nan, math.nan)), len(ratio), least=0.93,
         )
     )  # fmt: skip

@@ -7,7 +7,7 @@ import math
 import pandas as pd
 
 from runner.blind.score import Bar, BlindScore
-from runner.diagnose.score import NONE, Score
+from runner.diagnose.score import NONE, UNKNOWN, Score
 
 Rows = list[tuple[str, ...]]
 
@@ -28,7 +28,7 @@ def figure(bar: Bar) -> str:
         return "–"
     if bar.percent:
         return f"{100 * bar.value:.1f} % ({100 * bar.low:.0f}–{100 * bar.high:.0f})"
-    return f"{bar.value:.3f} ({bar.low:.3f}–{bar.high:.3f})"
+    return f"{bar.value:.3f} ({bar.low:.2f}–{bar.high:.2f})"
 
 
 def wanted(bar: Bar) -> str:
@@ -41,13 +41,13 @@ def wanted(bar: Bar) -> str:
 
 
 def outcome(bar: Bar) -> str:
-    """Return whether it was reached, and whether so many cases settle that."""
+    """Return whether it was reached, with a question mark where so few cases don't settle it."""
     if not math.isfinite(bar.value):
         return "not measured"
     if bar.missed_by == 0.0:
-        return "met" if bar.certain else "met, not settled"
+        return "met" if bar.certain else "met ?"
     by = f"{100 * bar.missed_by:.1f}" if bar.percent else f"{bar.missed_by:.3f}"
-    return f"missed by {by}" + ("" if bar.certain else ", not settled")
+    return f"missed by {by}" + ("" if bar.certain else " ?")
 
 
 def bars(found: BlindScore) -> tuple[tuple[str, ...], Rows]:
@@ -81,14 +81,16 @@ def effects(table: pd.DataFrame) -> tuple[tuple[str, ...], Rows]:
 
 def confusion(found: Score) -> tuple[tuple[str, ...], Rows]:
     """Return heading and rows of what was named for what was planted, wrong names marked."""
-    rows = []
-    order = {"single": 0, "pair": 1, "unknown": 2, NONE: 3}
-    kinds = found.cases.groupby("truth")["kind"].first()
-    for truth in sorted(kinds.index, key=lambda t: (order[kinds[t]], t)):
-        part = found.confusion[found.confusion["truth"] == truth]
-        part = part.sort_values(["right", "cases"], ascending=False).to_dict("records")
-        named = [f"{spaced(r['first'])} {r['cases']}{'' if r['right'] else ' ✗'}" for r in part]
-        rows.append((spaced(str(truth)), ", ".join(named)))
+    order = {"single": 0, "pair": 1, UNKNOWN: 2, NONE: 3}
+    cases = found.cases
+    planted = cases["truth"].map(spaced).where(cases["kind"] != UNKNOWN, "unknown: " + cases["what"].map(spaced))
+    rows: Rows = []
+    for (_, truth), part in cases.groupby([cases["kind"].map(order), planted]):
+        named = (
+            part.groupby(["right", "first"]).size().sort_values(ascending=False).sort_index(level=0, ascending=False)
+        )
+        texts = [f"{spaced(str(n))} {c}{'' if right else ' ✗'}" for (right, n), c in named.items()]  # type: ignore[misc]
+        rows.append((str(truth), ", ".join(texts)))
     return ("planted", "named, how often (✗ wrong)"), rows
 
 

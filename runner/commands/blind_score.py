@@ -54,6 +54,7 @@ def main(config: BlindScoreConfig, job: Job) -> None:
     heading, rows = words.worst(found)
     print_table(console, "Wrong answers, most certain first", (heading[:-1], [r[:-1] for r in rows]), right=(3,))
     print_table(console, "Against the bars", words.bars(found), right=(1, 2, 3))
+    console.print("?: the interval reaches across the bar, so few cases don't settle it", style="dim", highlight=False)
     console.print(f"Brier score: {found.basic.summary['brier']:.3f}", highlight=False)
     for note in words.notes(found):
         console.print(f"Note: {note}", style="yellow", highlight=False)

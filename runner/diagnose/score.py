@@ -99,6 +99,7 @@ def _marked(case: str, verdict: dict[str, Any], answer: dict[str, Any]) -> dict[
         "case": case,
         "kind": NONE if not truth else UNKNOWN if UNKNOWN in truth else "single" if len(truth) == 1 else "pair",
         "truth": "+".join(sorted(truth)) or NONE,
+        "what": "+".join(e.get("true", {}).get("what", "") for e in answer["effects"]),
         "severity": "+".join(e.get("severity", "") for e in answer["effects"]) or "-",
         "first": "+".join(first),
         "probability": float(ranks[0]["probability"]),
@@ -142,7 +143,7 @@ def accuracy(part: pd.DataFrame) -> dict[str, Any]:
     """Return how often the first answer, and one of the first three, is right in these cases."""
     first = dict(zip(("first_right", "low", "high"), share(part["right"]), strict=True))
     three = dict(zip(("first_three_right", "three_low", "three_high"), share(part["in_first_three"]), strict=True))
-    return {"cases": len(part), **first, **three, "one_right": float(np.mean(part["one_right"].to_numpy(float)))}
+    return {"cases": len(part), **first, **three, "one_right": share(part["one_right"])[0]}
 
 
 def _groups(cases: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
