@@ -22,6 +22,7 @@ from runner.config import registered
 from runner.errors import check_range
 from runner.estimation.belief import Prior, Tracker
 from runner.estimation.copies import Copies, errors, to_vector
+from runner.estimation.data import measured_sd
 from runner.experiment import Experiment, commands
 from runner.follow import Immediate, Unaware
 from runner.frames import RunResult
@@ -70,16 +71,14 @@ def sent(truth: RunResult, link: LinkConfig, seeds: list[int]) -> Sent:
 
 def joint_errors(experiment: Experiment, given: Sent, prior_sd: np.ndarray) -> np.ndarray:
     """Return the errors of all parameters after the run, (seeds, 5), as `estimation.copies.errors` has them."""
-    noise = experiment.link.noise
-    noise_sd = np.array([*2 * [noise.position_m], noise.angle_rad, *2 * [noise.velocity_m_s], noise.rate_rad_s])
-    tracker = Tracker(Copies(experiment.scene, experiment.local), noise_sd)
+    tracker = Tracker(Copies(experiment.scene, experiment.local), measured_sd(experiment.link.noise))
     pushes = commands(experiment).pushes[:-1, law.PUSH_SIZE : 2 * law.PUSH_SIZE]
     belief = tracker.start(Prior(to_vector(experiment.local), prior_sd), np.zeros((len(given.measured), 6)))
     at = 0
     for k, end in enumerate(given.ends.tolist()):
         belief = tracker.update(belief, pushes[at:end], given.measured[:, k])
         at = end
-    return errors(tracker.settled(belief).x, to_vector(experiment.remote.body))
+    return errors(belief.x, to_vector(experiment.remote.body))
 
 
 @registered("study")
