@@ -91,13 +91,23 @@ def batch_fit(
         noise_sd: Of the measurements, (6,).
     """
 
-    def residuals(u: np.ndarray) -> np.ndarray:
-        return ((trajectory(copies, u[None], pushes, ends)[0] - measured) / noise_sd).ravel()
-
     def jacobian(u: np.ndarray) -> np.ndarray:
         steps = _STEP * np.vstack([np.eye(UNKNOWNS), -np.eye(UNKNOWNS)])
         states = trajectory(copies, u + steps, pushes, ends) / noise_sd
         return ((states[:UNKNOWNS] - states[UNKNOWNS:]) / (2 * _STEP)).reshape(UNKNOWNS, -1).T
 
-    found = least_squares(residuals, start, jacobian, method="lm", x_scale="jac")  # pyright: ignore[reportArgumentType]
-    return BatchFit(found.x, np.linalg.pinv(found.jac.T @ found.jac, hermitian=True), float(2 * found.cost))
+    # in units in which a first step of one goes a few standard deviations: further away there are other minima
+    scale = 10.0 / np.maximum(np.linalg.norm(jacobian(start), axis=0), 1e-6)
+
+    def residuals(p: np.ndarray) -> np.ndarray:
+        return ((trajectory(copies, (start + scale * p)[None], pushes, ends)[0] - measured) / noise_sd).ravel()
+
+    found = least_squares(
+        residuals,
+        np.zeros(UNKNOWNS),
+        lambda p: jacobian(start + scale * p) * scale,  # pyright: ignore[reportArgumentType]
+        ftol=1e-12,
+        xtol=1e-12,
+    )
+    covariance = np.linalg.pinv(found.jac.T @ found.jac, hermitian=True)
+    return BatchFit(start + scale * found.x, covariance * np.outer(scale, scale), float(2 * found.cost))
