@@ -187,8 +187,9 @@ class JointNoise(AbstractStudy):
         rmse = np.sqrt((error**2).mean(axis=1))  # (k, 5)
         masses = published(Linear(), copies, experiment, motion, measured)
         off = masses[:, -1] / to_values(motion.true_x, copies.half_size_m)[0] - 1
+        found, sds = course.last.unknowns, np.sqrt(np.diagonal(course.last.covariance, axis1=1, axis2=2))
         differences = [
-            self._batch_difference(tracker, motion, measured[i], course.x[-1, i]) for i in range(self.batch_seeds)
+            self._batch_difference(tracker, motion, measured[i], found[i], sds[i]) for i in range(self.batch_seeds)
         ]
         spread = np.sqrt(chi2.ppf([0.975, 0.025], self.seeds))
         rows: Rows = []
@@ -240,7 +241,9 @@ class JointNoise(AbstractStudy):
         return pd.concat(parts, ignore_index=True)
 
     @staticmethod
-    def _batch_difference(tracker: Tracker, motion: Motion, measured: np.ndarray, x: np.ndarray) -> np.ndarray:
-        start = np.concatenate([measured[0], x + 0.01])
-        fit = batch_fit(tracker.copies, start, motion.pushes, motion.ends, measured, tracker.noise_sd)
-        return np.abs(fit.unknowns[6:] - x)
+    def _batch_difference(
+        tracker: Tracker, motion: Motion, measured: np.ndarray, found: np.ndarray, sd: np.ndarray
+    ) -> np.ndarray:
+        """Return how far the batch answer, begun two standard deviations away, is from the recursive one, (5,)."""
+        fit = batch_fit(tracker.copies, found + 2.0 * sd, motion.pushes, motion.ends, measured, tracker.noise_sd)
+        return np.abs(fit.unknowns[6:] - found[6:])
