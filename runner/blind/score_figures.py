@@ -148,7 +148,8 @@ def _confusion(found: BlindScore) -> Figure:
     first = cases["first"].where(~cases["first"].str.contains("+", regex=False), SEVERAL)
     last = {NONE: 1, UNKNOWN: 2, SEVERAL: 3}
     rows, columns = (sorted(set(v), key=lambda n: (last.get(n, 0), n)) for v in (cases["truth"], first))
-    figure = _new(1.9 + 0.31 * len(columns), 2.3 + 0.25 * len(rows), left=1.75)
+    wide, cell = 11.0, 0.31  # one width, so that letters are as large as elsewhere
+    figure = _new(wide, 2.3 + 0.25 * len(rows), left=1.75, right=max(wide - 1.75 - cell * len(columns), 0.4))
     figure.subplots_adjust(top=1 - 1.75 / figure.get_figheight(), bottom=0.1 / figure.get_figheight())
     ax = figure.add_subplot()
     counts = Counter(zip(cases["truth"], first, cases["right"], strict=True))
@@ -178,7 +179,8 @@ def _coverage(found: BlindScore) -> Figure:
     left.axvspan(0.90, 0.98, color=BAND, lw=0)
     left.hlines(y, table["low"], table["high"], color=FAINT, lw=3)
     left.plot(table["covered"], y, "o", color=ACCENT, ms=6)
-    names = [f"{e} {p}".replace("_", " ").strip() for e, p in zip(table["effect"], table["parameter"], strict=True)]
+    both = zip(table["effect"].str.replace("_", " "), table["parameter"], strict=True)
+    names = [f"{effect} {parameter}".strip() for effect, parameter in both]
     left.set_yticks(y, [f"{n} ({v})" for n, v in zip(names, table["values"], strict=True)])
     left.set_ylim(len(table) - 0.5, -0.5)
     left.tick_params(axis="y", length=0)

@@ -59,6 +59,7 @@ def _content(
         },
         "by_chance": f"{if_calibrated(cases['probability'].to_numpy(float)):.3f}",
         "oracle_fits": 0 if found.gap is None else int((~found.gap["same"]).sum()),
+        "oracle_cases": 0 if found.gap is None else len(found.gap),
         "notes": words.notes(found),
         "digest": digest,
         "by": by,

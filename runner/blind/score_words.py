@@ -132,7 +132,7 @@ def notes(found: BlindScore) -> list[str]:
     if missing := found.basic.unanswered:
         out.append(
             f"{len(missing)} of {len(missing) + len(found.basic.cases)} cases have no verdict and are in no figure: "
-            f"{', '.join(missing[:4])}{' ...' if len(missing) > 4 else ''}."
+            f"{', '.join(missing[:4])}{f' and {len(missing) - 4} more' if len(missing) > 4 else ''}."
         )
     if found.gap is None:
         out.append("Without cases=DIR there is no oracle, and no parameter that is relative to the nominal model.")
