@@ -187,7 +187,7 @@ def test_same_config_and_seed_give_the_same_bits() -> None:
 
 
 def test_late_messages_carry_their_time_stamp() -> None:
-    """With 100 ms of delay each state that is taken in is six updates old; unaware, the cube is set to what was then."""
+    """With 100 ms of delay each state taken in is six updates old; unaware, the cube is set to what was then."""
     result = loop.run(experiment(forces=SHORT, link=LinkConfig(60.0, delay_s=0.1), follow=Unaware()))
     sent, now = result.updates.column("sent_s"), result.updates.column("time_s")
     assert np.isnan(sent[:6]).all()
