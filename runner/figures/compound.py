@@ -23,7 +23,7 @@ def fit(runs: Runs) -> Drawn:
     log_error(left, highest=1.0)
     left.set_xticks(range(len(names)), [_short(name) for name in names], rotation=45)
     left.set_ylabel("error: of the mass, half size, mean moment")
-    left.legend(loc="center right")
+    left.legend(loc="lower left")
     rows = tested[tested["noise"].astype(bool)] if tested["noise"].astype(bool).any() else tested
     at = np.arange(len(rows))
     right.bar(at - 0.2, 1e3 * rows["start_off_m"], 0.4, color=GREY, label="box as believed")
@@ -33,7 +33,8 @@ def fit(runs: Runs) -> Drawn:
     right.set_xticks(at, labels)
     right.set_ylabel("largest distance from the object [mm]")
     right.set_title("pushes on the floor, not fitted")
-    right.legend()
+    right.set_ylim(top=1e5)  # room for the legend
+    right.legend(loc="upper center", ncols=2)
     worst = noisy["error"].abs().max() if len(noisy) else exact["error"].abs().max()
     off = 1e3 * rows["fitted_off_m"].max()
     return Drawn(
