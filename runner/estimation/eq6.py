@@ -9,26 +9,27 @@ along n. The push has the moments -c_n F about the two centres, so that the remo
 
     without friction    dw' = d F / I                          =>  f_difference = I / (F T)
 
-with I the yaw inertia about the centre of mass and T the interval. A body that slides also rubs. While it moves along
-the push at speed v and turns slowly, a point at r_t ahead of the centre slips sideways by w r_t / v of its slip, and
-the friction of all points has the moment -mu N <r_t^2> w / v: for a uniform rectangular base <r_t^2> = h^2 / 3, h the
-half size along the push. (Where the load is has no part in that: it is carried along the line of the push, as long as
-the centre of mass is not far ahead or behind.) The difference obeys
+with I the yaw inertia about the centre of mass and T the interval. A body that slides also rubs. Its friction points
+back along the slip and is caught, at the height z of the centre of mass above the floor, by a load that is carried
+ahead by s = mu z. So the line of the friction's resultant passes below the centre of mass, also where a slow turn makes
+the body drift aside: only the couple about the centre of the load counts. While the body moves along the push at speed
+v, a point at r_t ahead slips sideways by w r_t / v of its slip, and the couple is -mu N (<r_t^2> - s^2) w / v, with
+<r_t^2> = h^2 / 3 for a rectangular base of half size h along the push. The difference obeys
 
-    dw' = d F / I - (k / v) dw,    k = mu N <r_t^2> / I,    v = v0 + a t,
+    dw' = d F / I - (k / v) dw,    k = mu N (h^2 / 3 - s^2) / I,    v = v0 + a t,
 
 whose solution over an interval in which the speed grows from v0 to v1 = v0 + a T is
 
     dw = (d F / I) (v1 - v0 (v0 / v1)^(k / a)) / (a + k)  =>  f_difference = I (a + k) / F / (v1 - v0 (v0 / v1)^(k/a)).
 
-From rest that is (I + mu N <r_t^2> / a) / (F T): friction acts as if the inertia were larger. For a uniform cube it is
-larger by the factor 1 + mu g / (2 a), which is 1.7 for the paper's push of 15 N on 3 kg with friction 0.3. A constant
-f_difference, or one without friction, can't be right for more than one push.
+From rest that is I (1 + k / a) / (F T): friction acts as if the inertia were larger, by the factor 1.52 for the paper's
+push of 15 N on 3 kg with friction 0.3. A constant f_difference, or one without friction, can't be right for more than
+one push.
 
-The closed form is that of continuous motion. Physics steps and the first step from rest, which MuJoCo's law takes in
-another way than those of a sliding body, make some 10 % of it at eight steps an update. `simulated` asks the model: it
-lets a local cube whose CoM is shifted a little across the push go through the same interval. One update is then right
-up to the second order in the offset, whatever the motion before.
+The closed form is that of continuous motion, small offsets, pushes at the height of the centre of mass, and a centre
+of mass that is not far ahead or behind; physics steps add a percent at eight of them an update. `simulated` asks the
+model: it lets a local cube whose CoM is shifted a little across the push go through the same interval. One update is
+then right up to the second order in the offset, whatever the motion before.
 
 Where the idea ends. While the body sticks nothing turns. Near the threshold a goes to zero and the factor grows without
 bound. A wrong mass lets the two turn differently too, unless the push goes through both centres: the rule takes that
@@ -93,8 +94,9 @@ def difference_factor(
     acceleration = (end - begin) / interval_s
     if acceleration <= 0:
         return math.inf
-    hx, hy, _ = body.half_size_m
-    spread = ((hx * math.cos(angle_rad)) ** 2 + (hy * math.sin(angle_rad)) ** 2) / 3
+    hx, hy, hz = body.half_size_m
+    ahead = body.friction * (hz + body.com_m[2])
+    spread = ((hx * math.cos(angle_rad)) ** 2 + (hy * math.sin(angle_rad)) ** 2) / 3 - ahead**2
     k = body.friction * body.mass_kg * scene.gravity_m_s2 * spread / inertia
     left = begin * (begin / end) ** (k / acceleration)
     return inertia * (acceleration + k) / force_n / (end - left)
