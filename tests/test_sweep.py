@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -26,6 +27,10 @@ ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "RAY_AUTH_MODE": "disabled",  # else Ray writes a key into the home folder
     "RAY_USAGE_STATS_ENABLED": "0",
+    # a busy machine is no dead one
+    "RAY_raylet_start_wait_time_s": "300",
+    "RAY_health_check_timeout_ms": "120000",
+    "RAY_health_check_failure_threshold": "20",
 }
 
 
@@ -73,7 +78,7 @@ def test_rows_are_in_run_order_and_typed(whole: Path) -> None:
     assert rows["link.rate_hz"].tolist() == [60, 30] * 5
     assert rows["status"].tolist() == ["done"] * 6 + ["failed"] * 2 + ["done"] * 2
     assert set(rows["reason"].iloc[6:8]) == {"start.mass_kg: must be a finite number in ]0, 1e+06] kg, got -1.0."}
-    assert rows["motion"].nunique() == 8
+    assert len(set(rows["motion"].dropna())) == 8
     assert not (whole / tables.ROWS).exists()
 
 
@@ -110,11 +115,13 @@ def cluster(tmp_path: Path) -> Iterator[str]:
     temporary = Path(f"/tmp/ray_{os.getpid()}")
     try:
         for options in ([*head, f"--temp-dir={temporary}"], [f"--address=127.0.0.1:{port}"]):
-            log = (tmp_path / f"node{len(nodes)}.log").open("w")
-            nodes.append(
-                subprocess.Popen([*ray, *options], env=ENVIRONMENT, stdout=log, stderr=log, start_new_session=True)
-            )
-            _wait_for(tmp_path / f"node{len(nodes) - 1}.log", "Ray runtime started", nodes[-1])
+            log = tmp_path / f"node{len(nodes)}.log"
+            with log.open("w") as out:
+                node = subprocess.Popen(
+                    [*ray, *options], env=ENVIRONMENT, stdout=out, stderr=out, start_new_session=True
+                )
+            nodes.append(node)
+            _wait_for(log, "Ray runtime started", node)
         yield f"127.0.0.1:{port}"
     finally:
         for node in reversed(nodes):
@@ -124,9 +131,11 @@ def cluster(tmp_path: Path) -> Iterator[str]:
                 node.wait(30)
             except subprocess.TimeoutExpired:
                 os.killpg(node.pid, signal.SIGKILL)
+                node.wait()
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
-def _wait_for(log: Path, text: str, process: subprocess.Popen[bytes], patience_s: float = 120) -> None:
+def _wait_for(log: Path, text: str, process: subprocess.Popen[bytes], patience_s: float = 300) -> None:
     end = time.monotonic() + patience_s
     while text not in log.read_text():
         assert process.poll() is None, log.read_text()
@@ -182,7 +191,7 @@ def test_killed_in_the_middle_it_resumes_to_the_same_table(tmp_path: Path) -> No
     assert {job: (tmp_path / f"killed/{job}/frames.parquet").stat().st_mtime_ns for job in ended} == before
     assert main([*settings, f"out={tmp_path}/whole"]) == 0
     assert_same(tmp_path / "killed", tmp_path / "whole")
-    assert table(tmp_path / "whole")["motion"].nunique() == 200
+    assert len(set(table(tmp_path / "whole")["motion"])) == 200
 
 
 def test_one_rrd_for_a_sweep(tmp_path: Path) -> None:

@@ -106,7 +106,7 @@ def unfixed(runs: Runs) -> Drawn:
         ax.minorticks_off()
         ax.set(title=title, xlabel="updates a second [Hz], over physics at 50 Hz")
     axes[0].legend(loc="center", bbox_to_anchor=(0.6, 0.3))
-    spread = dict(zip(ticks.tolist(), found, strict=True))
+    spread: dict[float, np.ndarray] = {float(rate): found[i] for i, rate in enumerate(ticks)}
     worse = int(((spread[60.0] > 1.05 * spread[30.0]) & (spread[60.0] > 1.05 * spread[45.0])).sum())
     typical = float(np.median([spread[rate] for rate in (30.0, 45.0, 60.0)]))
     at_once = errors_at(60.0)
