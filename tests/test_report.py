@@ -22,6 +22,7 @@ import pytest
 import rerun as rr
 from rich.console import Console
 
+from runner.colour import Colour
 from runner.diagnose.measured import CHANNELS, UNITS, Measured
 from runner.diagnose.where import localise
 from runner.effects import EFFECTS, Friction
@@ -76,7 +77,7 @@ def found(recording: Recording) -> Any:
     """A diagnosis that found the friction."""
     values = tuple(np.hstack([e.pose, e.twist]) for e in recording.episodes)
     valid = tuple(np.ones(v.shape, bool) for v in values)
-    measured = Measured(values, SIGMA, np.zeros(6), valid, np.ones(6, bool))
+    measured = Measured(values, SIGMA, Colour.white(6), valid, np.ones(6, bool))
     rows = [
         {"episode": 5, "channel": c, "before": 9 * s, "after": 1.1 * s, "noise": s, "unit": u}
         for c, s, u in zip(CHANNELS, SIGMA, UNITS, strict=True)

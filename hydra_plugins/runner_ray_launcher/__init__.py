@@ -9,6 +9,7 @@ beside joblib 1.6 (it wants cloudpickle below 3), and fails on a cluster that ru
 
 # annotations are not postponed: Hydra imports plug-ins in a way in which dataclasses can't look them up
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -53,7 +54,7 @@ class RayLauncher(Launcher):
         setup_globals()
         connected = ray.is_initialized()
         if not connected:
-            ray.init(address=self.address, log_to_driver=False, logging_level="error")
+            ray.init(address=self.address, log_to_driver=False, logging_level=logging.ERROR)
         try:
             task = ray.remote(num_cpus=self.cores_per_task, max_retries=self.retries)(_do)
             shared = ray.put((self.hydra_context, self.task_function, Singleton.get_state()))

