@@ -76,7 +76,7 @@ def cases(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_answers_change_no_byte_of_a_verdict(cases: Path, tmp_path: Path) -> None:
-    """Right answers beside the cases; or removed, with false ones under other names: the same verdict, byte for byte."""
+    """Right answers beside the cases, or none but false ones under other names: the same verdict, byte for byte."""
     lie = json.dumps({"effects": [{"name": "tether", "severity": "strong"}], "accept": ["tether"]})
     verdicts = []
     for kind, name in (("right", "strong_mass"), ("falsified", "weak_tether")):
