@@ -72,7 +72,7 @@ class Certainty(AbstractStudy):
     watched_seeds: int = 20
     average_seeds: int = 50
     certain: float = 0.01
-    change_s: float = 8.2
+    change_s: float = 3.7
     prior: PriorConfig = field(default_factory=PriorConfig)
 
     def __post_init__(self) -> None:

@@ -69,7 +69,7 @@ def noise(runs: Runs) -> Drawn:
     last.set_yticks(at, list(PARAMETERS.values()))
     last.invert_yaxis()
     last.set(xlabel="error / bound at the end", xlim=(0.6, 1.5))
-    last.legend(loc="lower right")
+    last.legend(loc="upper left")
     return Drawn(
         page,
         seen=f"Over {int(table['seeds'].min())} seeds the errors end between {table['ratio'].min():.2f} and "
