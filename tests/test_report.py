@@ -499,3 +499,10 @@ async def _visit(socket: Any, uri: str) -> dict[str, Any]:
       overflow_px: document.documentElement.scrollWidth - document.documentElement.clientWidth})"""
     answer = await ask("Runtime.evaluate", session, expression=script)
     return seen | json.loads(answer["result"]["value"])
+
+
+def test_the_missing_wrench_is_drawn_where_longer_windows_were_looked_at(found: Any) -> None:
+    """The wrench keeps its short windows when the excess only shows in longer ones."""
+    where = found.where
+    fewer = replace(where, windows=where.windows.iloc[::2].reset_index(drop=True), window_s=2 * where.window_s)
+    assert by_regime(found, fewer) == by_regime(found, where)

@@ -150,7 +150,7 @@ def localise(
         **{f"excess_{c}": look.excess[:, i] for i, c in enumerate(CHANNELS)},
     )
     cells = _cells(table, look.excess, look.freedom, look.places)
-    keys = shortest.tags[["episode", "t_s", "x_m", "y_m", "yaw_rad"]]
+    keys = shortest.tags[["episode", "t_s", "x_m", "y_m", "yaw_rad", "regime", "heading in the world"]]
     wrench = _wrench(shortest.local, shortest.tags["yaw_rad"].to_numpy(), simulator, float(shortest.noise.max()))
     return Where(
         gap=pd.DataFrame(rows),

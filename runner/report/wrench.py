@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from runner.diagnose.where import REGIMES
+from runner.diagnose.where import REGIMES, WINDOWS_S
 
 if TYPE_CHECKING:
     from runner.diagnose.diagnosis import Diagnosis
@@ -84,7 +84,7 @@ class Mean:
 
 def by_regime(diagnosis: Diagnosis, where: Where) -> list[Mean]:
     """Return the mean missing wrench of every regime in which it can be seen, each window by its certainty."""
-    table = along_motion(diagnosis, where).assign(regime=where.windows["regime"].to_numpy())
+    table = along_motion(diagnosis, where)
     out = []
     for regime in REGIMES:
         part = table.loc[table["regime"] == regime]
@@ -103,13 +103,13 @@ def along_motion(diagnosis: Diagnosis, where: Where) -> pd.DataFrame:
     for e, episode in enumerate(diagnosis.recording.episodes):
         rows = np.flatnonzero((table["episode"] == f"episode {episode.index}").to_numpy())
         at = table["t_s"].to_numpy(float)[rows]
-        near = np.abs(np.asarray(episode.t_s) - at[:, None]) <= 0.5 * where.window_s
+        near = np.abs(np.asarray(episode.t_s) - at[:, None]) <= 0.5 * WINDOWS_S[0]
         values = np.where(diagnosis.measured.valid[e], diagnosis.measured.values[e], np.nan)[:, 3:5]
         velocity[rows] = [
             np.nanmean(values[n], axis=0) if np.isfinite(values[n]).any() else (np.nan,) * 2 for n in near
         ]
     speed = np.linalg.norm(velocity, axis=1)
-    moves = where.windows["heading in the world"].map(lambda h: isinstance(h, str)).to_numpy(bool)
+    moves = table["heading in the world"].map(lambda h: isinstance(h, str)).to_numpy(bool)
     c, s = np.where(moves, velocity.T / np.where(speed > 0, speed, np.nan), np.nan)
     force, error = (table[[f"fx_n{k}", f"fy_n{k}"]].to_numpy(float) for k in ("", "_se"))
     return table.assign(
