@@ -80,8 +80,8 @@ def test_every_bar_counts_its_own_cases() -> None:
     ]
     bars = bars_of(rows)
     for name, hits, count in (
-        ("moderate/strong named first", 3, 4),
-        ("subtle named first", 1, 2),
+        ("moderate, strong: first", 3, 4),
+        ("subtle: first", 1, 2),
         ("false alarms on nulls", 1, 5),
         ("unknowns abstained from", 2, 3),
         ("pairs: both found", 1, 3),
@@ -242,14 +242,14 @@ def test_what_is_printed_and_kept(run: Path, capsys: pytest.CaptureFixture[str],
     out = capsys.readouterr().out
     assert max(len(line) for line in out.splitlines()[:-1]) <= 80
     assert "…" not in out
-    assert "moderate/strong named first" in " ".join(out.split())
+    assert "moderate, strong: first" in " ".join(out.split())
     page = (run / "out" / "score.html").read_text()
     assert "ffffffffffff" in page
     assert page.count("<svg ") == 6
     assert "http" not in page.replace("http://www.w3.org", "")
     assert {p.name for p in (run / "out" / "figures").glob("*.png")} >= {"bars.png", "confusion.png", "places.png"}
     assert len(pd.read_parquet(run / "out" / "score_cases.parquet")) == 32
-    assert set(pd.read_parquet(run / "out" / "score_bars.parquet")["name"]) >= {"subtle named first"}
+    assert set(pd.read_parquet(run / "out" / "score_bars.parquet")["name"]) >= {"subtle: first"}
 
 
 def test_other_answers_are_refused(run: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -181,14 +181,14 @@ def _bars(cases: pd.DataFrame, parameters: pd.DataFrame, gap: pd.DataFrame | Non
     p, right = cases["probability"].to_numpy(float), cases["right"].to_numpy(float)
     covered = parameters["covered"].to_numpy(bool)
     bars = [
-        Bar("moderate/strong named first", *share(clear["right"]), len(clear), least=0.95),
-        Bar("subtle named first", *share(subtle["right"]), len(subtle), least=0.80),
+        Bar("moderate, strong: first", *share(clear["right"]), len(clear), least=0.95),
+        Bar("subtle: first", *share(subtle["right"]), len(subtle), least=0.80),
         Bar("false alarms on nulls", *share(~null["right"]), len(null), most=0.03),
         Bar("unknowns abstained from", *share(unknown["right"]), len(unknown), least=0.80),
         Bar("pairs: both found", *share(pairs["right"]), len(pairs), least=0.70),
         Bar("pairs: one found", *share(pairs["one_right"]), len(pairs), least=0.95),
         Bar(
-            "expected calibration error", calibration_error(p, right), *_drawn(_error_of, np.column_stack([p, right])),
+            "calibration error", calibration_error(p, right), *_drawn(_error_of, np.column_stack([p, right])),
             len(cases), most=0.06, percent=False,
         ),
         Bar("truth in 95 % intervals", *share(covered), len(covered), least=0.90, most=0.98),

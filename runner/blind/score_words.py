@@ -56,7 +56,7 @@ def outcome(bar: Bar) -> str:
 def bars(found: BlindScore) -> tuple[tuple[str, ...], Rows]:
     """Return heading and rows of the figures beside their bars."""
     rows = [(b.name, str(b.cases), figure(b), wanted(b), outcome(b)) for b in found.bars]
-    return ("", "cases", "measured (95 %)", "bar", "outcome"), rows
+    return ("", "n", "measured (95 %)", "bar", "outcome"), rows
 
 
 def groups(table: pd.DataFrame) -> tuple[tuple[str, ...], Rows]:

@@ -14,10 +14,12 @@ def print_table(
 ) -> None:
     """Print a table of heading and rows; columns named in `right` hold numbers, and are not folded."""
     heading, rows = content
-    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
+    table = Table(
+        title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False
+    )
     for i, name in enumerate(heading):
         numbers = i in right
         table.add_column(name, justify="right" if numbers else "left", no_wrap=numbers, overflow="fold")
     for row in rows:
         table.add_row(*row)
-    console.print(table, highlight=False)
+    console.print(table, "", highlight=False)
