@@ -455,22 +455,32 @@ def _blueprint(parameters: tuple[str, ...], middle: Point, reach: float) -> rrb.
         eye_controls=rrb.EyeControls3D(position=tuple(eye), look_target=middle, eye_up=(0, 0, 1)),
     )
     legend = rrb.PlotLegend(corner=rrb.Corner2D.RightTop)
-    plots = []
+    estimates, errors = [], []
     for parameter in parameters:
         stem, _, unit = parameter.rpartition("_")
-        plots += [
-            rrb.TimeSeriesView(origin=f"/estimate/{parameter}", name=f"{stem} [{unit}]", plot_legend=legend),
+        estimates.append(
+            rrb.TimeSeriesView(origin=f"/estimate/{parameter}", name=f"{stem} [{unit}]", plot_legend=legend)
+        )
+        errors.append(
             rrb.TimeSeriesView(
                 origin=f"/error/{parameter}", name=f"log10 of the relative error of the {stem}", plot_legend=legend
-            ),
-        ]
-    plots += [
+            )
+        )
+    motion = [
         rrb.TimeSeriesView(origin="/velocity/linear", name="velocity [m/s]", plot_legend=legend),
         rrb.TimeSeriesView(origin="/velocity/turning", name="yaw rate [rad/s]", plot_legend=legend),
     ]
+    if len(parameters) > 2:  # too many to be read side by side
+        plots = rrb.Tabs(
+            rrb.Vertical(*estimates, name="estimates"),
+            rrb.Vertical(*errors, name="errors"),
+            rrb.Vertical(*motion, name="motion"),
+        )
+    else:
+        plots = rrb.Vertical(*(view for pair in zip(estimates, errors, strict=True) for view in pair), *motion)
     summary = rrb.TextDocumentView(origin="/summary", name="summary")
     return rrb.Blueprint(
-        rrb.Horizontal(rrb.Vertical(scene, summary, row_shares=[3, 1]), rrb.Vertical(*plots), column_shares=[1, 1]),
+        rrb.Horizontal(rrb.Vertical(scene, summary, row_shares=[3, 1]), plots, column_shares=[1, 1]),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="paused"),
