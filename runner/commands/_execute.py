@@ -66,6 +66,8 @@ def shown(name: str, overrides: Sequence[str]) -> str:
         ConfigError: If a setting is wrong.
     """
     command = commands.load(name)
+    if command.keeps is not None:
+        _, overrides = take("out", overrides)  # says where, not what
     with composer(name, command) as hydra:
         composed = composed_for(hydra, overrides)
         built(command, without_hydra(composed), hydra.groups())
