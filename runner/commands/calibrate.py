@@ -4,7 +4,7 @@ The object is simulated (`remote`), and measured with noise (`link.noise`); what
 `start`, with the uncertainty `prior`. Each push is chosen by its expected information within `limits`. The results
 folder holds the calibrated model (`model.xml`, MJCF, and `calibrated.yaml` with every parameter, its 95 % interval, and
 whether the data have told of it), the pushes as `pushes.csv`, which `runner forces=csv forces.path=...` plays again,
-the estimate after each message (`track.parquet`), and `summary.parquet` with one row.
+the estimate after each message (`track.parquet`), `run.rrd` with the pushes played again, and `summary.parquet`.
 
     runner calibrate remote.mass_kg=4 'remote.com_m=[0.08,-0.05,0]'
     runner calibrate target=0.005 limits.force_n=20 limits.workspace_m=0.5
@@ -26,13 +26,13 @@ from runner.commands import Command, Job
 from runner.commands.run import write_versions
 from runner.errors import ConfigError, check_range
 from runner.estimation.belief import Tracker, observable
-from runner.estimation.calibration import Calibrated, LimitsConfig, Planner, Thing, calibrate
+from runner.estimation.calibration import Calibrated, LimitsConfig, Planner, Thing, calibrate, write_pushes
 from runner.estimation.copies import LABELS, Copies, errors, from_values, to_values
 from runner.estimation.data import measured_sd
-from runner.estimation.joint import PriorConfig
+from runner.estimation.joint import Joint, PriorConfig, write_view
 from runner.estimation.watch import INTERVAL
-from runner.experiment import RemoteConfig, StartConfig
-from runner.forces import CSV_COLUMNS
+from runner.experiment import Experiment, RemoteConfig, StartConfig
+from runner.forces import CsvForces
 from runner.link import LinkConfig, update_steps
 from runner.parameters import COM_X, COM_Y, FRICTION, MASS, PARAMETERS, YAW_INERTIA, values_of
 from runner.progress import progress
@@ -147,12 +147,17 @@ def _write(folder: Path, config: CalibrateConfig, done: Calibrated, table: Any, 
         },
     }
     (folder / VALUES).write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-    rows = []
-    for start_s, push in done.pushes:
-        rows.append((start_s, *push.force_n, *push.point_m))
-        rows.append((start_s + push.push_s, *[0.0] * 6))
-    rows.append((done.pushes[-1][0] + len(done.pushes[-1][1].columns) * config.scene.timestep_s, *[0.0] * 6))
-    pd.DataFrame(rows, columns=list(CSV_COLUMNS)).to_csv(folder / PUSHES, index=False)
+    write_pushes(folder / PUSHES, done, config.scene.timestep_s)
+    shown = Experiment(
+        seed=config.seed,
+        scene=config.scene,
+        forces=CsvForces(str(folder / PUSHES)),
+        remote=config.remote,
+        start=config.start,
+        link=config.link,
+        estimator={"joint": Joint(config.prior, config.link.noise)},
+    )
+    write_view(shown, folder, dict(shown.estimator))
     track = pd.DataFrame(done.track, columns=[*PARAMETERS, *(f"{name}_sd" for name in PARAMETERS)])
     values = to_values(done.track[:, : len(PARAMETERS)], config.remote.half_size_m)
     track[list(PARAMETERS)] = values

@@ -19,13 +19,16 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from runner.errors import check_range
 from runner.estimation.belief import UNKNOWNS, Belief, Prior, Tracker, covariance_of
 from runner.estimation.copies import FRICTION, MASS, SIZE, STATE, Copies
 from runner.estimation.watch import INTERVAL
+from runner.forces import CSV_COLUMNS
 from runner.scene import push_columns
 
 
@@ -208,3 +211,14 @@ def calibrate(
             if reached:
                 break
     return Calibrated(belief, steps * step_s, reached, tuple(pushes), np.array(told).reshape(-1, 2 * SIZE), reach)
+
+
+def write_pushes(path: Path, done: Calibrated, timestep_s: float) -> None:
+    """Write the pushes of a calibration as a CSV file that `forces=csv` plays."""
+    rows = []
+    for start_s, push in done.pushes:
+        rows += [(start_s, *push.force_n, *push.point_m), (start_s + push.push_s, *[0.0] * 6)]
+    start_s, push = done.pushes[-1]
+    rows.append((start_s + len(push.columns) * timestep_s, *[0.0] * 6))
+    table = pd.DataFrame(rows, columns=list(CSV_COLUMNS))
+    table[table["t"].diff().fillna(1.0) > 0].to_csv(path, index=False)

@@ -14,20 +14,29 @@ import pandas as pd
 from runner.config import registered
 from runner.errors import check_range
 from runner.estimation.belief import Tracker
-from runner.estimation.calibration import Calibrated, Chosen, LimitsConfig, Planner, Source, Thing, calibrate
+from runner.estimation.calibration import (
+    Calibrated,
+    Chosen,
+    LimitsConfig,
+    Planner,
+    Source,
+    Thing,
+    calibrate,
+    write_pushes,
+)
 from runner.estimation.copies import Copies, errors
 from runner.estimation.data import measured_sd, motion_of, times
-from runner.estimation.joint import PriorConfig
+from runner.estimation.joint import Joint, PriorConfig, write_view
 from runner.estimation.joint_studies import short
 from runner.experiment import Experiment
-from runner.forces import AbstractForces, PaperForces, RandomForces
+from runner.forces import AbstractForces, CsvForces, PaperForces, RandomForces
 from runner.link import update_steps
 from runner.parameters import PARAMETERS
 from runner.progress import track
 from runner.scene import push_columns
 from runner.studies import AbstractStudy, Rows
 
-OVER_TIME = "over_time.parquet"
+OVER_TIME, PUSHES = "over_time.parquet", "pushes.csv"
 
 
 def train(forces: AbstractForces, timestep_s: float, period: int) -> list[Chosen]:
@@ -87,8 +96,16 @@ class Calibration(AbstractStudy):
                 row = {key: value[0] for key, value in one.items()}
                 rows.append({"pushes": name, "noise_times": factor, **row, "faster": paper / row["time_median_s"]})
                 courses.append(self._course(name, factor, runs[0], experiment))
+                if name == "chosen" and factor == self.noise_times[0]:
+                    self._view(experiment, runs[0], folder)
         pd.concat(courses, ignore_index=True).to_parquet(folder / OVER_TIME, index=False)
         return rows
+
+    def _view(self, experiment: Experiment, run: Calibrated, folder: Path) -> None:
+        """Play the chosen pushes of a run again, in the closed loop."""
+        write_pushes(folder / PUSHES, run, experiment.scene.timestep_s)
+        again = replace(experiment, forces=CsvForces(str(folder / PUSHES)))
+        write_view(again, folder, {"joint": Joint(self.prior, experiment.link.noise)})
 
     def _sources(self, experiment: Experiment, planner: Planner) -> dict[str, Callable[[int], Source]]:
         step_s, force = experiment.scene.timestep_s, self.limits.force_n

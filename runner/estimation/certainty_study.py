@@ -14,7 +14,7 @@ from runner.estimation.averaged import Average, Averaged
 from runner.estimation.belief import Tracker
 from runner.estimation.copies import FRICTION, INERTIA, MASS, STATE, Copies, to_values
 from runner.estimation.data import Motion, measured_sd, motion_of
-from runner.estimation.joint import PriorConfig
+from runner.estimation.joint import Joint, PriorConfig, write_view
 from runner.estimation.joint_studies import follow, share_within, short
 from runner.estimation.published import published
 from runner.estimation.watch import INTERVAL, Watch
@@ -84,6 +84,7 @@ class Certainty(AbstractStudy):
     def rows(self, experiment: Experiment, folder: Path) -> Rows:
         motion = motion_of(experiment)
         copies = Copies(experiment.scene, experiment.local)
+        write_view(experiment, folder, {"joint": Joint(self.prior, experiment.link.noise, self.certain)})
         return [
             *self._intervals(experiment, motion, copies, folder),
             *self._freezing(experiment, motion, copies, folder),

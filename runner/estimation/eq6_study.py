@@ -15,7 +15,7 @@ from runner.estimation.belief import Tracker
 from runner.estimation.copies import Copies, to_vector
 from runner.estimation.data import measured_sd, motion_of
 from runner.estimation.eq6 import ComEq6, Factor
-from runner.estimation.joint import PriorConfig
+from runner.estimation.joint import Joint, PriorConfig, write_view
 from runner.experiment import Experiment, RemoteConfig, StartConfig
 from runner.follow import Immediate
 from runner.forces import AbstractForces, Offcentre, Straight
@@ -102,6 +102,8 @@ class ComEq6Study(AbstractStudy):
                         pd.DataFrame({"estimator": name, "offset_m": true_m, "time_s": time_s, "told": told})
                     )
         pd.concat(courses, ignore_index=True).to_parquet(folder / OVER_TIME, index=False)
+        shown = self._experiment(experiment, Case("offset"))
+        write_view(shown, folder, {**shown.estimator, "joint": Joint(self.prior)})
         return [*rows, *self._joint(experiment)]
 
     def _experiment(self, experiment: Experiment, case: Case) -> Experiment:

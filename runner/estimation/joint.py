@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -15,9 +16,12 @@ from runner.estimation.copies import COM_X, COM_Y, Copies, to_values, to_vector
 from runner.estimation.data import measured_sd
 from runner.estimation.watch import Watch, Watched
 from runner.estimators import AbstractEstimator, Outcome, Seen, Setup
+from runner.experiment import Experiment
 from runner.link import NoiseConfig
+from runner.loop import run
 from runner.parameters import PARAMETERS
 from runner.scene import BodyConfig
+from runner.sinks import RrdSink
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,12 @@ class PriorConfig:
     def around(self, body: BodyConfig) -> Prior:
         """Return the prior with this body in its middle."""
         return Prior(to_vector(body), self.sd)
+
+
+def write_view(experiment: Experiment, folder: Path, estimators: dict[str, AbstractEstimator]) -> None:
+    """Run an experiment in the closed loop with these estimators, and write its `run.rrd`."""
+    alone = replace(experiment, estimator=estimators)
+    RrdSink().write(run(alone), folder, {"seed": experiment.seed})
 
 
 @dataclass(frozen=True)

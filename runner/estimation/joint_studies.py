@@ -17,7 +17,7 @@ from runner.estimation.belief import Belief, Prior, Tracker, observable
 from runner.estimation.bound import batch_fit, bound, information
 from runner.estimation.copies import COM_X, COM_Y, SIZE, Copies, errors, to_values
 from runner.estimation.data import Motion, measured_sd, motion_of, times
-from runner.estimation.joint import PriorConfig
+from runner.estimation.joint import Joint, PriorConfig, write_view
 from runner.estimation.published import published
 from runner.estimation.watch import INTERVAL
 from runner.estimators import Linear
@@ -80,6 +80,7 @@ class JointIdeal(AbstractStudy):
         error = np.array(found)  # (m, lanes, 5)
         _write_tracks(folder / OVER_TIME, motion, error, np.array(sds))
         within = [_since(motion.times_s, np.abs(error[:, i]).max(axis=1), 1e-3) for i in range(len(starts))]
+        write_view(experiment, folder, {"joint": Joint(self.prior)})
         rows: Rows = []
         for i, start in enumerate(starts):
             row: dict[str, Any] = {"estimator": "joint"}
@@ -171,6 +172,7 @@ class JointNoise(AbstractStudy):
             rows += more
             courses.append(course)
         pd.concat(courses, ignore_index=True).to_parquet(folder / OVER_TIME, index=False)
+        write_view(experiment, folder, {"joint": Joint(self.prior, experiment.link.noise)})
         return rows
 
     def _rows(self, experiment: Experiment, motion: Motion, factor: float) -> tuple[Rows, pd.DataFrame]:
