@@ -8,6 +8,7 @@ when all jobs have ended they become `summary.parquet`. What has a row is not do
 from __future__ import annotations
 
 import functools
+import gc
 import os
 import sys
 import threading
@@ -234,6 +235,7 @@ def _chunk(work: _Work | None, composed: DictConfig) -> None:
     ledger = tables.Ledger(work.folder, task[0].number)
     noted = ledger.noted()  # where the task was begun before, and its machine was lost
     task = [swept for swept in task if swept.number not in noted]
+    gc.freeze()  # what was imported is there to stay: the collector need not look through it again and again
     together = TOGETHER if command.batch is not None else 1
     for i in range(0, len(task), together):
         _do(command, composer, work, task[i : i + together], ledger)
