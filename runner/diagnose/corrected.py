@@ -30,6 +30,7 @@ from runner.simulate import OBJECT, Effects, Simulator
 
 FILE = "corrected.yaml"
 MODEL = "model.xml"
+WARNING = "<!-- Friction is a law of runner's own (runner.law, numbers in `user`): plain MuJoCo slides freely. -->\n"
 UNITS = {
     "_kg": "kg",
     "_rad": "rad",
@@ -68,7 +69,7 @@ def write_corrected(folder: str | Path, effects: Effects, simulator: Simulator) 
     if twice:
         raise ResultError(f"{folder / FILE}: '{twice[0]}' can be written once only, the model holds two of it.")
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / MODEL).write_text(corrected_mjcf(effects, simulator), encoding="utf-8")
+    (folder / MODEL).write_text(WARNING + corrected_mjcf(effects, simulator), encoding="utf-8")
     parameters = {e.name: {f.name: float(getattr(e, f.name)) for f in fields(e)} for e in effects}  # type: ignore[arg-type]
     content = {
         "effects": parameters,
@@ -140,7 +141,9 @@ def read_corrected(path: str | Path) -> Effects:
     if entries is None and isinstance(content, Mapping) and "effects" in content:
         entries = {}
     if not isinstance(entries, Mapping):
-        raise ResultError(f"{path}: must hold 'effects: {{name: {{parameter: value}}}}'.")
+        raise ResultError(
+            f"{path}: must hold 'effects: {{name: {{parameter: value}}}}', as a diagnosis's corrected.yaml does."
+        )
     return tuple(_effect(path, str(name), values) for name, values in entries.items())
 
 

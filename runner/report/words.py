@@ -527,8 +527,8 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     else:
         found = phrases(top, nominal)
         steps.append(
-            " ".join(p.remedy for p in found) + " The corrected model is ready in model.xml and corrected.yaml, "
-            "in the folder of this report."
+            " ".join(p.remedy for p in found) + " The corrected model is ready in corrected.yaml (and model.xml, "
+            "for use within runner), in the folder of this report."
         )
         if equals(top):
             others = listed([title(e) for e in equals(top)], "or")
