@@ -200,7 +200,7 @@ class Tracker:
 
     copies: Copies
     noise_sd: np.ndarray
-    tolerance: float = 0.2
+    tolerance: float = 0.05
     tries: int = 64
 
     def __post_init__(self) -> None:
