@@ -239,6 +239,7 @@ def _chunk(work: _Work | None, composed: DictConfig) -> None:
     together = TOGETHER if command.batch is not None else 1
     for i in range(0, len(task), together):
         _do(command, composer, work, task[i : i + together], ledger)
+        gc.collect()  # runs hold megabytes in few objects, so that the collector would let many of them gather
 
 
 def _do(
