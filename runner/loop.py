@@ -246,8 +246,11 @@ class InStep:
 
     def update(self, number: int, ids: Sequence[int]) -> list[int]:
         """Do one update of some runs, and return those in which a value has changed."""
+        if not ids:
+            return []
         qpos, qvel = self.qpos, self.qvel
-        self.kept_q[number], self.kept_v[number] = qpos, qvel
+        rows: Any = slice(None) if len(ids) == len(qpos) else ids
+        self.kept_q[number, rows], self.kept_v[number, rows] = qpos[rows], qvel[rows]
         positions, velocities, known, learn = qpos.tolist(), qvel.tolist(), self.known, self.learn
         changed = []
         for i in ids:
@@ -255,10 +258,9 @@ class InStep:
             if learn[i](known[i][number], state, state):
                 changed.append(i)
         q, v, nq, nv = self.remote
-        # of all runs: one that has ended is not looked at any more
         for local_q, local_v in self.locals:
-            qpos[:, local_q : local_q + nq] = qpos[:, q : q + nq]
-            qvel[:, local_v : local_v + nv] = qvel[:, v : v + nv]
+            qpos[rows, local_q : local_q + nq] = qpos[rows, q : q + nq]
+            qvel[rows, local_v : local_v + nv] = qvel[rows, v : v + nv]
         return changed
 
 

@@ -143,6 +143,15 @@ def test_a_batch_has_the_bits_of_single_runs(scene: SceneConfig) -> None:
         assert same_run(loop.run(one), batched)
 
 
+def test_a_batch_goes_on_after_the_last_update_as_single_runs_do() -> None:
+    """Runs that tick together and end at different times, one of them between two ticks, which no update follows."""
+    rests = (0.5, 0.505, 0.502)
+    mixed = [experiment(0.5, forces=replace(SHORT, rest_s=rest_s)) for rest_s in rests]
+    assert mixed[1].steps % 8
+    for one, batched in zip(mixed, loop.run_batch(mixed, threads=1), strict=True):
+        assert same_run(loop.run(one), batched)
+
+
 def test_rollout_replays_the_remote_and_the_local_cube() -> None:
     """`mujoco.rollout` with the same commands gives the remote's bits, and the local's from update to update."""
     given = experiment(forces=SHORT)
