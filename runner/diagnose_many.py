@@ -18,6 +18,7 @@ from runner.diagnose.verdict import ALL, FILE, verdict, write_verdict
 from runner.errors import RunnerError
 from runner.progress import progress
 from runner.recording import read_case
+from runner.report import words
 from runner.report.html import write_html
 from runner.report.record import write_rrd
 from runner.simulate import Simulator
@@ -27,6 +28,7 @@ def write_all(diagnosis: Diagnosis, folder: Path, *, report: bool) -> None:
     """Write what a diagnosis leaves; `verdict.json` last, as the sign that all is there."""
     folder.mkdir(parents=True, exist_ok=True)
     diagnosis.closure.table.to_parquet(folder / "closure.parquet", index=False)
+    diagnosis.closure.regimes.to_parquet(folder / "closure_regimes.parquet", index=False)
     write_corrected(folder, diagnosis.effects, Simulator(diagnosis.recording, grid=8))
     if report:
         where = diagnosis.where
@@ -35,7 +37,7 @@ def write_all(diagnosis: Diagnosis, folder: Path, *, report: bool) -> None:
             table.to_parquet(folder / f"where_{name}.parquet", index=False)
         write_html(diagnosis, folder / "report.html")
         write_rrd(diagnosis, folder / "diagnosis.rrd")
-    write_verdict(folder / FILE, verdict(diagnosis))
+    write_verdict(folder / FILE, {"sentence": words.verdict(diagnosis), **verdict(diagnosis)})
 
 
 @dataclass(frozen=True)

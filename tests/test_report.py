@@ -103,7 +103,12 @@ def found(recording: Recording) -> Any:
         corrected_starts={e: np.zeros(6) for e in range(3)},
         where=localise(Simulator(recording, grid=8), measured, {e: np.zeros(6) for e in range(3)}),
         closure=SimpleNamespace(
-            table=pd.DataFrame(rows), gap_closed=0.87, gap_closed_low=0.85, gap_closed_high=0.88, closable_closed=0.99
+            table=pd.DataFrame(rows),
+            regimes=pd.DataFrame([{"regime": "pushed straight", "windows": 31, "before": 9.0, "after": 1.02}]),
+            gap_closed=0.87,
+            gap_closed_low=0.85,
+            gap_closed_high=0.88,
+            closable_closed=0.98,
         ),
         rivals=(),
         excess=0.01,
@@ -160,7 +165,8 @@ def test_verdict_sentence_of_one_effect(found: Any) -> None:
     """What, how much, how sure, and how much better, in two sentences."""
     assert words.verdict(found) == (
         "The floor is more slippery than believed: friction 0.2704 ± 0.0012 instead of 0.300 (probability 0.98). "
-        "With it the simulator misses 87 % less on episodes that were not fitted."
+        "With it the simulator misses 87 % less on episodes that were not fitted; of what can be closed, all but the "
+        "noise, that is 98 % (mean squares)."
     )
 
 

@@ -32,6 +32,7 @@ from runner.simulate import Simulator
 FILE = "gap.parquet"
 EPISODES_FILE = "gap_episodes.parquet"
 # so that a reader sees 5 numbers and no zeros: mm, mrad
+AT_NOISE = 1.1  # times the noise: up to here, what a model that is right leaves too
 SHOWN = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "m/s": ("mm/s", 1e3), "rad/s": ("mrad/s", 1e3)}
 
 
@@ -107,12 +108,31 @@ def _print(recording: Recording, gap: Gap, console: Console) -> None:
             noise = f"{mark}{rows[0]['noise'] * factor:.3g}"
             last = c == len(CHANNELS) - 1
             table.add_row(f" {channel}, {unit}", noise, *cells, end_section=last)
-    console.print(table)
+    _print_whole(table, console)
     console.print(
         "Starts measured: compare with what noise alone makes of it. Starts fitted: 1 for a perfect model."
         + (" ~: noise estimated." if not gap.table["stated"].to_numpy().all() else ""),
         highlight=False,
     )
+    console.print(_in_short(gap, len(recording.episodes)), highlight=False, soft_wrap=True)
+
+
+def _print_whole(table: Table, console: Console) -> None:
+    """Print a table as wide as it is: in a narrow terminal a number on the next line is better than none."""
+    needed = console.measure(table, options=console.options.update(max_width=1000)).maximum
+    Console(width=max(console.width, needed)).print(table, soft_wrap=True)
+
+
+def _in_short(gap: Gap, episodes: int) -> str:
+    """Say in a sentence which channels stand out over whole episodes."""
+    rows = gap.table.loc[lambda t: (t["starts"] == "fitted") & (t["horizon"] == WHOLE_EPISODE)].to_dict("records")
+    over = sorted((r for r in rows if r["noises"] > AT_NOISE), key=lambda r: -r["noises"])
+    where = f"In short, over all {episodes} episodes from fitted starts: "
+    if not over:
+        return f"{where}every channel is at its noise."
+    named = [f"{r['channel']} {r['noises']:.3g} times its noise" for r in over]
+    rest = "the others at it" if len(over) < len(rows) else ""
+    return where + ", ".join([*named, *([rest] if rest else [])]) + "."
 
 
 def _print_many(rows: pd.DataFrame, console: Console) -> None:
@@ -129,7 +149,7 @@ def _print_many(rows: pd.DataFrame, console: Console) -> None:
             worst = max(at, key=lambda r: r["noises"])
             cells.append(f"{'' if worst['stated'] else '~'}{worst['noises']:.2f} {worst['channel']}")
         table.add_row(Path(str(case)).name, *cells)
-    console.print(table)
+    _print_whole(table, console)
     if not rows["stated"].to_numpy().all():
         console.print("~: noise estimated.", highlight=False)
 

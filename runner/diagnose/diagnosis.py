@@ -16,7 +16,7 @@ from runner.diagnose.measured import CHANNELS, UNITS, Measured, materially_diffe
 from runner.diagnose.next_push import best_push
 from runner.diagnose.rivals import Rival, rivals
 from runner.diagnose.search import Contender, Search, are_twins, search
-from runner.diagnose.where import Where, localise
+from runner.diagnose.where import Where, closure_by_regime, localise
 from runner.effects.base import Context
 from runner.errors import RecordingError
 from runner.recording import Recording
@@ -41,7 +41,7 @@ class Ranked:
         parameters: Values by effect and parameter, SI units.
         errors: Their standard errors, the simulator's own inexactness included.
         gap_closed: 1 - error after / error before, on the held-out episodes; None: not computed.
-        log_evidence: Natural log, relative to the best explanation.
+        log_evidence: Natural log, relative to the best explanation; None: `unknown` has no model to weigh.
     """
 
     effects: tuple[str, ...]
@@ -51,7 +51,7 @@ class Ranked:
     parameters: dict[str, dict[str, float]]
     errors: dict[str, dict[str, float]]
     gap_closed: float | None
-    log_evidence: float
+    log_evidence: float | None
 
 
 @dataclass(frozen=True)
@@ -59,10 +59,12 @@ class Closure:
     """How far the gap shrinks on the held-out episodes, start states fitted to them with either model.
 
     `table`: one row per episode and channel: root mean square before and after, in the channel's unit and in noises.
-    The interval is over episodes and blocks of a second (percentile bootstrap).
+    `regimes`: the same by what went on, see `closure_by_regime`. The interval is over episodes and blocks of a second
+    (percentile bootstrap).
     """
 
     table: pd.DataFrame
+    regimes: pd.DataFrame
     gap_closed: float
     gap_closed_low: float
     gap_closed_high: float
@@ -130,10 +132,11 @@ def diagnose(recording: Recording, *, threads: int | None = None) -> Diagnosis:
     nominal_excess = found.nominal.total / sum(measured.count(e) for e in fitted) - 1.0
     ranked = rank(found, fitter.context, excess, nominal_excess)
     effects = top.fit.explanation.make(top.fit.x, fitter.context)
-    closure = close(before, after, measured, fitter, effects)
     nominal_starts = dict(zip((*fitted, *held_out), (*found.nominal.starts, *before.starts), strict=True))
     corrected_starts = dict(zip((*fitted, *held_out), (*top.fit.starts, *after.starts), strict=True))
     where = localise(simulator, measured, nominal_starts)
+    regimes = closure_by_regime(simulator, measured, held_out, effects, where.window_s)
+    closure = close(before, after, measured, fitter, effects, regimes)
     abstain = ranked[0].effects == ("unknown",)
     ranked = tuple(
         Ranked(**{**vars(r), "gap_closed": closure.gap_closed if r.values == effects else r.gap_closed}) for r in ranked
@@ -271,7 +274,7 @@ def rank(found: Search, context: Context, excess: float, nominal_excess: float) 
             merged[r.effects] = Ranked(**{**vars(first), "probability": first.probability + r.probability})
         else:
             merged[r.effects] = r
-    merged[("unknown",)] = Ranked(("unknown",), (), unknown, (), {}, {}, None, 0.0)
+    merged[("unknown",)] = Ranked(("unknown",), (), unknown, (), {}, {}, None, None)
     return tuple(sorted(merged.values(), key=lambda r: -r.probability))
 
 
@@ -320,7 +323,9 @@ def _turn(name: str, difference: float) -> float:
     return float((difference + np.pi) % (2 * np.pi) - np.pi) if name.endswith("_rad") else difference
 
 
-def close(before: Fit, after: Fit, measured: Measured, fitter: Fitter, effects: Effects) -> Closure:
+def close(
+    before: Fit, after: Fit, measured: Measured, fitter: Fitter, effects: Effects, regimes: pd.DataFrame
+) -> Closure:
     """Compare residuals of the held-out episodes without and with the effects."""
     rows, pairs = [], []
     for k, e in enumerate(before.episodes):
@@ -347,9 +352,8 @@ def close(before: Fit, after: Fit, measured: Measured, fitter: Fitter, effects: 
     total = _closed(squares)
     draws = np.random.default_rng(0).integers(len(squares), size=(400, len(squares)))
     closed = np.array([_closed(squares[d])[0] for d in draws])
-    return Closure(
-        pd.DataFrame(rows), total[0], float(np.quantile(closed, 0.025)), float(np.quantile(closed, 0.975)), total[1]
-    )
+    low, high = np.quantile(closed, [0.025, 0.975])
+    return Closure(pd.DataFrame(rows), regimes, total[0], float(low), float(high), total[1])
 
 
 def _closed(squares: np.ndarray) -> tuple[float, float]:

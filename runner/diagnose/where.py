@@ -165,6 +165,36 @@ def localise(
     )
 
 
+def closure_by_regime(
+    simulator: Simulator, measured: Signals, episodes: Sequence[int], effects: Effects, window_s: float
+) -> pd.DataFrame:
+    """Return what a model misses in each regime before and after effects are added to it.
+
+    Args:
+        simulator: Of the recording.
+        measured: Its channels and their noise.
+        episodes: Those that count, by their position.
+        effects: What is added.
+        window_s: Length of the windows.
+
+    Returns:
+        `regime`, `windows`, and `before` and `after`: mean square of the slow residual over what noise makes of it
+        (1: nothing but noise), as in `Where`. Of regimes that occur only.
+    """
+    windows = _windows(simulator, window_s, sorted(episodes))
+    if not len(windows):
+        return pd.DataFrame(columns=["regime", "windows", "before", "after"])
+    looks = [_look(Restarts(simulator, e), windows, measured, np.ones(len(CHANNELS))) for e in ((), effects)]
+    regime = looks[0].tags["regime"].to_numpy()
+    rows = []
+    for name in REGIMES:
+        here = regime == name
+        if here.any():
+            ratios = [1.0 + float(k.excess[here].sum()) / max(float(k.freedom[here].sum()), 1e-9) for k in looks]
+            rows.append({"regime": name, "windows": int(here.sum()), "before": ratios[0], "after": ratios[1]})
+    return pd.DataFrame(rows)
+
+
 def _windows(simulator: Simulator, window_s: float, episodes: Sequence[int]) -> Windows:
     lengths = [len(e) for e in simulator.recording.episodes]
     samples = max(DEGREE + 1, round(window_s * simulator.recording.nominal.rate_hz))

@@ -226,6 +226,16 @@ def _closure(diagnosis: Diagnosis) -> dict[str, Any] | None:
             }
             for part in rows.values()
         ],
+        "regimes": [
+            {
+                "name": row["regime"],
+                "windows": row["windows"],
+                "before": words.number(math.sqrt(max(row["before"], 0.0)), 2),
+                "after": words.number(math.sqrt(max(row["after"], 0.0)), 2),
+                "within": row["after"] <= 1.5**2,
+            }
+            for row in diagnosis.closure.regimes.to_dict("records")
+        ],
         "svg": Markup(
             figures.horizons(found, "closure", after=_after(diagnosis))
             if several

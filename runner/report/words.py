@@ -21,6 +21,7 @@ Values = Mapping[str, float]
 NONE, UNKNOWN = "none", "unknown"
 DEGREES = 180.0 / math.pi
 SURE = 0.9  # an answer less likely than this asks for more data
+NOISE_LEFT = 0.99  # of what can be closed: the rest is as good as noise
 NOTEWORTHY = 0.02  # explanations less likely than this are not worth a sentence
 
 
@@ -425,14 +426,26 @@ def explanation(ranked: Ranked, nominal: Nominal) -> str:
     return f"{count} things differ from the model: {listed(parts)}"
 
 
-def gain(gap_closed: float | None, applied: str = "With it", *, held_out: bool = True) -> str:
-    """Return how much less the simulator misses once it is corrected; empty: not known."""
+def gain(
+    gap_closed: float | None, applied: str = "With it", *, held_out: bool = True, closable: float | None = None
+) -> str:
+    """Return how much less the simulator misses once it is corrected; empty: not known.
+
+    `closable` is the share of what can be closed (what is missed less the noise, mean squares).
+    """
     if gap_closed is None or not math.isfinite(gap_closed):
         return ""
     where = " on episodes that were not fitted" if held_out else ""
     if gap_closed < 0.005:
         return f"{applied} the simulator does not come closer{where}."
-    return f"{applied} the simulator misses {percent(gap_closed)} less{where}."
+    left = ""
+    if closable is not None and math.isfinite(closable):
+        left = (
+            "; what is left is the noise of the measurement"
+            if closable >= NOISE_LEFT
+            else f"; of what can be closed, all but the noise, that is {percent(closable)} (mean squares)"
+        )
+    return f"{applied} the simulator misses {percent(gap_closed)} less{where}{left}."
 
 
 def verdict(diagnosis: Diagnosis) -> str:
@@ -442,7 +455,12 @@ def verdict(diagnosis: Diagnosis) -> str:
     nominal = diagnosis.recording.nominal
     found = [r for r in ordered(diagnosis) if r.effects and r.effects[0] not in (NONE, UNKNOWN)]
     several = len(top.effects) > 1
-    with_it = gain(diagnosis.gap_closed, "With them" if several else "With it", held_out=bool(diagnosis.held_out))
+    with_it = gain(
+        diagnosis.gap_closed,
+        "With them" if several else "With it",
+        held_out=bool(diagnosis.held_out),
+        closable=diagnosis.closure.closable_closed,
+    )
     if _is(top, NONE):
         tail = (
             f" The likeliest alternative is {title(found[0].effects)} (probability "
