@@ -84,7 +84,7 @@ class Reality:
 
     texture: tuple[float, float] = (0.005, 0.01)
     wrong_size: tuple[float, float] = (0.002, 0.005)
-    mismatch_limit: float = 0.3
+    mismatch_limit: float = 0.6
     coloured: float = 0.18
     outliers: float = 0.08
     noise_unknown: float = 0.25
