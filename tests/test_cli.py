@@ -52,6 +52,7 @@ def cli(demo_files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
 
 
 REFUSED = {
+    "outt=3": "Did you mean 'out'?",
     "scenery=3": "scenery: no such key. Valid: 'act', 'cart', ",
     "car.mass_kg=3": "Did you mean 'cart'?",
     "cart.mas_kg=3": "cart.mas_kg: no such key. Valid: 'floor', 'loads', 'mass_kg', 'size_m', 'wheels'. "
@@ -81,7 +82,7 @@ REFUSED = {
     "~seed": "seed: a value is needed.",
     "~pull": "pull: one must be chosen. Valid: 'rising_slowly', 'steady'.",
     "+seed=3": "seed: is there already; write seed=3 without '+'.",
-    "++sed=3": "sed: no such key. Valid: 'act', 'cart', 'names', 'pull', 'seed'. Did you mean 'seed'?",
+    "++sed=3": "sed: no such key. Valid: 'act', 'cart', 'names', 'out', 'pull', 'resume', 'seed'. Did you mean 'seed'?",
     "seed=1,2": "seed: several values (1,2) make a sweep: add -m",
     "seed=(": "seed: can't read '('; allowed are a number",
     "seed=${cart.wheel}": "seed: no key 'cart.wheel' to take the value of. Valid: ",

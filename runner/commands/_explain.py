@@ -138,6 +138,9 @@ def _composition(
     return ConfigError(f"{key}: {refused(node, value)}")
 
 
+EVERYWHERE = ("out", "resume")  # keys that every command takes, and that are in no config
+
+
 def unknown_key(key: str, base: DictConfig, groups: dict[str, tuple[str, ...]]) -> ConfigError:
     """Return the error for a key that is not there, with what is there where it leaves the tree."""
     parent, path = base, ""
@@ -151,7 +154,7 @@ def unknown_key(key: str, base: DictConfig, groups: dict[str, tuple[str, ...]]) 
             return ConfigError(f"{path}{name}: is {describe(node)} and has no keys below it, got '{key}'.")
         valid = set(_keys(parent))
         if not path:
-            valid |= set(groups)
+            valid |= {*groups, *EVERYWHERE}
         return ConfigError(f"{path}{name}: no such key. {_names(name, valid)}")
     raise AssertionError(key)
 
