@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from runner import effects as fx
-from runner.diagnose.diagnosis import Diagnosis, confirm, diagnose, split
-from runner.diagnose.evidence import Evidence
-from runner.diagnose.fit import NONE, Explanation, Fit, Fitter
+from runner.diagnose.confirm import confirm
+from runner.diagnose.diagnosis import Diagnosis, diagnose, split
+from runner.diagnose.evidence import Surroundings, directions, evidence, surroundings, survey
+from runner.diagnose.fit import NONE, Explanation, Fitter
 from runner.diagnose.measured import measure
 from runner.diagnose.next_push import best_push, candidates
 from runner.diagnose.score import read_answers, score
@@ -179,23 +180,26 @@ def test_the_next_push_stays_within_the_forces_used_and_tells_explanations_apart
 
 
 def test_what_fails_on_unseen_episodes_loses_its_lead(tilted: Recording) -> None:
-    """A leader with a wild value is put behind the nominal model by the episodes left out; a true one stays."""
+    """A leader whose value the episodes left out contradict is put behind the nominal model; a true one stays."""
     fitted, held_out = split(len(tilted.episodes))
     simulator = Simulator(tilted, grid=8, threads=1)
     fitter = Fitter(simulator, measure(tilted), context_of(tilted))
     nominal = fitter.fit(NONE, fitted)
+    every = directions(fitter.context)
     true = fitter.fit(Explanation((fx.FloorTilt,)), fitted, near=nominal)
-    wild = dataclasses.replace(true, explanation=Explanation((fx.Mass,)), x=np.array([0.5]))
-    nothing = Evidence(0.0, np.zeros(5), 0.0, np.eye(1))
+    # as if the fitted episodes were as well explained by the opposite tilt
+    wild = dataclasses.replace(true, x=-true.x)
+    known = survey(fitter, true, every)
+    alone = surroundings(nominal, survey(fitter, nominal, every))
 
-    def contender(fit: Fit, log: float) -> Contender:
-        return Contender(fit, nothing, log, {})
+    def contender(around: Surroundings, log: float) -> Contender:
+        return Contender(around.fit, around, evidence(around, fitter.context), log, {})
 
     for fit, stays in ((true, True), (wild, False)):
-        search = Search((contender(fit, 0.0), contender(nominal, -20.0)), nominal)
-        left, before, after = confirm(search, fitter, held_out)
-        assert (left.best.fit is fit) == stays
-        assert (after.total < before.total) == stays
+        search = Search((contender(surroundings(fit, known), 0.0), contender(alone, -20.0)), nominal)
+        confirmed = confirm(search, fitter, held_out)
+        assert (confirmed.search.best.fit is fit) == stays
+        assert (confirmed.after.total < confirmed.before.total) == stays
 
 
 def test_a_hair_s_breadth_is_no_effect() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
+from runner.diagnose.confirm import Confirmed, confirm
 from runner.diagnose.evidence import directions, surroundings, survey
 from runner.diagnose.fit import NONE, Fit, Fitter
 from runner.diagnose.measured import CHANNELS, UNITS, Measured, materially_different, measure, refine
@@ -27,6 +28,7 @@ TEMPER = 2.0  # log odds are divided by it, against overconfidence; not yet cali
 UNKNOWN_EXCESS = 0.12  # see `_unknown`
 UNKNOWN_SHARE = 0.0015
 UNKNOWN_WIDTH = 0.4
+SURPRISE = 3.0  # times what is left of the fitted episodes: so much in those left out is something new
 
 
 @dataclass(frozen=True)
@@ -122,14 +124,20 @@ def diagnose(recording: Recording, *, threads: int | None = None) -> Diagnosis:
         RecordingError: If it is not planar or has fewer than two episodes.
     """
     began = time.perf_counter()
-    fitted, held_out = split(len(recording.episodes))
     simulator = Simulator(recording, grid=8, threads=threads)
+    fitted, held_out = split(len(recording.episodes))
     measured, found = _explained(recording, simulator, fitted)
     fitter = Fitter(simulator, measured, context_of(recording))
-    found, before, after = confirm(found, fitter, held_out)
-    top = found.best
-    excess = residual_excess(top, measured, fitted)
+    confirmed = confirm(found, fitter, held_out)
     nominal_excess = found.nominal.total / sum(measured.count(e) for e in fitted) - 1.0
+    if turned := _unseen_only(confirmed, nominal_excess) and len(fitted) > len(held_out):
+        fitted, held_out = (*fitted[len(held_out) :], *held_out), fitted[: len(held_out)]
+        measured, found = _explained(recording, simulator, fitted)
+        fitter = replace(fitter, measured=measured)
+        confirmed = confirm(found, fitter, held_out)
+        nominal_excess = found.nominal.total / sum(measured.count(e) for e in fitted) - 1.0
+    found, before, after, excess = confirmed.search, confirmed.before, confirmed.after, confirmed.excess
+    top = found.best
     ranked = rank(found, fitter.context, excess, nominal_excess)
     effects = top.fit.explanation.make(top.fit.x, fitter.context)
     nominal_starts = dict(zip((*fitted, *held_out), (*found.nominal.starts, *before.starts), strict=True))
@@ -161,7 +169,7 @@ def diagnose(recording: Recording, *, threads: int | None = None) -> Diagnosis:
         simulated_s=simulator.simulated_s,
         next_push=next_push(ranked, found, recording, fitter, threads),
         rivals=found_rivals(found.best, fitter),
-        notes=notes(recording, measured, top, excess, held_out),
+        notes=notes(recording, measured, top, excess, held_out, turned=turned),
     )
 
 
@@ -179,56 +187,18 @@ def _explained(recording: Recording, simulator: Simulator, fitted: Sequence[int]
     return measured, found
 
 
+def _unseen_only(confirmed: Confirmed, nominal_excess: float) -> bool:
+    """Whether the episodes left out show something that those which were fitted do not."""
+    seen, unseen = (_unknown(e, nominal_excess) for e in (confirmed.excess_fitted, confirmed.excess_unseen))
+    return seen < 0.5 < unseen and confirmed.excess_unseen > SURPRISE * max(confirmed.excess_fitted, 0.0)
+
+
 def _left(fit: Fit, effects: Effects, simulator: Simulator, measured: Measured) -> dict[int, np.ndarray]:
     """Return what a fit leaves, per episode (T, C), physical units."""
     return {
         e: simulator.predict(e, [Run(effects, start)])[0] - measured.values[e]
         for e, start in zip(fit.episodes, fit.starts, strict=True)
     }
-
-
-def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> tuple[Search, Fit, Fit]:
-    """Hold the leading explanation against the episodes left out, until the leader stands.
-
-    An explanation that predicts them worse than a part of it does, or than the nominal model, loses as much of its
-    log odds. What it gains there is not added: that is for the closure to show.
-
-    Returns:
-        The search with the contenders in their new order, and the fits of the start states of those episodes with the
-        nominal model and with the best explanation.
-    """
-    known: dict[tuple, Fit] = {}
-
-    def unseen(contender: Contender) -> Fit:
-        kinds = contender.fit.explanation.kinds
-        if kinds not in known:
-            effects = contender.fit.explanation.make(contender.fit.x, fitter.context)
-            model = replace(fitter, held=effects)
-            # where the body spins fast, a descent of the start states may end in a hollow: from two sides
-            tries = [model.fit(NONE, held_out)]
-            if () in known:
-                tries.append(model.fit(NONE, held_out, near=known[()]))
-            known[kinds] = min(tries, key=lambda f: f.total)
-        return known[kinds]
-
-    contenders = [c for c in found.contenders if np.isfinite(c.log_posterior)]
-    nominal = next(c for c in found.contenders if not c.fit.explanation.kinds)
-    before = unseen(nominal)
-    checked: set[tuple] = set()
-    while (top := contenders[0]).fit.explanation.kinds not in checked:
-        kinds = top.fit.explanation.kinds
-        checked.add(kinds)
-        parts = [c for c in contenders if set(c.fit.explanation.kinds) < set(kinds)]
-        worse = max((unseen(top).total - unseen(c).total for c in parts), default=0.0)
-        contenders[0] = replace(top, log_posterior=top.log_posterior - 0.5 * max(worse, 0.0))
-        contenders.sort(key=lambda c: -c.log_posterior)
-    return Search(tuple(contenders), found.nominal), before, unseen(contenders[0])
-
-
-def residual_excess(best: Contender, measured: Measured, fitted: Sequence[int]) -> float:
-    """Return what the best explanation leaves, as a share: whitened mean square minus one, mismatch taken out."""
-    count = sum(measured.count(e) for e in fitted)
-    return float(best.evidence.loss / count - 1.0)
 
 
 def rank(found: Search, context: Context, excess: float, nominal_excess: float) -> tuple[Ranked, ...]:
@@ -423,7 +393,13 @@ EXACT = {
 
 
 def notes(
-    recording: Recording, measured: Measured, top: Contender, excess: float, held_out: Sequence[int]
+    recording: Recording,
+    measured: Measured,
+    top: Contender,
+    excess: float,
+    held_out: Sequence[int],
+    *,
+    turned: bool = False,
 ) -> tuple[str, ...]:
     """Say what a reader should know before believing the figures."""
     out = list(recording.notes)
@@ -436,6 +412,8 @@ def notes(
         out.append(f"{dropped} values stick out of their neighbours and were left out.")
     if not top.fit.converged:
         out.append("The fit of the best explanation had not fully come to rest; its errors may be too small.")
+    if turned:
+        out.append("What the last episodes show the others do not: they were fitted, and the first ones held out.")
     if len(held_out) < HELD_OUT:
         out.append("Only one episode was left to check the explanation.")
     if excess > UNKNOWN_EXCESS / 2:

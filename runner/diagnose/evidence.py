@@ -35,12 +35,19 @@ class Direction:
         vector: The vector that it goes to.
         per: How much of the unit amplitude that is; the column is divided by it.
         mismatch: Standard deviation that the simulator's own error has in this direction, in units of the amplitude.
+        texture: Whether it is one of many that span the floor: an effect at one place leaves errors at the others.
     """
 
     kind: type[AbstractEffect]
     vector: np.ndarray
     per: float
     mismatch: float
+    texture: bool = False
+
+    @property
+    def key(self) -> tuple[type[AbstractEffect], bytes]:
+        """What makes it the same direction in two surveys."""
+        return self.kind, self.vector.tobytes()
 
 
 def directions(context: Context) -> list[Direction]:
@@ -53,7 +60,7 @@ def directions(context: Context) -> list[Direction]:
             if len(starts):
                 for start in starts:
                     texture = issubclass(kind, FrictionPatch)
-                    out.append(Direction(kind, start, 1.0, TEXTURE if texture else 0.0))
+                    out.append(Direction(kind, start, 1.0, TEXTURE if texture else 0.0, texture))
                 continue
             steps = difference_steps(parameters, np.zeros(len(parameters)))
             for i, parameter in enumerate(parameters):
@@ -92,15 +99,35 @@ class Surroundings:
     gram: np.ndarray
 
 
-def surroundings(fit: Fit, known: Survey) -> Surroundings:
-    """Set a fit amid the directions of a survey made around it or near it; those of its own effects are left out."""
-    keep = [i for i, d in enumerate(known.directions) if d.kind not in fit.explanation.kinds]
+def surroundings(fit: Fit, *known: Survey) -> Surroundings:
+    """Set a fit amid the directions of surveys made around it or near it; of each direction the first counts.
+
+    Those of its own effects are left out, save for the texture of the floor.
+    """
+    chosen: dict[tuple[type[AbstractEffect], bytes], tuple[Survey, int]] = {}
+    for one in known:
+        for i, d in enumerate(one.directions):
+            if d.texture or d.kind not in fit.explanation.kinds:
+                chosen.setdefault(d.key, (one, i))
     gram = []
-    for column, jacobian, residual, q in zip(known.columns, fit.jacobian, fit.residual, fit.basis.q, strict=True):
-        whole = np.column_stack([jacobian, column[:, keep], residual])
+    for k, (jacobian, residual, q) in enumerate(zip(fit.jacobian, fit.residual, fit.basis.q, strict=True)):
+        columns = [one.columns[k][:, i] for one, i in chosen.values()]
+        whole = np.column_stack([jacobian, *columns, residual])
         whole = whole - q @ (q.T @ whole)
         gram.append(whole.T @ whole)
-    return Surroundings(fit, tuple(known.directions[i] for i in keep), np.array(gram))
+    return Surroundings(fit, tuple(one.directions[i] for one, i in chosen.values()), np.array(gram))
+
+
+def together(a: Surroundings, b: Surroundings) -> Surroundings:
+    """Set a fit amid what further episodes say as well, at the same parameters; only directions that both have."""
+    p = len(a.fit.x)
+    first = {d.key: i for i, d in enumerate(a.directions)}
+    shared = [(first[d.key], j) for j, d in enumerate(b.directions) if d.key in first]
+    gram = []
+    for around, chosen in ((a, [i for i, _ in shared]), (b, [j for _, j in shared])):
+        keep = np.array([*range(p), *(p + i for i in chosen), around.gram.shape[1] - 1])
+        gram.append(around.gram[:, keep[:, None], keep])
+    return Surroundings(a.fit, tuple(a.directions[i] for i, _ in shared), np.concatenate(gram))
 
 
 @dataclass(frozen=True)
@@ -112,7 +139,8 @@ class Evidence:
         level: Log evidence of each mismatch level, (len(LEVELS),).
         loss: Sum of squared residuals after the mismatch has taken its part, at level 1: what the simulator is trusted
             with beforehand.
-        covariance: Of the parameters, mismatch included, (p, p).
+        covariance: Of the parameters as they were fitted, by plain least squares, (p, p): the mismatch has moved them
+            by what it looks like to them, so that it counts in full (the "sandwich" of White 1982).
     """
 
     log: float
@@ -155,7 +183,7 @@ def evidence(around: Surroundings, context: Context) -> Evidence:
     density = log_densities(around.fit, context)
     # a parameter that the data don't tell: as uncertain as its prior is wide, so that it neither gains nor loses
     width = 2 * np.pi * np.exp(2 * density)
-    logs, losses, covariances = [], [], []
+    logs, losses = [], []
     for level in LEVELS:
         s = spread[mismatch] * level
         # in amplitudes of unit prior variance
@@ -167,21 +195,19 @@ def evidence(around: Surroundings, context: Context) -> Evidence:
         g = g_o - cross.T @ solved[:, p]
         loss = rr - gr @ solved[:, p]
         volume = 0.0
-        covariance = np.empty((p, p))
         if p:
             schur = schur + np.diag(width)
-            covariance = np.linalg.inv(schur)
-            loss -= float(g @ covariance @ g)
+            loss -= float(g @ np.linalg.solve(schur, g))
             volume = 0.5 * p * np.log(2 * np.pi) - 0.5 * float(np.linalg.slogdet(schur).logabsdet) + density.sum()
         logs.append(-0.5 * loss - float(np.log(np.diag(inner[0])).sum()) + volume)
         losses.append(loss)
-        covariances.append(covariance)
-    best = int(np.argmax(logs))
+    inverse = np.linalg.inv(h_oo + np.diag(width))
+    moved = h_or * (spread[mismatch] * LEVELS[int(np.argmax(logs))])
     return Evidence(
         float(np.logaddexp.reduce(logs) - np.log(len(LEVELS))),
         np.array(logs),
         float(losses[LEVELS.index(1.0)]),
-        covariances[best],
+        inverse @ (h_oo + moved @ moved.T) @ inverse,
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from runner.diagnose.evidence import (
     Evidence,
+    Surroundings,
     Survey,
     clip,
     directions,
@@ -47,9 +48,13 @@ TWINS = ({"mass", "actuator_gain"}, {"floor_tilt", "wind"}, {"actuator_delay", "
 
 @dataclass(frozen=True)
 class Contender:
-    """A fitted explanation and its evidence; `log_posterior` includes the prior odds against many effects."""
+    """A fitted explanation amid its surroundings, and its evidence.
+
+    `log_posterior` includes the prior odds against many effects, and against effects that hardly matter.
+    """
 
     fit: Fit
+    around: Surroundings = field(repr=False)
     evidence: Evidence
     log_posterior: float
     promises: dict[type[AbstractEffect], tuple[float, np.ndarray]] = field(repr=False)
@@ -72,7 +77,8 @@ def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS)
     """Fit and compare explanations of up to `most` effects on these episodes."""
     every = directions(fitter.context)
     nominal = fitter.fit(NONE, episodes, iterations=8)
-    contenders = [_contend(fitter, nominal, survey(fitter, nominal, every))]
+    alone = survey(fitter, nominal, every)
+    contenders = [_contend(fitter, nominal, alone)]
     count = sum(fitter.measured.count(e) for e in episodes)
     worth = WORTH * count + WORTH_SHARE * max(nominal.total - count, 0.0)
     beam, seen = contenders[:1], {NONE.kinds}
@@ -112,7 +118,7 @@ def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS)
             break
         fits = _finished(fitter, sorted(fits, key=lambda f: f.total), worth)
         around_best = survey(fitter, fits[0], every)
-        new = [_contend(fitter, fit, around_best) for fit in fits[:SURVEYED]]
+        new = [_contend(fitter, fit, around_best, alone) for fit in fits[:SURVEYED]]
         if size == 1:
             new = [_less(c, 0.5 * max(worth - (nominal.total - c.fit.total), 0.0)) for c in new]
         best = max(c.log_posterior for c in contenders)
@@ -121,7 +127,7 @@ def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS)
         if size > 1 and new[0].log_posterior < best:
             break
         if size > 1:
-            new += _without_one(fitter, new[0], around_best, seen, episodes)
+            new += _without_one(fitter, new[0], (around_best, alone), seen, episodes)
             contenders = list({id(c): c for c in contenders + new}.values())
             new.sort(key=lambda c: -c.log_posterior)
         beam = []
@@ -151,7 +157,7 @@ def _finished(fitter: Fitter, fits: list[Fit], worth: float) -> list[Fit]:
 
 
 def _without_one(
-    fitter: Fitter, whole: Contender, known: Survey, seen: set, episodes: Sequence[int]
+    fitter: Fitter, whole: Contender, known: Sequence[Survey], seen: set, episodes: Sequence[int]
 ) -> list[Contender]:
     """Drop each effect of an explanation in turn: what came in first may have stood in for what came later."""
     out, i = [], 0
@@ -164,7 +170,7 @@ def _without_one(
         if key not in seen:
             seen.add(key)
             target = whole.fit.total
-            out.append(_contend(fitter, fitter.fit(rest, episodes, x=x, near=whole.fit, target=target), known))
+            out.append(_contend(fitter, fitter.fit(rest, episodes, x=x, near=whole.fit, target=target), *known))
     return out
 
 
@@ -195,9 +201,9 @@ def _offers(contender: Contender, fitter: Fitter) -> list[tuple[float, type[Abst
     return sorted(out, key=lambda o: -o[0])
 
 
-def _contend(fitter: Fitter, fit: Fit, known: Survey) -> Contender:
-    around = surroundings(fit, known)
+def _contend(fitter: Fitter, fit: Fit, *known: Survey) -> Contender:
+    around = surroundings(fit, *known)
     found = evidence(around, fitter.context)
     size = len(fit.explanation.kinds)
     # little mismatch: it must not take what the next effect could explain
-    return Contender(fit, found, found.log - ONE_MORE * size, promise(around, 1.0))
+    return Contender(fit, around, found, found.log - ONE_MORE * size, promise(around, 1.0))

@@ -1,0 +1,89 @@
+"""Hold the leading explanations against the episodes that were left out of their fits.
+
+An explanation must predict what it has not seen. With its parameters as they were fitted, the start states of the
+episodes left out are found, and the evidence is then that of all episodes together: what a leader lacks there counts
+against it, and what it has there counts for it. Its parameters stay as they are, so that the closure on these
+episodes is one of prediction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runner.diagnose.evidence import directions, evidence, surroundings, survey, together
+from runner.diagnose.fit import NONE, Fit, Fitter
+from runner.diagnose.search import Contender, Search
+
+LEADERS = 6  # so many are held against the episodes left out, and the nominal model
+
+
+@dataclass(frozen=True)
+class Confirmed:
+    """The search with its contenders in their new order, and what they make of the episodes left out.
+
+    Args:
+        search: Leaders first, by the evidence of all episodes; the others after them.
+        before: Start states of the episodes left out fitted with the nominal model.
+        after: The same with the best explanation.
+        excess_fitted: What the best explanation leaves, as a share: whitened mean square minus one, mismatch taken out.
+        excess_unseen: The same of the episodes left out.
+    """
+
+    search: Search
+    before: Fit
+    after: Fit
+    excess_fitted: float
+    excess_unseen: float
+
+    @property
+    def excess(self) -> float:
+        """Whichever leave more."""
+        return max(self.excess_fitted, self.excess_unseen)
+
+
+def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed:
+    """Weigh the leading contenders by all episodes."""
+    finite = [c for c in found.contenders if np.isfinite(c.log_posterior)]
+    nominal = next(c for c in finite if not c.fit.explanation.kinds)
+    leaders = [c for i, c in enumerate(finite) if i < LEADERS or c is nominal]
+    before = _unseen(nominal, fitter, held_out, None)
+    unseen = {id(c): before if c is nominal else _unseen(c, fitter, held_out, before) for c in leaders}
+    every = directions(fitter.context)
+    alone = survey(fitter, before, every)
+    best = next((c for c in leaders if c is not nominal), nominal)
+    around_best = alone if best is nominal else survey(fitter, unseen[id(best)], every)
+    weighed, loss = [], {}
+    for c in leaders:
+        there = surroundings(unseen[id(c)], *((alone,) if c is nominal else (around_best, alone)))
+        whole = evidence(together(c.around, there), fitter.context)
+        weighed.append(replace(c, log_posterior=c.log_posterior + whole.log - c.evidence.log))
+        loss[c.fit.explanation.kinds] = evidence(there, fitter.context).loss
+    weighed.sort(key=lambda c: -c.log_posterior)
+    # those that were not weighed keep their distance to the first of the leaders
+    moved = next(w for w in weighed if w.fit is leaders[0].fit).log_posterior - leaders[0].log_posterior
+    last = weighed[-1].log_posterior
+    others = [replace(c, log_posterior=min(c.log_posterior + moved, last)) for c in finite if id(c) not in unseen]
+    top = weighed[0]
+    after = next(unseen[id(c)] for c in leaders if c.fit is top.fit)
+    fitted = top.evidence.loss / _count(fitter, top.fit.episodes) - 1.0
+    there = loss[top.fit.explanation.kinds] / _count(fitter, held_out) - 1.0
+    return Confirmed(Search((*weighed, *others), found.nominal), before, after, float(fitted), float(there))
+
+
+def _count(fitter: Fitter, episodes: Sequence[int]) -> int:
+    return sum(fitter.measured.count(e) for e in episodes)
+
+
+def _unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nominal: Fit | None) -> Fit:
+    """Return a contender at its parameters with the start states of other episodes fitted."""
+    explanation, x = contender.fit.explanation, contender.fit.x
+    held = replace(fitter, held=explanation.make(x, fitter.context))
+    tries = [held.fit(NONE, held_out)]
+    if nominal is not None:
+        # where the body spins fast, a descent of the start states may end in a hollow: from two sides
+        tries.append(held.fit(NONE, held_out, near=nominal))
+    best = min(tries, key=lambda f: f.total)
+    return fitter.fit(explanation, held_out, x=x, near=best, iterations=0)
