@@ -183,7 +183,7 @@ def _explained(recording: Recording, simulator: Simulator, fitted: Sequence[int]
     best = found.best.fit
     again = refine(measured, recording, _left(best, best.explanation.make(best.x, context), simulator, measured))
     if materially_different(measured, again):
-        measured, found = again, search(Fitter(simulator, again, context), fitted)
+        measured, found = again, search(Fitter(simulator, again, context), fitted, before=found)
     return measured, found
 
 

@@ -8,7 +8,7 @@ what is left is a small bounded least-squares problem: Levenberg-Marquardt steps
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -126,6 +126,12 @@ class Fitter:
     context: Context
     held: Effects = ()
 
+    def up_to(self, seconds: float) -> Fitter:
+        """Return a fitter of the first so many seconds of every episode."""
+        recording = self.simulator.recording.up_to(seconds)
+        simulator = replace(self.simulator, recording=recording)
+        return replace(self, simulator=simulator, measured=self.measured.up_to([len(e) for e in recording.episodes]))
+
     def first_starts(self, episodes: Sequence[int]) -> np.ndarray:
         """Return rough start states from the first samples, (E, 6)."""
         out = []
@@ -139,6 +145,13 @@ class Fitter:
         runs = [Run(self.held + run.effects, run.start) for run in runs]
         predicted = self.simulator.predict(episode, runs)
         return self.measured.whiten(episode, predicted - self.measured.values[episode]).reshape(len(runs), -1)
+
+    def loss(self, explanation: Explanation, x: np.ndarray, starts: np.ndarray, episodes: Sequence[int]) -> float:
+        """Return the sum of squared whitened residuals at given unknowns; infinite where the motion is."""
+        run = explanation.make(x, self.context)
+        rows = [self.whitened(e, [Run(run, start)])[0] for e, start in zip(episodes, starts, strict=True)]
+        total = float(sum(r @ r for r in rows))
+        return total if np.isfinite(total) else np.inf
 
     def changes(self, base: Effects, runs: Sequence[Effects], fit: Fit) -> list[np.ndarray]:
         """Return how the whitened prediction changes from `base` to each run, per episode (n, len(runs)).
@@ -158,10 +171,12 @@ class Fitter:
         *,
         x: np.ndarray | None = None,
         near: Fit | None = None,
+        starts: np.ndarray | None = None,
         target: float = np.inf,
         patience: int = 0,
         iterations: int = 15,
         tolerance: float = 0.3,
+        polish: bool = True,
     ) -> Fit:
         """Fit an explanation; stops when a step gains less than `tolerance` in the loss (more where the fit is bad).
 
@@ -172,16 +187,22 @@ class Fitter:
             episodes: Which episodes.
             x: Where to start, (p,); None: zero, the effect absent.
             near: A fit of the same episodes whose start states, and their derivatives, are a good beginning.
+            starts: Start states that are a better one, (E, 6).
             target: A loss that others have reached; a fit that won't come near it is not finished.
             patience: So many steps are taken before that is judged.
             iterations: At most so many steps.
             tolerance: In units of the loss (2 log likelihood).
+            polish: Whether the start states' derivatives are taken anew where the steps come to rest; without, a fit
+                is not called converged.
         """
         parameters = explanation.parameters(self.context)
         low, high = bounds(parameters)
         x = np.clip(np.zeros(len(parameters)) if x is None else np.asarray(x, float), low, high)
-        starts = self.first_starts(episodes) if near is None else near.starts
-        point = self._linearise(explanation, x, starts, episodes, None if near is None else near.basis)
+        basis = None
+        if starts is None:
+            starts = self.first_starts(episodes) if near is None else near.starts
+            basis = None if near is None else near.basis
+        point = self._linearise(explanation, x, starts, episodes, basis)
         damping, converged = 1e-4, False
         count = sum(self.measured.count(e) for e in episodes)
         behind = False
@@ -193,8 +214,8 @@ class Fitter:
                 behind = True
                 break
             if promised < enough:
-                if point.fresh:
-                    converged = True
+                if point.fresh or not polish:
+                    converged = point.fresh
                     break
                 point = self._linearise(explanation, point.x, point.starts, episodes, None)
                 continue
@@ -212,7 +233,7 @@ class Fitter:
                 damping = max(damping * 20, 1e-2)
                 if damping > 1e7:
                     break
-        if not point.fresh and not behind:
+        if not point.fresh and not behind and polish:
             point = self._linearise(explanation, point.x, point.starts, episodes, None)
         width = np.maximum(high - low, 1e-12)
         return Fit(

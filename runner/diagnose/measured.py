@@ -6,7 +6,7 @@ Nothing here knows what moved, or how. A channel is a column of numbers with a n
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -43,6 +43,11 @@ class Measured:
         """Return residuals (..., T, C) in units of the noise and with its colour taken out; invalid ones are 0."""
         valid = self.valid[episode]
         return np.where(valid, self.colour.whiten(np.where(valid, residual / self.sigma, 0.0)), 0.0)
+
+    def up_to(self, samples: Sequence[int]) -> Measured:
+        """Return the first so many samples of each episode; the noise is what it was."""
+        values, valid = (tuple(v[:n] for v, n in zip(vs, samples, strict=True)) for vs in (self.values, self.valid))
+        return replace(self, values=values, valid=valid)
 
     def count(self, episode: int) -> int:
         """Number of values that count."""

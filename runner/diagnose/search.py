@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -40,8 +41,13 @@ ONE_MORE = 5.0  # log prior odds against each further effect
 WORTH, WORTH_SHARE = 0.03, 0.004
 NEAR = 1000.0  # log odds within which an explanation is worth adding to
 SETTLED = 0.03  # of the nominal model's excess: where the leader leaves less, nothing else is worth adding to
+CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, promises hold; so many are fitted anyway
 LINEAR = 0.1  # of the nominal model's excess: where a fit leaves less, the promises of further effects hold
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
+# Mean square, in noises, from which on a descent from the nominal model is not trusted; then the first part of the
+# episodes is searched before, down to so many seconds, and so many of its explanations of each size are tried.
+STEEP, FIRST, SHORTEST_S, SEEDS = 10.0, 1 / 3, 0.5, 2
+Kinds = tuple[type[AbstractEffect], ...]
 # the same motion, or nearly, under known forces on a level floor; see the confounded set for what these data say
 TWINS = ({"mass", "actuator_gain"}, {"floor_tilt", "wind"}, {"actuator_delay", "observation_delay"})
 
@@ -73,10 +79,20 @@ class Search:
         return self.contenders[0]
 
 
-def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS) -> Search:
-    """Fit and compare explanations of up to `most` effects on these episodes."""
+def search(
+    fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS, before: Search | None = None
+) -> Search:
+    """Fit and compare explanations of up to `most` effects on these episodes.
+
+    `before` is a search of the same episodes with another account of the noise: its contenders are where this one
+    begins, and single effects that did not get that far are not tried alone again.
+
+    Where the nominal model goes far astray, descents from it end in hollows: the first third of the episodes is then
+    searched before, and what was found there is where the fits begin.
+    """
     every = directions(fitter.context)
-    nominal = fitter.fit(NONE, episodes, iterations=8)
+    nominal = fitter.fit(NONE, episodes, starts=None if before is None else before.nominal.starts, iterations=8)
+    seeds, ruled_out = _seeds(fitter, nominal, episodes, most) if before is None else _resumed(before)
     alone = survey(fitter, nominal, every)
     contenders = [_contend(fitter, nominal, alone)]
     count = sum(fitter.measured.count(e) for e in episodes)
@@ -88,7 +104,9 @@ def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS)
         for contender in beam:
             offers = _offers(contender, fitter)
             left = contender.fit.total - count
-            if size > 1:
+            if size == 1 and left < CLOSE * count:
+                offers = [o for i, o in enumerate(offers) if i < FEWEST or o[0] > OFFERED * worth]
+            elif size > 1:
                 if left < worth:
                     continue  # nothing is left that would be worth an effect
                 if left < LINEAR * (nominal.total - count):
@@ -99,21 +117,29 @@ def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS)
             for _, kind, vector in offers:
                 explanation, x = joined(contender.fit, kind, vector)
                 key = _key(explanation)
-                if key in seen:
+                if key in seen or key in ruled_out:
                     continue
                 seen.add(key)
                 fit = fitter.fit(
                     explanation,
                     episodes,
-                    x=x,
-                    near=contender.fit,
+                    **_beginning(fitter, explanation, x, contender.fit, seeds.pop(key, None)),
                     target=target,
                     patience=0 if size == 1 else 3,
                     iterations=8 if size == 1 else 12,
+                    polish=False,
                 )
                 if size == 1 or contender.fit.total - fit.total > worth:
                     fits.append(fit)
                     target = min(target, fit.total)
+        for key in [k for k in seeds if len(k) == size]:
+            seed = seeds.pop(key)
+            seen.add(key)
+            begin = _beginning(fitter, seed.explanation, seed.x, nominal, seed)
+            fits.append(
+                fitter.fit(seed.explanation, episodes, **begin, target=target, patience=3, iterations=12, polish=False)
+            )
+            target = min(target, fits[-1].total)
         if not fits:
             break
         fits = _finished(fitter, sorted(fits, key=lambda f: f.total), worth)
@@ -139,6 +165,57 @@ def search(fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS)
                 beam.append(contender)
     contenders.sort(key=lambda c: -c.log_posterior)
     return Search(tuple(contenders), nominal)
+
+
+def _seeds(fitter: Fitter, nominal: Fit, episodes: Sequence[int], most: int) -> tuple[dict[Kinds, Fit], set[Kinds]]:
+    """Look at the beginnings of the episodes where the nominal model goes far astray.
+
+    Returns:
+        The fits of the single effects that are near the likeliest there, and of the likeliest several; and the single
+        effects that the beginnings rule out.
+    """
+    longest_s = max(float(np.ptp(fitter.simulator.recording.episodes[e].t_s)) for e in episodes)
+    if nominal.total < STEEP * sum(fitter.measured.count(e) for e in episodes) or longest_s * FIRST < SHORTEST_S:
+        return {}, set()
+    short = fitter.up_to(longest_s * FIRST)
+    found = search(short, episodes, most=most)
+    fitter.simulator.simulated_s += short.simulator.simulated_s
+    seeds: dict[Kinds, Fit] = {}
+    for c in found.contenders:
+        kinds = c.fit.explanation.kinds
+        near = c.log_posterior > found.best.log_posterior - NEAR
+        if near and kinds and (len(kinds) == 1 or sum(len(k) == len(kinds) for k in seeds) < SEEDS):
+            seeds[_key(c.fit.explanation)] = c.fit
+    count = sum(short.measured.count(e) for e in episodes)
+    explained = found.best.fit.total < 1.5 * count and len(found.best.fit.explanation.kinds) == 1
+    singles = {(kind,) for kinds in EFFECTS.values() for kind in kinds}
+    return seeds, singles - set(seeds) if explained else set()
+
+
+def _resumed(before: Search) -> tuple[dict[Kinds, Fit], set[Kinds]]:
+    fits = [c.fit for c in before.contenders if c.fit.explanation.kinds and np.isfinite(c.log_posterior)]
+    tried = {_key(c.fit.explanation) for c in before.contenders}
+    singles = {(kind,) for kinds in EFFECTS.values() for kind in kinds}
+    return {_key(f.explanation): f for f in fits}, singles - tried
+
+
+def _beginning(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit, seed: Fit | None) -> dict[str, Any]:
+    """Return where to begin a fit: from what is near, or from the seed where that leaves less."""
+    if seed is None:
+        return {"x": x, "near": near}
+    seeded = _in_order(seed, explanation, fitter)
+    by = [fitter.loss(explanation, v, s, near.episodes) for v, s in ((x, near.starts), (seeded, seed.starts))]
+    return {"x": seeded, "starts": seed.starts} if by[1] < by[0] else {"x": x, "near": near}
+
+
+def _in_order(seed: Fit, explanation: Explanation, fitter: Fitter) -> np.ndarray:
+    """Return a fit's parameters in the order of an explanation of the same effects."""
+    parts, i = {}, 0
+    for kind in seed.explanation.kinds:
+        n = len(kind.parameters(fitter.context))
+        parts[kind] = seed.x[i : i + n]
+        i += n
+    return np.concatenate([parts[kind] for kind in explanation.kinds])
 
 
 def _less(contender: Contender, by: float) -> Contender:
@@ -174,7 +251,7 @@ def _without_one(
     return out
 
 
-def _key(explanation: Explanation) -> tuple[type[AbstractEffect], ...]:
+def _key(explanation: Explanation) -> Kinds:
     return tuple(sorted(explanation.kinds, key=lambda k: k.__name__))
 
 
