@@ -69,6 +69,17 @@ class Runs:
             raise ResultError(f"paths: the runs of '{self.experiment}' have no '{key}', which a figure needs.")
         return self.table[key].to_numpy()
 
+    def at(self, key: str, value: float) -> Runs:
+        """Return the runs in which a column has a value.
+
+        Raises:
+            ResultError: If there are none.
+        """
+        found = self.table[self.values(key) == value]
+        if found.empty:
+            raise ResultError(f"paths: no run of '{self.experiment}' at {key}={value:g}, which a figure needs.")
+        return Runs(self.experiment, found.reset_index(drop=True), self.failed)
+
     def parquet(self, i: int, name: str) -> pd.DataFrame:
         """Return a table from the folder of the i-th run.
 

@@ -9,13 +9,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, NullLocator
 
 INK, GREY, FAINT, BAND = "#16191d", "#8a8d91", "#d9dbde", "#eceef0"
 ORANGE, BLUE, GREEN, PURPLE = "#d55e00", "#0b6aa8", "#1b8a62", "#a04a94"
 SERIES = (ORANGE, BLUE, GREEN, PURPLE, GREY, INK)  # told apart with any eyes
 PAPER = BLUE  # what the paper states
-ORDERED = LinearSegmentedColormap.from_list("runner", ["#fbb463", "#d55e00", "#7c2150", "#20184a"])
+ORDERED = LinearSegmentedColormap.from_list(
+    "runner", ["#f9b64e", "#ee6c2b", "#cc2a5f", "#8b1a8f", "#3b3bb3", "#0d1440"]
+)
 FLOOR = 1e-16  # an exact estimate is drawn here: the resolution of the numbers
 
 STYLE: dict[Any, Any] = {
@@ -44,8 +46,10 @@ STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "legend.fontsize": 9,
     "axes.unicode_minus": True,
+    "axes.xmargin": 0.02,
 }
-TITLE_IN = 0.5  # room for two lines of title on top
+TITLE_IN = 0.6  # room for two lines of title on top
+MARKS = 10  # at most so many on an axis of decades
 
 
 def canvas(
@@ -72,20 +76,26 @@ def shades(count: int) -> list[Any]:
     return [ORDERED(x) for x in np.linspace(0.0, 1.0, max(count, 1))]
 
 
-def stated(ax: Axes, value: float, text: str) -> None:
-    """Draw a number that the paper states as a level line."""
+def stated(ax: Axes, value: float, text: str, *, right_end: float = 1.0) -> None:
+    """Draw a number that the paper states as a level line, its name on it up to this share of the axis."""
     ax.axhline(value, color=PAPER, lw=1.2, ls=(0, (5, 3)), zorder=1)
     ax.annotate(
-        text, (1.0, value), xycoords=("axes fraction", "data"), xytext=(0, 3), textcoords="offset points", ha="right",
-        va="bottom", color=PAPER, fontsize=9,
+        text, (right_end, value), xycoords=("axes fraction", "data"), xytext=(0, 3), textcoords="offset points",
+        ha="right", va="bottom", color=PAPER, fontsize=9,
     )  # fmt: skip
 
 
 def log_error(ax: Axes, *, lowest: float = FLOOR, highest: float | None = None) -> None:
-    """Make the y axis one of relative errors in decades, in percent where that reads well."""
+    """Make the y axis one of relative errors in decades, in percent where that reads well; call it after plotting.
+
+    The lowest mark is always there, and says where it stands for all that is smaller, and for nothing.
+    """
     ax.set_yscale("log")
     ax.set_ylim(lowest / 2, highest)
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: percent(value)))
+    first, last = round(np.log10(lowest)), int(np.floor(np.log10(ax.get_ylim()[1])))
+    ax.set_yticks(10.0 ** np.arange(first, last + 1, 1 + (last - first) // MARKS))
+    ax.yaxis.set_minor_locator(NullLocator())
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: ("≤ " if value < 1.5 * FLOOR else "") + percent(value)))
 
 
 def size(error: Any) -> np.ndarray:

@@ -16,7 +16,8 @@ from runner.errors import ResultError, nearest
 from runner.figures import Drawn, Runs, load
 from runner.figures._look import INK, STYLE
 
-VERDICT = {True: "holds", False: "does not hold", None: "nothing to hold"}
+VERDICT = {True: "holds", False: "does not hold", None: "no telling"}
+NO_CLAIM = "nothing to hold"
 DPI = 160
 
 
@@ -83,7 +84,8 @@ def _drawn(runs: Runs, out: Path, skipped: Callable[[str], None]) -> Iterator[En
         stem = f"{runs.experiment}_{name}"
         _save(drawn, out / stem)
         count = f"{len(runs.table)} runs" + (f", {len(runs.failed)} more failed" if len(runs.failed) else "")
-        yield Entry(runs.experiment, stem, drawn.claim, drawn.seen, VERDICT[drawn.holds], count)
+        verdict = VERDICT[drawn.holds] if drawn.claim else NO_CLAIM
+        yield Entry(runs.experiment, stem, drawn.claim, drawn.seen, verdict, count)
 
 
 def _save(drawn: Drawn, stem: Path) -> None:

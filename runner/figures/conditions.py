@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.ticker import FuncFormatter
 
 from runner.figures import Drawn, Runs, figure
 from runner.figures._look import GREY, ORANGE, canvas, log_error, percent, size, stated, within
@@ -22,11 +23,12 @@ def friction(runs: Runs) -> Drawn:
     log_error(ax, highest=20)
     stated(ax, 1e-4, "paper: stable at 0.01 %")
     ax.legend(loc="center right")
+    ax.set_xlim(0, None)
+    small = mu[np.abs(final) < 1e-9]
     return Drawn(
         page,
-        seen="Friction helps: it stops the cube between pushes, and a push from rest tells most. At "
-        f"{mu.min():g} the error ends at {percent(abs(final[np.argmin(mu)]))}, from "
-        f"{mu[np.abs(final) < 1e-9].min():g} on below 1e-9.",
+        seen=f"Friction helps: with a coefficient of {mu.min():g} the error ends at {percent(abs(final[mu.argmin()]))}"
+        + (f", and below 1e-9 from {small.min():g} on." if len(small) else "."),
     )
 
 
@@ -38,7 +40,7 @@ def force_magnitude(runs: Runs) -> Drawn:
     holds_n = 0.3 * runs.values("mass_true_kg")[0] * GRAVITY_M_S2
     page, ax = canvas(xlabel="push [N]", ylabel="relative error of the mass")
     ax.axvspan(force_n.min() * 0.8, holds_n, color=GREY, alpha=0.12, lw=0)
-    ax.text(holds_n * 0.96, 1e-8, "the remote\nsticks", ha="right", color=GREY)
+    ax.text(holds_n * 0.96, 1e-8, "friction\nholds", ha="right", color=GREY)
     ax.plot(force_n, size(runs.values("mass_peak_error")), "o-", mfc="white", color=GREY, label="peak")
     ax.plot(force_n, size(runs.values("mass_median_error")), "o-", color=GREY, label="median over the run")
     ax.plot(force_n, size(final), "o-", color=ORANGE, label="at the end")
@@ -49,11 +51,13 @@ def force_magnitude(runs: Runs) -> Drawn:
     ax.minorticks_off()
     ax.set_xlim(force_n.min() * 0.8, force_n.max() * 1.1)
     ax.legend(loc="center", bbox_to_anchor=(0.45, 0.5))
-    moved = np.abs(final[force_n > holds_n])
+    moved, held = (np.abs(final[which]).max(initial=0.0) for which in (force_n > holds_n, force_n <= holds_n))
+    start = np.abs(runs.values("mass_start_kg") / runs.values("mass_true_kg") - 1).max()
     return Drawn(
         page,
-        seen=f"Pushes that move the remote end within {percent(moved.max())}, best a little above what friction holds "
-        f"({holds_n:.3g} N); weaker ones tell nothing, or mislead where only the local cube slides.",
+        seen=f"Pushes above what friction holds ({holds_n:.3g} N) end {within(moved)}, best a little above it; "
+        "weaker ones tell nothing"
+        + (f", or mislead, up to {percent(held)}, where the remote barely moves." if held > start else "."),
     )
 
 
@@ -63,7 +67,7 @@ def noise(runs: Runs) -> Drawn:
     sigma, median = runs.values("link.noise.velocity_m_s"), runs.values("mass_median_error")
     sizes = np.unique(sigma[sigma > 0])
     page, ax = canvas(
-        xlabel="noise of the measured velocity, standard deviation [m/s]", ylabel="relative error of the mass"
+        xlabel="noise of the measured velocity, standard deviation [mm/s]", ylabel="relative error of the mass"
     )
     for values, colour, name in (
         (np.abs(runs.values("mass_final_error")), GREY, "at the end"),
@@ -73,13 +77,18 @@ def noise(runs: Runs) -> Drawn:
         ax.fill_between(sizes, rows[:, 0], rows[:, 2], color=colour, alpha=0.2, lw=0)
         ax.plot(sizes, rows[:, 1], "o-", color=colour, label=f"{name}: median of the runs, middle 80 %")
     ax.set_xscale("log")
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{1e3 * value:g}"))
+    ax.minorticks_off()
     log_error(ax, lowest=1e-6, highest=20)
     stated(ax, 1e-4, "paper: stable at 0.01 %")
     ax.legend(loc="upper left")
-    slope = np.median([np.median(median[sigma == s]) / s for s in sizes[:-1]])
-    exact = np.abs(runs.values("mass_final_error")[sigma == 0])
+    final = np.abs(runs.values("mass_final_error"))
+    few = sizes[sizes <= 3e-3]  # where errors still grow with the noise
+    slope, last = (np.median([np.median(errors[sigma == s]) / s for s in few]) for errors in (median, final))
+    exact = final[sigma == 0]
     return Drawn(
         page,
-        seen=f"The median error is about {slope:.2g} times the noise in m/s, so that 0.01 % needs sensors better than "
-        f"{1e-4 / slope:.0e} m/s; without noise it ends {within(float(exact.max()))}.",
+        seen=f"The median error is about {percent(1e-3 * slope)} for each mm/s of noise, the one at the end "
+        f"{percent(1e-3 * last)}: to end within 0.01 % takes sensors of {1e-1 / last:.1g} mm/s"
+        + (f"; without noise it ends {within(float(exact.max()))}." if len(exact) else "."),
     )

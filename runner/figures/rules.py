@@ -26,13 +26,13 @@ def signed_error(runs: Runs) -> Drawn:
         ax.axhline(0, color=INK, lw=0.8)
         ax.set_ylabel("relative error [%]")
     upper.legend(loc="upper right")
-    upper.set_title("all")
+    upper.set_title("whole range")
     lower.set(xlabel="time [s]", ylim=(-limit, limit), title="near zero")
     finals = {name: np.abs(runs.values(f"{name}_mass_median_error")).mean() for name in spread}
     better = min(finals, key=lambda name: finals[name])
     worse = max(finals, key=lambda name: finals[name])
     return Drawn(
         page,
-        seen=f"With noise of 1 mm/s and 1 mrad/s over {len(every)} runs the {better} rule has a median error of "
-        f"{percent(finals[better])}, the {worse} one of {percent(finals[worse])}.",
+        seen=f"With noise of 1 mm/s and 1 mrad/s over {len(every)} runs the median error over time is "
+        f"{percent(finals[better])} with the {better} rule and {percent(finals[worse])} with the {worse} one.",
     )
