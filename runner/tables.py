@@ -6,12 +6,14 @@ rows of the runs that have ended in a file of its own in `rows/`, a line of JSON
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
 import shutil
 import socket
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -136,6 +138,16 @@ class Ledger:
         self._path = folder / ROWS / f"{first:06d}.jsonl"
         self._path.parent.mkdir(exist_ok=True)
 
+    @contextmanager
+    def held(self) -> Iterator[Ledger]:
+        """Hold the file while the task is done: a worker can outlive the sweep that was killed, see `still_held`."""
+        handle = os.open(self._path, os.O_WRONLY | os.O_CREAT, 0o644)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX)
+            yield self
+        finally:
+            os.close(handle)
+
     def write(self, job: int, rows: Sequence[Mapping[str, Any]]) -> None:
         """Note the rows of a run, most often one."""
         # begins with a line break: the line before may have been cut off by a kill
@@ -149,6 +161,19 @@ class Ledger:
     def noted(self) -> dict[int, list[dict[str, Any]]]:
         """Return the rows that are noted here, by run."""
         return _noted(self._path) if self._path.is_file() else {}
+
+
+def still_held(folder: Path) -> bool:
+    """Tell whether a process is still doing a task of a sweep."""
+    for file in (folder / ROWS).glob("*.jsonl"):
+        handle = os.open(file, os.O_WRONLY)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+        finally:
+            os.close(handle)
+    return False
 
 
 def _noted(file: Path) -> dict[int, list[dict[str, Any]]]:
@@ -230,12 +255,21 @@ def _read(folder: Path) -> pd.DataFrame:
     if (sweep / SWEEP).is_file() and (sweep == folder or not (folder / SUMMARY).is_file()):
         rows = [row for row in sweep_rows(sweep) if sweep == folder or str(row["job"]) == folder.name]
         names = list(dict.fromkeys(name for row in rows for name in row))
-        table = pa.table({name: _column([row.get(name) for row in rows]) for name in names}).to_pandas()
+        table = _whole(pa.table({name: _column([row.get(name) for row in rows]) for name in names}))
         table.insert(0, "run", [str(sweep / str(row["job"])) for row in rows])
         return table
     try:
-        table = pd.read_parquet(folder / SUMMARY)
+        table = _whole(pq.read_table(folder / SUMMARY))
     except (OSError, ValueError) as error:
         raise ResultError(f"paths: '{folder / SUMMARY}' can't be read: {str(error).splitlines()[0]}") from error
     table.insert(0, "run", str(folder))
     return table
+
+
+def _whole(table: pa.Table) -> pd.DataFrame:
+    """Return a table as pandas has it, but whole numbers stay so where some rows, those of failed runs, have none."""
+    out = table.to_pandas()
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        if pa.types.is_integer(column.type) and column.null_count:
+            out[name] = pd.array(column.to_pylist(), dtype="Int64")
+    return out

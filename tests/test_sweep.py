@@ -78,6 +78,8 @@ def test_rows_are_in_run_order_and_typed(whole: Path) -> None:
     assert rows["link.rate_hz"].tolist() == [60, 30] * 5
     assert rows["status"].tolist() == ["done"] * 6 + ["failed"] * 2 + ["done"] * 2
     assert set(rows["reason"].iloc[6:8]) == {"start.mass_kg: must be a finite number in ]0, 1e+06] kg, got -1.0."}
+    assert str(rows["steps"].dtype) == "Int64"  # though failed runs have none
+    assert rows["steps"].isna().tolist() == [False] * 6 + [True] * 2 + [False] * 2
     assert len(set(rows["motion"].dropna())) == 8
     assert not (whole / tables.ROWS).exists()
 
@@ -192,6 +194,17 @@ def test_killed_in_the_middle_it_resumes_to_the_same_table(tmp_path: Path) -> No
     assert main([*settings, f"out={tmp_path}/whole"]) == 0
     assert_same(tmp_path / "killed", tmp_path / "whole")
     assert len(set(table(tmp_path / "whole")["motion"])) == 200
+
+
+def test_a_sweep_whose_workers_live_on_is_not_resumed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A worker may outlive the process that was killed, on another machine even: two would write to one folder."""
+    (tmp_path / tables.SWEEP).write_text("run start.mass_kg=1,2\n")
+    with tables.Ledger(tmp_path, 0).held():
+        assert main([f"resume={tmp_path}"]) == 2
+    assert capsys.readouterr().err == (
+        f"resume: a process of the sweep in '{tmp_path}' is still doing runs; end it, or wait.\n"
+    )
+    assert not tables.still_held(tmp_path)
 
 
 def test_one_rrd_for_a_sweep(tmp_path: Path) -> None:

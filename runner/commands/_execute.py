@@ -26,7 +26,7 @@ from runner.commands._explain import built, explain
 from runner.commands._jobs import overridden, write_config
 from runner.commands._sweep import explain_sweep, literal, sweep, whole_chunk
 from runner.errors import ConfigError
-from runner.tables import SWEEP
+from runner.tables import SWEEP, still_held
 
 RESULTS = Path("results")
 
@@ -147,6 +147,8 @@ def _resume(
     if own:
         raise ConfigError(f"resume: goes on with the settings of before, so '{own[0]}' can't be changed.")
     with _folder(str(folder), ""):
+        if still_held(folder):
+            raise ConfigError(f"resume: a process of the sweep in '{folder}' is still doing runs; end it, or wait.")
         return sweep(name, command, hydra, folder, [*settings, *overrides], chunk)
 
 
@@ -162,8 +164,6 @@ def _folder(out: str | None, experiment: str, *, empty: bool = False) -> Iterato
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"out: can't make the folder '{out or RESULTS}': {error.strerror}.") from error
-    if empty and any(folder.iterdir()):
-        raise ConfigError(f"out: '{folder}' is not empty; name a new folder, or go on with resume={folder}.")
     handle = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -171,6 +171,8 @@ def _folder(out: str | None, experiment: str, *, empty: bool = False) -> Iterato
         os.close(handle)
         raise ConfigError(f"out: another run is writing to '{folder}'; name another folder.") from None
     try:
+        if empty and any(folder.iterdir()):  # looked at once it is held: another may just have been at work here
+            raise ConfigError(f"out: '{folder}' is not empty; name a new folder, or go on with resume={folder}.")
         yield folder
     finally:
         os.close(handle)

@@ -232,14 +232,14 @@ def _chunk(work: _Work | None, composed: DictConfig) -> None:
     command = commands.load(work.name)
     task = work.tasks[HydraConfig.get().job.num]
     composer = _composer(work.name, GlobalHydra.instance().hydra)  # launchers carry it over
-    ledger = tables.Ledger(work.folder, task[0].number)
-    noted = ledger.noted()  # where the task was begun before, and its machine was lost
-    task = [swept for swept in task if swept.number not in noted]
     gc.freeze()  # what was imported is there to stay: the collector need not look through it again and again
     together = TOGETHER if command.batch is not None else 1
-    for i in range(0, len(task), together):
-        _do(command, composer, work, task[i : i + together], ledger)
-        gc.collect()  # runs hold megabytes in few objects, so that the collector would let many of them gather
+    with tables.Ledger(work.folder, task[0].number).held() as ledger:
+        noted = ledger.noted()  # where the task was begun before, and its machine was lost
+        task = [swept for swept in task if swept.number not in noted]
+        for i in range(0, len(task), together):
+            _do(command, composer, work, task[i : i + together], ledger)
+            gc.collect()  # runs hold megabytes in few objects, so that the collector would let many of them gather
 
 
 def _do(

@@ -84,7 +84,7 @@ def written(table: pd.DataFrame, style: Format) -> str:
 def _cell(value: object) -> str:
     if isinstance(value, float):
         return "" if value != value else f"{value:.6g}"
-    return "" if value is None else str(value)
+    return "" if value is None or value is pd.NA else str(value)
 
 
 COMMAND = Command(config=TableConfig, main=main, positional="paths")
