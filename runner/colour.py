@@ -21,6 +21,7 @@ DEGREE = 3  # a motion, or a model's error, is close to a cubic over a window; n
 LEAST_SAMPLES = 300
 LEAST_CORRELATION = 0.1  # at lag one: less does no harm
 CLEAR = 25.0  # twice the log likelihood that colour must gain
+LEAST_VARIANCE = 1e-18  # squares of m, rad, m/s, rad/s
 KNOCKED = 3.0  # windows with so many times the median power hold more than noise
 MEMORIES_S = 0.006, 0.25  # the slow part lasts at least and at most so long
 
@@ -131,7 +132,8 @@ def estimate(kinds: Sequence[Sequence[np.ndarray]], step_s: float, known: np.nda
         """Return -2 log likelihood and the levels."""
         factor = cho_factor(rough.T @ (share * toeplitz(memory ** np.arange(n)) + (1 - share) * np.eye(n)) @ rough)
         square = np.array([np.trace(cho_solve(factor, one)) for one in spread])
-        variance = np.where(np.isfinite(known), known**2, square / dimension)
+        # a channel that never moves at rest has no noise to speak of; its likelihood must stay finite
+        variance = np.where(np.isfinite(known), known**2, np.maximum(square / dimension, LEAST_VARIANCE))
         volume = 2 * np.log(np.diag(factor[0])).sum()
         return float(count @ (volume + dimension * np.log(variance) + square / variance)), np.sqrt(variance)
 

@@ -116,6 +116,8 @@ def _one(path: Path, folder: Path, report: bool) -> str | None:
         write_all(diagnose(read_case(path), threads=1), folder, report=report)
     except RunnerError as error:
         return str(error)
+    except Exception as error:  # one case that breaks must not take the others' verdicts with it
+        return f"{type(error).__name__}: {error}"
     return None
 
 

@@ -67,7 +67,8 @@ def body_of(nominal: Nominal) -> BodyConfig:
 def context_of(recording: Recording) -> Context:
     """Return what effects may know of a recording: the believed body, and where and how hard it was pushed."""
     place = np.concatenate([e.pose[:, :2] for e in recording.episodes])
-    low, high = np.nanmin(place, axis=0), np.nanmax(place, axis=0)
+    # a glitch of the tracking must not stretch the floor
+    low, high = np.nanquantile(place, [0.002, 0.998], axis=0)
     force = max(float(np.nanmax(np.linalg.norm(e.force_n, axis=1), initial=0.0)) for e in recording.episodes)
     nominal = recording.nominal
     return Context(

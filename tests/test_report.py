@@ -196,7 +196,8 @@ def test_verdict_of_none(found: Any) -> None:
     """The model will do, and nothing is to be changed."""
     nothing = changed(found, ranked=(ranked(("none",), 0.97), ranked(("wind",), 0.03)), effects=(), gap_closed=0.0)
     assert words.verdict(nothing) == (
-        "The simulator as believed will do: what it misses is no more than the noise (probability 0.97). "
+        "The simulator as believed will do: what it misses needs no effect to explain it "
+        "(mean square 5.00 times the noise's: small errors of any simulator) (probability 0.97). "
         "The likeliest alternative is wind (probability 0.03)."
     )
     assert words.next_steps(nothing)[0].startswith("Keep your model.")
@@ -205,7 +206,7 @@ def test_verdict_of_none(found: Any) -> None:
 def test_verdict_of_unknown(found: Any) -> None:
     """It says that no effect explains the gap, and how near the nearest comes."""
     order = (ranked(("unknown",), 0.9), ranked(("friction",), 0.1, gap_closed=0.4))
-    text = words.verdict(changed(found, ranked=order, abstain=True))
+    text = words.verdict(changed(found, ranked=order))
     assert text.startswith("Something is going on that none of the known effects explains (probability 0.90).")
     assert "With the nearest of them, friction, the simulator misses 40 % less" in text
 

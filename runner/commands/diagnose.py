@@ -44,7 +44,8 @@ def main(config: DiagnoseConfig, job: Job) -> int | None:
     """Diagnose and report."""
     cases = find_cases(config.recording)
     console = Console()
-    if len(cases) == 1 and cases[0] == config.recording:
+    root = config.recording.parent if config.recording.is_file() else config.recording
+    if len(cases) == 1 and cases[0] in (config.recording, root):
         recording = read_case(cases[0])
         with progress("Diagnosing", total=None):
             diagnosis = diagnose(recording)
@@ -52,7 +53,7 @@ def main(config: DiagnoseConfig, job: Job) -> int | None:
         console.print(summary(diagnosis))
         console.print(f"{job.results / ('report.html' if config.report else FILE)}", highlight=False, soft_wrap=True)
         return None
-    named = {case.relative_to(config.recording).as_posix(): case for case in cases}
+    named = {case.relative_to(root).as_posix(): case for case in cases}
     failed = diagnose_many(named, job.results, workers=config.workers, report=config.report)
     return say_how_many(len(cases), failed, job.results, console)
 

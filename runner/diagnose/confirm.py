@@ -17,7 +17,8 @@ from runner.diagnose.evidence import directions, evidence, surroundings, survey,
 from runner.diagnose.fit import NONE, Fit, Fitter
 from runner.diagnose.search import Contender, Search
 
-LEADERS = 6  # so many are held against the episodes left out, and the nominal model
+LEADERS = 6  # so many are held against the episodes left out, and the nominal model,
+CLOSE = 20.0  # and whatever is so near in log odds
 
 
 @dataclass(frozen=True)
@@ -27,14 +28,14 @@ class Confirmed:
     Args:
         search: Leaders first, by the evidence of all episodes; the others after them.
         before: Start states of the episodes left out fitted with the nominal model.
-        after: The same with the best explanation.
+        after: The same with each explanation that was weighed, by the identity of its fit.
         excess_fitted: What the best explanation leaves, as a share: whitened mean square minus one, mismatch taken out.
         excess_unseen: The same of the episodes left out.
     """
 
     search: Search
     before: Fit
-    after: Fit
+    after: dict[int, Fit]
     excess_fitted: float
     excess_unseen: float
 
@@ -48,36 +49,38 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     """Weigh the leading contenders by all episodes."""
     finite = [c for c in found.contenders if np.isfinite(c.log_posterior)]
     nominal = next(c for c in finite if not c.fit.explanation.kinds)
-    leaders = [c for i, c in enumerate(finite) if i < LEADERS or c is nominal]
-    before = _unseen(nominal, fitter, held_out, None)
-    unseen = {id(c): before if c is nominal else _unseen(c, fitter, held_out, before) for c in leaders}
+    near = finite[0].log_posterior - CLOSE
+    leaders = [c for i, c in enumerate(finite) if i < LEADERS or c is nominal or c.log_posterior > near]
+    before = unseen(nominal, fitter, held_out, None)
+    there_by = {id(c): before if c is nominal else unseen(c, fitter, held_out, before) for c in leaders}
     every = directions(fitter.context)
     alone = survey(fitter, before, every)
     best = next((c for c in leaders if c is not nominal), nominal)
-    around_best = alone if best is nominal else survey(fitter, unseen[id(best)], every)
+    around_best = alone if best is nominal else survey(fitter, there_by[id(best)], every)
     weighed, loss = [], {}
     for c in leaders:
-        there = surroundings(unseen[id(c)], *((alone,) if c is nominal else (around_best, alone)))
+        there = surroundings(there_by[id(c)], *((alone,) if c is nominal else (around_best, alone)))
         whole = evidence(together(c.around, there), fitter.context)
         weighed.append(replace(c, log_posterior=c.log_posterior + whole.log - c.evidence.log))
-        loss[c.fit.explanation.kinds] = evidence(there, fitter.context).loss
+        loss[id(c.fit)] = evidence(there, fitter.context, c.evidence.covariance).loss
     weighed.sort(key=lambda c: -c.log_posterior)
-    # those that were not weighed keep their distance to the first of the leaders
+    # those that were not weighed keep their distance to the first of the leaders, and don't pass the last of them
     moved = next(w for w in weighed if w.fit is leaders[0].fit).log_posterior - leaders[0].log_posterior
-    last = weighed[-1].log_posterior
-    others = [replace(c, log_posterior=min(c.log_posterior + moved, last)) for c in finite if id(c) not in unseen]
+    last = min((w.log_posterior for w in weighed if w.fit is not nominal.fit), default=-np.inf)
+    others = [replace(c, log_posterior=min(c.log_posterior + moved, last)) for c in finite if id(c) not in there_by]
+    contenders = sorted((*weighed, *others), key=lambda c: -c.log_posterior)
     top = weighed[0]
-    after = next(unseen[id(c)] for c in leaders if c.fit is top.fit)
     fitted = top.evidence.loss / _count(fitter, top.fit.episodes) - 1.0
-    there = loss[top.fit.explanation.kinds] / _count(fitter, held_out) - 1.0
-    return Confirmed(Search((*weighed, *others), found.nominal), before, after, float(fitted), float(there))
+    there = loss[id(top.fit)] / _count(fitter, held_out) - 1.0
+    fits = {id(c.fit): there_by[id(c)] for c in leaders}
+    return Confirmed(Search(tuple(contenders), found.nominal), before, fits, float(fitted), float(there))
 
 
 def _count(fitter: Fitter, episodes: Sequence[int]) -> int:
     return sum(fitter.measured.count(e) for e in episodes)
 
 
-def _unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nominal: Fit | None) -> Fit:
+def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nominal: Fit | None) -> Fit:
     """Return a contender at its parameters with the start states of other episodes fitted."""
     explanation, x = contender.fit.explanation, contender.fit.x
     held = replace(fitter, held=explanation.make(x, fitter.context))

@@ -10,14 +10,14 @@ import numpy as np
 import pandas as pd
 from scipy.special import logsumexp
 
-from runner.diagnose.confirm import Confirmed, confirm
+from runner.diagnose.confirm import Confirmed, confirm, unseen
 from runner.diagnose.evidence import directions, surroundings, survey
 from runner.diagnose.fit import NONE, Fit, Fitter
 from runner.diagnose.measured import CHANNELS, UNITS, Measured, materially_different, measure, refine
 from runner.diagnose.next_push import best_push
 from runner.diagnose.rivals import Rival, rivals
-from runner.diagnose.search import Contender, Search, are_twins, search
-from runner.diagnose.where import Where, closure_by_regime, localise
+from runner.diagnose.search import RESTED, Contender, Search, are_twins, search
+from runner.diagnose.where import Where, check_length, closure_by_regime, localise
 from runner.effects.base import Context
 from runner.errors import RecordingError
 from runner.recording import Recording
@@ -28,6 +28,7 @@ TEMPER = 2.0  # log odds are divided by it, against overconfidence; not yet cali
 UNKNOWN_EXCESS = 0.12  # see `_unknown`
 UNKNOWN_SHARE = 0.0015
 UNKNOWN_WIDTH = 0.4
+EQUAL = 0.05  # of the likeliest of a group: what is less likely is not its equal
 SURPRISE = 3.0  # times what is left of the fitted episodes: so much in those left out is something new
 
 
@@ -99,18 +100,20 @@ class Diagnosis:
     rivals: tuple[Rival, ...] = ()
 
 
-def split(count: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return which episodes are fitted and which are held out.
+def split(numbers: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return the positions of the episodes that are fitted, and of those held out: the last by their numbers.
 
     Raises:
         RecordingError: If there are fewer than two.
     """
+    count = len(numbers)
     if count < 2:
         raise RecordingError(
             f"a diagnosis needs at least 2 episodes, one of them to check the explanation, got {count}."
         )
     held = HELD_OUT if count > HELD_OUT + 1 else 1
-    return tuple(range(count - held)), tuple(range(count - held, count))
+    order = sorted(range(count), key=lambda i: numbers[i])
+    return tuple(order[: count - held]), tuple(order[count - held :])
 
 
 def diagnose(recording: Recording, *, threads: int | None = None) -> Diagnosis:
@@ -125,7 +128,8 @@ def diagnose(recording: Recording, *, threads: int | None = None) -> Diagnosis:
     """
     began = time.perf_counter()
     simulator = Simulator(recording, grid=8, threads=threads)
-    fitted, held_out = split(len(recording.episodes))
+    fitted, held_out = split([e.index for e in recording.episodes])
+    check_length(simulator)
     measured, found = _explained(recording, simulator, fitted)
     fitter = Fitter(simulator, measured, context_of(recording))
     confirmed = confirm(found, fitter, held_out)
@@ -136,9 +140,11 @@ def diagnose(recording: Recording, *, threads: int | None = None) -> Diagnosis:
         fitter = replace(fitter, measured=measured)
         confirmed = confirm(found, fitter, held_out)
         nominal_excess = found.nominal.total / sum(measured.count(e) for e in fitted) - 1.0
-    found, before, after, excess = confirmed.search, confirmed.before, confirmed.after, confirmed.excess
-    top = found.best
+    found, before, excess = confirmed.search, confirmed.before, confirmed.excess
     ranked = rank(found, fitter.context, excess, nominal_excess)
+    # what is named is what is put into the corrected model
+    top = _contender(found, next(r for r in ranked if r.effects != ("unknown",)), fitter.context)
+    after = confirmed.after.get(id(top.fit)) or unseen(top, fitter, held_out, before)
     effects = top.fit.explanation.make(top.fit.x, fitter.context)
     nominal_starts = dict(zip((*fitted, *held_out), (*found.nominal.starts, *before.starts), strict=True))
     corrected_starts = dict(zip((*fitted, *held_out), (*top.fit.starts, *after.starts), strict=True))
@@ -168,7 +174,7 @@ def diagnose(recording: Recording, *, threads: int | None = None) -> Diagnosis:
         seconds=time.perf_counter() - began,
         simulated_s=simulator.simulated_s,
         next_push=next_push(ranked, found, recording, fitter, threads),
-        rivals=found_rivals(found.best, fitter),
+        rivals=found_rivals(top, fitter),
         notes=notes(recording, measured, top, excess, held_out, turned=turned),
     )
 
@@ -177,9 +183,9 @@ def _explained(recording: Recording, simulator: Simulator, fitted: Sequence[int]
     """Search for the explanation; what noise there is shows in what the best one leaves, so look twice."""
     context = context_of(recording)
     measured = measure(recording)
-    nominal = Fitter(simulator, measured, context).fit(NONE, fitted, iterations=8)
+    nominal = Fitter(simulator, measured, context).fit(NONE, fitted, iterations=RESTED)
     measured = refine(measured, recording, _left(nominal, (), simulator, measured))
-    found = search(Fitter(simulator, measured, context), fitted)
+    found = search(Fitter(simulator, measured, context), fitted, starts=nominal.starts)
     best = found.best.fit
     again = refine(measured, recording, _left(best, best.explanation.make(best.x, context), simulator, measured))
     if materially_different(measured, again):
@@ -217,11 +223,16 @@ def rank(found: Search, context: Context, excess: float, nominal_excess: float) 
     out = []
     for group in groups:
         # among equals the first name in the vocabulary's order of commonness stands for the rest
-        lead = min(group, key=lambda i: (share[i] < 0.05 * share[group].max(), _commonness(contenders[i].fit)))
+        lead = min(group, key=lambda i: (share[i] < EQUAL * share[group].max(), _commonness(contenders[i].fit)))
         contender = contenders[lead]
         names = contender.fit.explanation.names or ("none",)
         others = tuple(
-            dict.fromkeys(n for i in group if (n := contenders[i].fit.explanation.names or ("none",)) != names)
+            dict.fromkeys(
+                n
+                for i in group
+                if (n := contenders[i].fit.explanation.names or ("none",)) != names
+                and share[i] > EQUAL * share[group].max()
+            )
         )
         parameters, errors = values_of(contender, context)
         out.append(
@@ -297,7 +308,7 @@ def close(
     before: Fit, after: Fit, measured: Measured, fitter: Fitter, effects: Effects, regimes: pd.DataFrame
 ) -> Closure:
     """Compare residuals of the held-out episodes without and with the effects."""
-    rows, pairs = [], []
+    rows, pairs, episode = [], [], []
     for k, e in enumerate(before.episodes):
         truth = measured.values[e]
         old = fitter.simulator.predict(e, [Run((), before.starts[k])])[0] - truth
@@ -318,10 +329,14 @@ def close(
         for begin in range(0, len(truth), block):
             square = [np.nanmean((r[begin : begin + block] / measured.sigma) ** 2) for r in (old, new)]
             pairs.append((*square, min(block, len(truth) - begin)))
-    squares = np.array(pairs)
+            episode.append(k)
+    squares, of = np.array(pairs), np.array(episode)
     total = _closed(squares)
-    draws = np.random.default_rng(0).integers(len(squares), size=(400, len(squares)))
-    closed = np.array([_closed(squares[d])[0] for d in draws])
+    g, by_episode = np.random.default_rng(0), [squares[of == e] for e in np.unique(of)]
+    closed = []
+    for _ in range(400):
+        drawn = [by_episode[k] for k in g.integers(len(by_episode), size=len(by_episode))]
+        closed.append(_closed(np.concatenate([b[g.integers(len(b), size=len(b))] for b in drawn]))[0])
     low, high = np.quantile(closed, [0.025, 0.975])
     return Closure(pd.DataFrame(rows), regimes, total[0], float(low), float(high), total[1])
 
@@ -353,7 +368,7 @@ def next_push(
             return advice
     if len(named) < 2 or named[1].probability < WORTH_TELLING:
         return None
-    first, second = (_contender(found, r) for r in named[:2])
+    first, second = (_contender(found, r, fitter.context) for r in named[:2])
     push = best_push(
         recording,
         fitter.measured,
@@ -372,9 +387,10 @@ def next_push(
     )
 
 
-def _contender(found: Search, ranked: Ranked) -> Contender:
-    names = () if ranked.effects == ("none",) else ranked.effects
-    return next(c for c in found.contenders if np.isfinite(c.log_posterior) and c.fit.explanation.names == names)
+def _contender(found: Search, ranked: Ranked, context: Context) -> Contender:
+    """Return the contender that an entry of the ranking speaks of."""
+    finite = (c for c in found.contenders if np.isfinite(c.log_posterior))
+    return next(c for c in finite if c.fit.explanation.make(c.fit.x, context) == ranked.values)
 
 
 WORTH_TELLING = 0.02  # an explanation that is less likely needs no push against it

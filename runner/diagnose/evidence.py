@@ -168,21 +168,45 @@ def log_densities(fit: Fit, context: Context) -> np.ndarray:
     return np.array(out)
 
 
-def evidence(around: Surroundings, context: Context) -> Evidence:
-    """Integrate the mismatch and the parameters out."""
-    p = len(around.fit.x)
-    if around.fit.at_bound.any():
+def _amplitudes(fit: Fit, context: Context) -> np.ndarray:
+    """Tell which parameters are how much there is of an effect, (p,), and not where or over what range it acts."""
+    out = []
+    for kind in fit.explanation.kinds:
+        count, scattered = len(kind.parameters(context)), len(kind.starts(context)) > 0
+        out += [not scattered or k == 0 for k in range(count)]
+    return np.array(out, dtype=bool)
+
+
+def evidence(around: Surroundings, context: Context, known: np.ndarray | None = None) -> Evidence:
+    """Integrate the mismatch and the parameters out.
+
+    A place or a range that rests on its bound stays there; an amplitude that does makes the explanation impossible.
+
+    Args:
+        around: The fit amid the directions of mismatch.
+        context: What effects may know.
+        known: Covariance of the parameters from elsewhere, (p, p): they may move so far only. None: their prior.
+    """
+    fit, whole = around.fit, len(around.fit.x)
+    if (fit.at_bound & _amplitudes(fit, context)).any():
         # an effect that the data push out of its range is absent, or is not what is going on
-        return Evidence(-np.inf, np.full(len(LEVELS), -np.inf), float(around.fit.total), np.full((p, p), np.nan))
+        nothing = np.full((whole, whole), np.nan)
+        return Evidence(-np.inf, np.full(len(LEVELS), -np.inf), float(fit.total), nothing)
+    free = np.flatnonzero(~fit.at_bound)
     total = around.gram.sum(axis=0)
+    keep = np.concatenate([free, np.arange(whole, len(total))])
+    total, p = total[np.ix_(keep, keep)], len(free)
     spread = np.array([d.mismatch for d in around.directions])
     mismatch = np.flatnonzero(spread > 0)
     own, rest = np.arange(p), p + mismatch
     h_oo, h_or, h_rr = total[np.ix_(own, own)], total[np.ix_(own, rest)], total[np.ix_(rest, rest)]
     g_o, g_r, rr = total[own, -1], total[rest, -1], total[-1, -1]
-    density = log_densities(around.fit, context)
+    every_density = log_densities(fit, context)
+    density = every_density[free]
     # a parameter that the data don't tell: as uncertain as its prior is wide, so that it neither gains nor loses
-    width = 2 * np.pi * np.exp(2 * density)
+    width = np.diag(2 * np.pi * np.exp(2 * density))
+    if known is not None:
+        width = width + np.linalg.pinv(known[np.ix_(free, free)])
     logs, losses = [], []
     for level in LEVELS:
         s = spread[mismatch] * level
@@ -196,18 +220,20 @@ def evidence(around: Surroundings, context: Context) -> Evidence:
         loss = rr - gr @ solved[:, p]
         volume = 0.0
         if p:
-            schur = schur + np.diag(width)
+            schur = schur + width
             loss -= float(g @ np.linalg.solve(schur, g))
             volume = 0.5 * p * np.log(2 * np.pi) - 0.5 * float(np.linalg.slogdet(schur).logabsdet) + density.sum()
         logs.append(-0.5 * loss - float(np.log(np.diag(inner[0])).sum()) + volume)
         losses.append(loss)
-    inverse = np.linalg.inv(h_oo + np.diag(width))
+    inverse = np.linalg.inv(h_oo + width)
     moved = h_or * (spread[mismatch] * LEVELS[int(np.argmax(logs))])
+    covariance = np.diag(np.exp(-2 * every_density) / (2 * np.pi))  # of what rests on its bound: its prior's
+    covariance[np.ix_(free, free)] = inverse @ (h_oo + moved @ moved.T) @ inverse
     return Evidence(
         float(np.logaddexp.reduce(logs) - np.log(len(LEVELS))),
         np.array(logs),
         float(losses[LEVELS.index(1.0)]),
-        inverse @ (h_oo + moved @ moved.T) @ inverse,
+        covariance,
     )
 
 

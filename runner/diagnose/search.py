@@ -31,6 +31,7 @@ from runner.effects.inertial import Mass
 
 MOST_EFFECTS = 3
 BEAM = 2
+RESTED = 30  # steps of the nominal fit: where its start states are not at rest, any effect seems to help
 CANDIDATES = 8  # fitted per explanation in the beam, from the second effect on
 COMMON = (Mass, Friction)
 FINISHED = 4  # leaders whose fit is carried on until it rests
@@ -39,6 +40,7 @@ ONE_MORE = 5.0  # log prior odds against each further effect
 # An effect must matter: lower the mean square residual by this, in squared noises, and by this share of what
 # the nominal model leaves. Less is what any simulator's own small errors would offer to explain.
 WORTH, WORTH_SHARE = 0.03, 0.004
+STALLED = 0.5  # of what fewer effects left: where a second one leaves more than that, it is not a third that is missing
 NEAR = 1000.0  # log odds within which an explanation is worth adding to
 SETTLED = 0.03  # of the nominal model's excess: where the leader leaves less, nothing else is worth adding to
 CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, promises hold; so many are fitted anyway
@@ -80,18 +82,25 @@ class Search:
 
 
 def search(
-    fitter: Fitter, episodes: Sequence[int], *, most: int = MOST_EFFECTS, before: Search | None = None
+    fitter: Fitter,
+    episodes: Sequence[int],
+    *,
+    most: int = MOST_EFFECTS,
+    starts: np.ndarray | None = None,
+    before: Search | None = None,
 ) -> Search:
     """Fit and compare explanations of up to `most` effects on these episodes.
 
-    `before` is a search of the same episodes with another account of the noise: its contenders are where this one
-    begins, and single effects that did not get that far are not tried alone again.
+    `starts` are start states to begin with, (E, 6). `before` is a search of the same episodes with another account of
+    the noise: its contenders are where this one begins, and single effects that did not get that far are not tried
+    alone again.
 
     Where the nominal model goes far astray, descents from it end in hollows: the first third of the episodes is then
     searched before, and what was found there is where the fits begin.
     """
     every = directions(fitter.context)
-    nominal = fitter.fit(NONE, episodes, starts=None if before is None else before.nominal.starts, iterations=8)
+    starts = starts if before is None else before.nominal.starts
+    nominal = fitter.fit(NONE, episodes, starts=starts, iterations=RESTED)
     seeds, ruled_out = _seeds(fitter, nominal, episodes, most) if before is None else _resumed(before)
     alone = survey(fitter, nominal, every)
     contenders = [_contend(fitter, nominal, alone)]
@@ -148,6 +157,7 @@ def search(
         if size == 1:
             new = [_less(c, 0.5 * max(worth - (nominal.total - c.fit.total), 0.0)) for c in new]
         best = max(c.log_posterior for c in contenders)
+        left_before = min(c.fit.total for c in contenders) - count
         contenders += new
         new.sort(key=lambda c: -c.log_posterior)
         if size > 1 and new[0].log_posterior < best:
@@ -156,6 +166,8 @@ def search(
             new += _without_one(fitter, new[0], (around_best, alone), seen, episodes)
             contenders = list({id(c): c for c in contenders + new}.values())
             new.sort(key=lambda c: -c.log_posterior)
+        if size > 1 and min(c.fit.total for c in new) - count > STALLED * left_before > worth:
+            break
         beam = []
         for contender in new:
             if beam and beam[0].fit.total - count < SETTLED * (nominal.total - count):

@@ -130,11 +130,8 @@ def localise(
     squares = np.where(valid, np.concatenate(whole) ** 2, 0.0).sum(axis=0)
     rows += _gap_rows(WHOLE_EPISODE, squares, valid.sum(axis=0) - len(episodes), measured)
 
+    check_length(simulator, episodes)
     windows = _windows(simulator, WINDOWS_S[0], episodes)
-    if len(windows) < FEWEST:
-        raise RecordingError(
-            f"{recording.path}: {len(windows)} windows of {WINDOWS_S[0]:g} s, at least {FEWEST} are needed."
-        )
     shortest = look = _look(restarts, windows, measured, np.ones(len(CHANNELS)))
     noise = look.noise
     for window_s in WINDOWS_S[1:]:
@@ -163,6 +160,21 @@ def localise(
         p=look.p,
         sentence=_sentence(cells, look.p),
     )
+
+
+def check_length(simulator: Simulator, episodes: Sequence[int] | None = None) -> None:
+    """Refuse a recording, or these episodes of it, that is too short to tell anything.
+
+    Raises:
+        RecordingError: If there are not even a few windows.
+    """
+    count = len(
+        _windows(simulator, WINDOWS_S[0], range(len(simulator.recording.episodes)) if episodes is None else episodes)
+    )
+    if count < FEWEST:
+        raise RecordingError(
+            f"{simulator.recording.path}: {count} windows of {WINDOWS_S[0]:g} s, at least {FEWEST} are needed."
+        )
 
 
 def closure_by_regime(

@@ -33,7 +33,9 @@ class Friction(AbstractEffect):
 
     @classmethod
     def parameters(cls, context: Context) -> tuple[Parameter, ...]:
-        return (Parameter("log_mu_ratio", "", 0.15, -2.5, 1.6),)
+        # up to 1.6, or what a floor that is believed to be ice may turn out to have
+        mu = max(context.friction, 1e-3)
+        return (Parameter("log_mu_ratio", "", 0.15, -2.5, min(max(1.6, math.log(1.0 / mu)), math.log(10.0 / mu))),)
 
     @classmethod
     def from_vector(cls, x: Vector, context: Context) -> Self:

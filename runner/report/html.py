@@ -99,7 +99,7 @@ def _with_code(text: str) -> Markup:
 
 def _kind(diagnosis: Diagnosis) -> str:
     if words.settled(diagnosis):
-        return "open" if diagnosis.abstain else "found"
+        return "open" if words.likeliest(diagnosis).probability < words.HALF else "found"
     return words.likeliest(diagnosis).effects[0] if words.likeliest(diagnosis).effects else words.NONE
 
 

@@ -21,6 +21,8 @@ Values = Mapping[str, float]
 NONE, UNKNOWN = "none", "unknown"
 DEGREES = 180.0 / math.pi
 SURE = 0.9  # an answer less likely than this asks for more data
+HALF = 0.5  # less likely than that is not an answer
+OVER = 0.05  # squared noises that the nominal model leaves: less is not worth a word
 NOISE_LEFT = 0.99  # of what can be closed: the rest is as good as noise
 NOTEWORTHY = 0.02  # explanations less likely than this are not worth a sentence
 
@@ -175,7 +177,8 @@ def _com_offset(of: _Of) -> Phrase:
     return Phrase(
         "the centre of mass is off the geometric centre",
         f"by ({of.long('x_m')}, {of.long('y_m')}) along the object's own x and y",
-        f"Move the centre of mass to ({number(of['x_m'])}, {number(of['y_m'])}) m in body axes.",
+        f"Move the centre of mass to ({number(of.nominal.com_m[0] + of['x_m'] if of.nominal.com_m else of['x_m'])}, "
+        f"{number(of.nominal.com_m[1] + of['y_m'] if of.nominal.com_m else of['y_m'])}) m in body axes.",
         "Balance the object on an edge, once along each side.",
     )
 
@@ -468,7 +471,12 @@ def verdict(diagnosis: Diagnosis) -> str:
             if found and found[0].probability > NOTEWORTHY
             else ""
         )
-        return f"The simulator as believed will do: what it misses is no more than the noise {chance}.{tail}"
+        over = (
+            ""
+            if diagnosis.nominal_excess < OVER
+            else (f" (mean square {1 + diagnosis.nominal_excess:.2f} times the noise's: small errors of any simulator)")
+        )
+        return f"The simulator as believed will do: what it misses needs no effect to explain it{over} {chance}.{tail}"
     if _is(top, UNKNOWN):
         sentence = f"Something is going on that none of the known effects explains {chance}."
         if not found:
@@ -480,7 +488,7 @@ def verdict(diagnosis: Diagnosis) -> str:
         )
         return f"{sentence} {nearest}".strip()
     text = explanation(top, nominal)
-    if diagnosis.abstain:
+    if top.probability < HALF:
         rivals = [r for r in ordered(diagnosis)[1:] if r.probability > NOTEWORTHY][:2]
         others = listed([f"{title(r.effects)} ({probability(r.probability)})" for r in rivals], "or")
         but = f", but it may also be {others}" if rivals else ""
