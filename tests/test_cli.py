@@ -82,7 +82,7 @@ REFUSED = {
     "~seed": "seed: a value is needed.",
     "~pull": "pull: one must be chosen. Valid: 'rising_slowly', 'steady'.",
     "+seed=3": "seed: is there already; write seed=3 without '+'.",
-    "++sed=3": "sed: no such key. Valid: 'act', 'cart', 'names', 'out', 'pull', 'resume', 'seed'. Did you mean 'seed'?",
+    "++sed=3": "sed: no such key. Valid: 'act', 'cart', 'names', 'pull', 'seed'. Did you mean 'seed'?",
     "seed=1,2": "seed: several values (1,2) make a sweep: add -m",
     "seed=(": "seed: can't read '('; allowed are a number",
     "seed=${cart.wheel}": "seed: no key 'cart.wheel' to take the value of. Valid: ",
