@@ -30,7 +30,7 @@ def bias(runs: Runs) -> Drawn:
         colour = (ORANGE, BLUE, INK)[i % 3]
         left.errorbar(at, middle, way, fmt="o", color=colour, capsize=3, label=f"{1e3 * delay:g} ms late")
     left.set_xticks(range(len(names)), [name.replace("_", " ") for name in names])
-    left.set(ylabel="bias, in standard errors of one run", ylim=(-0.6, 0.6))
+    left.set(ylabel="bias, in standard errors of one run", ylim=(-0.3, 0.3))
     left.set_title("with noise: all parameters, shaded: a fifth of a standard error")
     left.legend(loc="upper right")
     for aware, colour, text in ((True, ORANGE, "compared as of its sending"), (False, INK, "taken for the present")):
@@ -44,5 +44,5 @@ def bias(runs: Runs) -> Drawn:
     return Drawn(
         page,
         seen=f"With {100 * loss:.0f} % lost the largest of {len(joint)} biases is {worst:.2f} standard errors "
-        f"({seeds} seeds each; bars: 95 %).",
+        f"({seeds} pairs of runs with opposite noise; bars: 95 %).",
     )
