@@ -128,15 +128,16 @@ class FreeSpace(AbstractFollow):
 class DeadBand(AbstractFollow):
     """Leave alone what can't be felt, and take over at once what can: Weber's law.
 
-    A change is felt if it is more than a fixed fraction of what is there already. Fractions that were measured: 5 to
-    10 % for force (Pang, Tan and Durlach 1991), 8 % for the speed of a movement (Jones and Hunter 1992), 23 % for
-    stiffness and 34 % for viscosity (Jones and Hunter 1990, 1993). Perceptual dead bands for teleoperation use 5 to
-    15 % (Hinterseer, Hirche, Chaudhuri, Steinbach and Buss 2008). As the force for the same motion is in proportion to
-    the mass, the fraction of force is used for parameters. Below `slowest` speeds the fraction is taken of those. The
-    sense of position is absolute: 2 degrees at the elbow (Tan, Srinivasan, Eberman and Cheng 1994), 12 mm at the hand.
+    A change is felt if it is more than a fixed fraction of what is there already. Measured were about 7 % for the force
+    between finger and thumb (Pang, Tan and Durlach 1991), and 8 % for the size of a movement of the forearm (Jones,
+    Hunter and Irwin 1992), which is used for speed here. As the force for the same motion is in proportion to the mass,
+    the fraction of force is used for parameters. (Parts of that force are felt less well: viscosity by 19 to 34 %
+    depending on the method, Jones, Hunter and Lafontaine 1997.) Below `slowest` speeds the fraction is taken of those.
+    The sense of position is taken to be absolute, 2 degrees, or 12 mm at the hand's distance from the elbow; these two
+    and the slowest speeds are choices, not measurements.
     """
 
-    force: float = 0.1
+    force: float = 0.07
     speed: float = 0.08
     position_m: float = 0.012
     angle_rad: float = 0.035

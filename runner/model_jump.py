@@ -32,7 +32,7 @@ from runner.progress import track
 from runner.scene import build, handles
 from runner.studies import AbstractStudy, Rows
 
-WEBER_FORCE = 0.1  # Pang, Tan and Durlach 1991: 5 to 10 %
+WEBER_FORCE = 0.07  # Pang, Tan and Durlach 1991
 FELT_FORCE_N = 0.1  # below this a force is no force; so the fraction is of no use
 
 
