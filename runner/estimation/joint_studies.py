@@ -188,7 +188,7 @@ class JointNoise(AbstractStudy):
         error = course.x - motion.true_x  # logarithms: relative, as they are small at the end
         rmse = np.sqrt((error**2).mean(axis=1))  # (k, 5)
         masses = published(Linear(), copies, experiment, motion, measured)
-        off = masses[:, -1] / to_values(motion.true_x, copies.half_size_m)[0] - 1
+        off = masses / to_values(motion.true_x, copies.half_size_m)[0] - 1  # (N, m)
         found, sds = course.last.unknowns, np.sqrt(np.diagonal(course.last.covariance, axis1=1, axis2=2))
         differences = [
             self._batch_difference(tracker, motion, measured[i], found[i], sds[i]) for i in range(self.batch_seeds)
@@ -216,14 +216,15 @@ class JointNoise(AbstractStudy):
                     "coverage_high": high,
                     "observable": bool(observable(course.sd[-1, :, j], prior.sd[j]).all()),
                     "batch_difference": max((d[j] for d in differences), default=np.nan) / least[-1, j],
-                    "published_rmse": np.sqrt((off**2).mean()) if j == 0 else np.nan,
+                    "published_rmse": np.sqrt((off[:, -1] ** 2).mean()) if j == 0 else np.nan,
                 }
             )
-        return rows, self._course(motion, course, rmse, least, factor)
+        return rows, self._course(motion, course, rmse, least, np.sqrt((off**2).mean(axis=0)), factor)
 
     def _course(
-        self, motion: Motion, course: Course, rmse: np.ndarray, least: np.ndarray, factor: float
+        self, motion: Motion, course: Course, rmse: np.ndarray, least: np.ndarray, by_rule: np.ndarray, factor: float
     ) -> pd.DataFrame:
+        """Return errors over time; `by_rule` (m,) is that of the mass by the published rule."""
         error = np.abs(course.x - motion.true_x)
         parts = []
         for j, parameter in enumerate(PARAMETERS):
@@ -235,6 +236,7 @@ class JointNoise(AbstractStudy):
                         "time_s": motion.times_s[course.at],
                         "rmse": rmse[:, j],
                         "bound": least[course.at, j],
+                        "published_rmse": by_rule[course.at] if j == 0 else np.nan,
                         "stated_sd": np.sqrt((course.sd[..., j] ** 2).mean(axis=1)),
                         "coverage": (error[..., j] <= INTERVAL * course.sd[..., j]).mean(axis=1),
                     }

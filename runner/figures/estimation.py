@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from runner.figures import Drawn, Runs, figure
 from runner.figures._look import BAND, BLUE, GREY, INK, ORANGE, SERIES, log_error, panels, percent
@@ -17,6 +18,15 @@ def _over_time(runs: Runs, name: str = "over_time.parquet") -> Any:
     return runs.parquet(0, name)
 
 
+def _wanted(ax: Axes, value: float, text: str) -> None:
+    """Draw what is wanted as a level line."""
+    ax.axhline(value, color=INK, lw=1.0, ls=(0, (5, 3)))
+    ax.annotate(
+        text, (1.0, value), xycoords=("axes fraction", "data"), xytext=(0, -3), textcoords="offset points", ha="right",
+        va="top", fontsize=9,
+    )  # fmt: skip
+
+
 @figure("joint_ideal", "errors")
 def ideal(runs: Runs) -> Drawn:
     """The largest error of any start over time, without noise."""
@@ -25,12 +35,12 @@ def ideal(runs: Runs) -> Drawn:
     for name, label in PARAMETERS.items():
         worst = course[f"{name}_error"].abs().groupby(course["time_s"]).max()
         ax.plot(worst.index, np.maximum(worst, 1e-12), color=COLOURS[name], label=label)
-    ax.axhline(1e-3, color=INK, lw=1.0, ls=(0, (5, 3)))
-    log_error(ax, lowest=1e-10, highest=30.0)
-    ax.set(xlabel="time [s]", ylabel="largest error of 32 starts")
-    ax.legend(loc="upper right", ncols=3)
     table: Any = runs.table
     joint = table[table["estimator"] == "joint"]
+    _wanted(ax, 1e-3, "wanted: 0.1 %")
+    log_error(ax, lowest=1e-10, highest=30.0)
+    ax.set(xlabel="time [s]", ylabel=f"largest error of {len(joint)} starts (CoM: of the half size)")
+    ax.legend(loc="upper right", ncols=3)
     last = max(float(joint[f"{name}_final_error"].abs().max()) for name in PARAMETERS)
     since = float(joint["all_to_0p1pct_s"].max())
     return Drawn(
@@ -52,10 +62,12 @@ def noise(runs: Runs) -> Drawn:
             rows = course[(course["noise_times"] == factor) & (course["parameter"] == name)]
             ax.plot(rows["time_s"], rows["rmse"], color=COLOURS[name], label=label)
             ax.plot(rows["time_s"], rows["bound"], color=COLOURS[name], lw=0.9, ls=(0, (2, 2)))
-        log_error(ax, lowest=2e-5, highest=2.0)
-        ax.set(xlabel="time [s]", ylabel="root mean square error")
+        rows = course[(course["noise_times"] == factor) & (course["parameter"] == "mass")]
+        ax.plot(rows["time_s"], rows["published_rmse"], color=INK, lw=1.2, label="mass, published rule")
+        log_error(ax, lowest=2e-5, highest=30.0)
+        ax.set(xlabel="time [s]", ylabel="root mean square error (CoM: of the half size)")
         ax.set_title(f"noise x {factor:g} (dotted: Cramer-Rao bound)")
-    axes[0].legend(loc="upper right")
+    axes[0].legend(loc="upper right", ncols=2)
     last = axes[-1]
     last.axvspan(0.0, 1.3, color=BAND)
     at = np.arange(len(PARAMETERS))
@@ -68,12 +80,13 @@ def noise(runs: Runs) -> Drawn:
     last.axvline(1.0, color=INK, lw=1.0)
     last.set_yticks(at, list(PARAMETERS.values()))
     last.invert_yaxis()
-    last.set(xlabel="error / bound at the end", xlim=(0.6, 1.5))
-    last.legend(loc="upper left")
+    last.set(xlabel="error / bound at the end (shaded: wanted)", xlim=(0.6, 1.9))
+    last.legend(loc="upper right")
     return Drawn(
         page,
         seen=f"Over {int(table['seeds'].min())} seeds the errors end between {table['ratio'].min():.2f} and "
-        f"{table['ratio'].max():.2f} times the Cramer-Rao bound.",
+        f"{table['ratio'].max():.2f} times the Cramer-Rao bound; the published rule's mass ends "
+        f"{percent(table['published_rmse'].max())} off.",
     )
 
 
@@ -87,7 +100,9 @@ def certainty(runs: Runs) -> Drawn:
         rows = course[course["parameter"] == name]
         left.plot(rows["time_s"], 100 * rows["coverage"], color=COLOURS[name], label=label)
     left.axhspan(93, 97, color=BAND)
-    left.set(xlabel="time [s]", ylabel="intervals that hold the truth [%]", ylim=(80, 101))
+    lowest = min(80.0, 100 * course["coverage"].min() - 2)
+    left.set(xlabel="time [s]", ylabel="intervals that hold the truth [%]", ylim=(lowest, 101))
+    left.set_title("shaded: 93 to 97 %")
     left.legend(loc="lower right", ncols=2)
     rows = table[table["part"] == "interval"].set_index("what").loc[list(PARAMETERS)]
     share = rows["coverage"].to_numpy()
@@ -128,20 +143,22 @@ def calibration(runs: Runs) -> Drawn:
         for name, colour in names.items():
             rows = course[(course["noise_times"] == factor) & (course["pushes"] == name)]
             ax.plot(rows["time_s"], 1.96 * rows[columns].max(axis=1), color=colour, label=name.replace("_", " "))
-        ax.axhline(0.01, color=INK, lw=1.0, ls=(0, (5, 3)))
-        log_error(ax, lowest=5e-3, highest=2.0)
+        _wanted(ax, 0.01, "asked: 1 %")
+        log_error(ax, lowest=1.2e-2, highest=2.0)
         ax.set(xlabel="time [s]", ylabel="widest 95 % half interval")
-        ax.set_title(f"noise x {factor:g}")
+        ax.set_title(f"noise x {factor:g}, first run")
     axes[0].legend(loc="upper right")
     last = axes[-1]
     for i, factor in enumerate(sizes):
         rows = table[table["noise_times"] == factor].set_index("pushes").loc[list(names)]
-        last.barh(np.arange(len(names)) + 0.38 * (i - 0.5), rows["time_median_s"], 0.36,
-                  color=(ORANGE, BLUE)[i % 2], label=f"noise x {factor:g}")  # fmt: skip
+        middle = rows["time_median_s"].to_numpy()
+        way = np.array([np.zeros(len(names)), rows["time_longest_s"].to_numpy() - middle])
+        last.barh(np.arange(len(names)) + 0.38 * (i - 0.5), middle, 0.36, xerr=way, capsize=2, ecolor=GREY,
+                  color=list(names.values()), alpha=(0.9, 0.5)[i % 2])  # fmt: skip
     last.set_yticks(range(len(names)), [n.replace("_", " ") for n in names])
     last.invert_yaxis()
     last.set(xlabel="time to 1 % on every parameter [s]")
-    last.legend(loc="lower right")
+    last.set_title(f"median and longest of {int(table['seeds'].min())}; pale: noise x {sizes[-1]:g}")
     chosen = table[table["pushes"] == "chosen"]
     return Drawn(
         page,

@@ -29,7 +29,7 @@ def bias(runs: Runs) -> Drawn:
         at = np.arange(len(names)) + 0.16 * (i - (len(delays) - 1) / 2)
         colour = (ORANGE, BLUE, INK)[i % 3]
         left.errorbar(at, middle, way, fmt="o", color=colour, capsize=3, label=f"{1e3 * delay:g} ms late")
-    left.set_xticks(range(len(names)), [name.replace("_", " ") for name in names])
+    left.set_xticks(range(len(names)), [name.replace("_", " ").replace("com", "CoM") for name in names])
     left.set(ylabel="bias, in standard errors of one run", ylim=(-0.3, 0.3))
     left.set_title("with noise: all parameters, shaded: a fifth of a standard error")
     left.legend(loc="upper right")
@@ -37,12 +37,13 @@ def bias(runs: Runs) -> Drawn:
         rows = rule[rule["aware"].astype(bool) == aware]
         right.plot(1e3 * rows["delay_s"], size(rows["largest_error"]), "o-", color=colour, label=text)
     log_error(right, highest=10.0)
+    right.set_xticks([1e3 * delay for delay in delays])
     right.set(xlabel="delay [ms]", ylabel="largest relative error of the mass")
     right.set_title("without noise: the published rule in the closed loop")
     right.legend(loc="center right")
     worst, loss, seeds = joint["bias_per_se"].abs().max(), joint["loss"].iloc[0], int(joint["seeds"].min())
     return Drawn(
         page,
-        seen=f"With {100 * loss:.0f} % lost the largest of {len(joint)} biases is {worst:.2f} standard errors "
+        seen=f"With {100 * loss:.0f} % lost the largest of {len(joint)} biases is {worst:.2g} standard errors "
         f"({seeds} pairs of runs with opposite noise; bars: 95 %).",
     )
