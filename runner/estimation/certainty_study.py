@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,7 +19,7 @@ from runner.estimation.data import Motion, measured_sd, motion_of
 from runner.estimation.joint import Joint, PriorConfig, write_view
 from runner.estimation.joint_studies import follow, share_within, short
 from runner.estimation.published import published
-from runner.estimation.watch import INTERVAL, Watch
+from runner.estimation.watch import INTERVAL, Watch, Watched
 from runner.estimators import Linear
 from runner.experiment import Experiment
 from runner.parameters import PARAMETERS
@@ -53,6 +55,33 @@ CHANGES = (
 )
 
 
+@dataclass(frozen=True)
+class _Seen:
+    """What a run under watch gave out at each update, whether it was frozen, and at which updates it was set free."""
+
+    last: Watched
+    x: list[np.ndarray]
+    frozen: list[bool]
+    alarms: list[int]
+
+    def followed_by(self, later: _Seen) -> _Seen:
+        """Return the two as one."""
+        alarms = self.alarms + [len(self.x) + k for k in later.alarms]
+        return _Seen(later.last, self.x + later.x, self.frozen + later.frozen, alarms)
+
+
+def _watched(watch: Watch, watched: Watched, windows: Sequence[np.ndarray], measured: np.ndarray) -> _Seen:
+    """Watch over some updates; `measured` is (1, m, 6), m at least the number of windows."""
+    x, frozen, alarms = [], [], []
+    for k, pushes in enumerate(windows):
+        before = watched.alarms
+        watched = watch.update(watched, pushes, measured[:, k])
+        alarms += [k] * (watched.alarms > before)
+        x.append(watched.x[0])
+        frozen.append(watched.frozen is not None)
+    return _Seen(watched, x, frozen, alarms)
+
+
 @registered("study", "certainty")
 @dataclass(frozen=True)
 class Certainty(AbstractStudy):
@@ -62,8 +91,8 @@ class Certainty(AbstractStudy):
         interval: per parameter, how often the stated 95 % interval held the truth at the end (`coverage`, with its
             95 % interval), and over all times at which the parameter was told of (`coverage_over_time`).
         freezing: per change of the object, `change_s` into the run while it is pushed: shares of runs that were
-            frozen before, and set free after; the time that took (median, longest); false alarms; and the largest
-            error at the end.
+            frozen before, and set free after; the time that took (median, longest); false alarms, and later ones after
+            the first right one; and the largest error at the end.
         average: the published rule, and the median and the mean of its last estimates, on the same noisy data: root
             mean square of the relative error of the mass at the end, and median over all updates.
     """
@@ -143,50 +172,53 @@ class Certainty(AbstractStudy):
         watch = Watch(Tracker(copies, measured_sd(experiment.link.noise)), self.certain)
         prior = self.prior.around(experiment.local)
         changed_at = int(np.searchsorted(motion.times_s, self.change_s - 1e-9))
-        windows, rows, courses = motion.windows(), [], []
-        for change in CHANGES:
-            after = change.applied(motion.true_x)
-            states, at = [], np.zeros((1, STATE))
-            for k, pushes in enumerate(windows):
-                at = copies.run((after if k >= changed_at else motion.true_x)[None], at, pushes)
-                states.append(at[0])
-            moved = replace(motion, states=np.array(states))
-            delays, frozen_before, false_alarms, errors, refrozen = [], 0, 0, [], 0
-            for i in track(range(self.watched_seeds), f"Watching, {change.name}", unit="runs"):
-                measured = moved.measured(experiment.link.noise, [experiment.seed + 10_000 + i])
-                watched, told, frozen = watch.start(prior, measured[:, 0]), [], []
-                for k, pushes in enumerate(windows):
-                    before = watched.alarms
-                    watched = watch.update(watched, pushes, measured[:, k])
-                    if watched.alarms > before:
-                        if change.name == "none" or k < changed_at:
-                            false_alarms += 1
-                        else:
-                            delays.append(motion.times_s[k] - motion.times_s[changed_at - 1])
-                    told.append(watched.x[0])
-                    frozen.append(watched.frozen is not None)
-                frozen_before += frozen[changed_at - 1]
-                refrozen += frozen[-1]
-                errors.append(np.abs(told[-1] - after).max())
-                if i == 0:
-                    courses.append(self._course(change, moved, np.array(told), frozen, copies))
-            n = self.watched_seeds
-            rows.append(
-                {
-                    "part": "freezing",
-                    "what": change.name,
-                    "runs": n,
-                    "frozen_before": frozen_before / n,
-                    "set_free": np.nan if change.name == "none" else min(len(delays), n) / n,
-                    "set_free_median_s": float(np.median(delays)) if delays else np.nan,
-                    "set_free_longest_s": max(delays, default=np.nan),
-                    "false_alarms": false_alarms,
-                    "frozen_again": refrozen / n,
-                    "largest_final_error": max(errors),
-                }
-            )
+        windows, noise = motion.windows(), experiment.link.noise
+        moved = {change.name: self._changed(motion, change, copies, changed_at) for change in CHANGES}
+        seen: dict[str, list[_Seen]] = {change.name: [] for change in CHANGES}
+        for i in track(range(self.watched_seeds), "Watching", unit="runs"):
+            seeds = [experiment.seed + 10_000 + i]
+            measured = moved["none"].measured(noise, seeds)
+            # until the change they are all the same
+            before = _watched(watch, watch.start(prior, measured[:, 0]), windows[:changed_at], measured)
+            for name, changed in moved.items():
+                rest = changed.measured(noise, seeds)[:, changed_at:]
+                seen[name].append(before.followed_by(_watched(watch, before.last, windows[changed_at:], rest)))
+        rows = [self._freezing_row(change, motion, seen[change.name], changed_at) for change in CHANGES]
+        courses = [
+            self._course(change, motion, np.array(seen[change.name][0].x), seen[change.name][0].frozen, copies)
+            for change in CHANGES
+        ]
         pd.concat(courses, ignore_index=True).to_parquet(folder / WATCHED, index=False)
         return rows
+
+    @staticmethod
+    def _changed(motion: Motion, change: Change, copies: Copies, changed_at: int) -> Motion:
+        """Return how the object moves if it changes before that update."""
+        after = change.applied(motion.true_x)
+        states, at = [], np.zeros((1, STATE))
+        for k, pushes in enumerate(motion.windows()):
+            at = copies.run((after if k >= changed_at else motion.true_x)[None], at, pushes)
+            states.append(at[0])
+        return replace(motion, states=np.array(states))
+
+    def _freezing_row(self, change: Change, motion: Motion, seen: list[_Seen], changed_at: int) -> dict[str, Any]:
+        unchanged = change.name == "none"
+        right = [[k for k in run.alarms if k >= changed_at and not unchanged] for run in seen]
+        first_s = [motion.times_s[alarms[0]] - motion.times_s[changed_at - 1] for alarms in right if alarms]
+        after = change.applied(motion.true_x)
+        return {
+            "part": "freezing",
+            "what": change.name,
+            "runs": len(seen),
+            "frozen_before": float(np.mean([run.frozen[changed_at - 1] for run in seen])),
+            "set_free": np.nan if unchanged else len(first_s) / len(seen),
+            "set_free_median_s": float(np.median(first_s)) if first_s else np.nan,
+            "set_free_longest_s": max(first_s, default=np.nan),
+            "false_alarms": sum(len(run.alarms) - len(alarms) for run, alarms in zip(seen, right, strict=True)),
+            "later_alarms": sum(max(len(alarms) - 1, 0) for alarms in right),
+            "frozen_again": float(np.mean([run.frozen[-1] for run in seen])),
+            "largest_final_error": max(float(np.abs(run.x[-1] - after).max()) for run in seen),
+        }
 
     @staticmethod
     def _course(change: Change, motion: Motion, x: np.ndarray, frozen: list[bool], copies: Copies) -> pd.DataFrame:
