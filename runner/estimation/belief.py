@@ -36,8 +36,8 @@ _TRIED = np.arange(2, UNKNOWNS)
 _STEP = np.array([1e-4, 1e-4, 1e-4, 1e-4] + SIZE * [1e-4])
 _STRIDE, _FARTHEST = 1.5, 4.0  # of the parameters: the longest step, and how far from the prior, in its deviations
 _AT_REST = 0.01  # of the loss: so little is not worth a step
-_FAR, _PAUSE = 9.0, 3  # gone through earlier where the estimate is three deviations from the point; in updates
 _AHEAD = 1.2  # the history must have grown by this factor before it is gone through again
+_FAR, _SOON = 9.0, 1.05  # by this one where the estimate is three standard deviations from the point
 
 
 @dataclass(frozen=True)
@@ -336,11 +336,9 @@ class Tracker:
 
     def _improved(self, belief: Belief) -> Belief:
         """Linearise anew where that is due: where the linear model does not say what the loss at the estimate is."""
-        length = len(belief.history)
-        gain = _gain(belief)
-        far = (gain > _FAR) & (length >= belief.gone + _PAUSE)
+        length, gain = len(belief.history), _gain(belief)
         due = (length >= _AHEAD * belief.gone) & ((gain > _AT_REST) | _unexplained(belief))
-        lanes = np.flatnonzero(due | far)
+        lanes = np.flatnonzero(due | (length >= _SOON * belief.gone + 1) & (gain > _FAR))
         if not len(lanes):
             return belief
         some = replace(_lanes(belief, lanes), gone=np.full(len(lanes), float(length)))
