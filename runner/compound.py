@@ -31,6 +31,8 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
 from dm_control import mjcf
 from mujoco import rollout
 from scipy.optimize import least_squares
@@ -41,7 +43,7 @@ from runner.errors import ConfigError, check_range, check_vector
 from runner.experiment import REMOTE, Experiment
 from runner.forces import Push, push_means
 from runner.link import NoiseConfig
-from runner.plumb_line import LIFT_M
+from runner.plumb_line import LIFT_M, log_estimate
 from runner.progress import track
 from runner.scene import BodyConfig, Contact, Dof, SceneConfig, build, push_columns
 from runner.simulate import FULL, USERDATA
@@ -388,11 +390,52 @@ class Compound(AbstractStudy):
                 measured = with_noise(motion, noise, np.random.default_rng([experiment.seed, seed]))
             found = fit(local, measured, noise, start, half)
             out += _parameter_rows(seed, true, start, found, half)
+            if seed == min(1, self.seeds):
+                write_rrd(
+                    folder / "run.rrd", list(self.parts.values()), half, motion, experiment.link.rate_hz, true, found
+                )
             if seed in (0, 1):
                 standing = episodes(build(scene, {REMOTE: box}), list(STANDING.values()))
                 truth = episodes(compound(), list(STANDING.values())).run([true])[0]
                 out += _test_rows(seed, truth, standing.run([start, found.body]))
         return out
+
+
+def write_rrd(
+    file: Path,
+    parts: Sequence[Part],
+    half_size_m: np.ndarray,
+    motion: np.ndarray,
+    rate_hz: float,
+    true: Inertial,
+    found: Fit,
+) -> None:
+    """Write for the Rerun viewer how the object moved, all episodes one after the other, and its CoM as fitted."""
+    view = rrb.Spatial3DView(origin="/world", name="hanging in turn; blue: true centre of mass, white: fitted")
+    layout = rrb.Blueprint(view, rrb.TimePanel(state="collapsed", timeline="sim_time"), auto_views=False)
+    states = motion.reshape(-1, motion.shape[-1])
+    time_s = np.arange(1, len(states) + 1) / rate_hz
+    with rr.RecordingStream("runner") as recording:
+        recording.save(file, default_blueprint=layout)
+        recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        boxes = rr.Boxes3D(
+            half_sizes=[part.half_size_m for part in parts],
+            centers=[part.centre_m for part in parts],
+            colors=[(240, 140, 40)],
+            radii=0.004,
+        )
+        recording.log("world/object/parts", boxes, static=True)
+        hull = rr.Boxes3D(half_sizes=[half_size_m], colors=[(150, 150, 150)], radii=0.002)
+        recording.log("world/object/hull", hull, static=True)
+        recording.log("world/object/true", rr.Points3D([true.com_m], colors=[(70, 130, 220)], radii=0.015), static=True)
+        log_estimate(recording, "world/object/estimate", found.body.com_m, found.covariance[1:4, 1:4])
+        recording.send_columns(
+            "world/object",
+            [rr.TimeColumn("sim_time", duration=np.round(1e9 * time_s).astype("timedelta64[ns]"))],
+            rr.Transform3D.columns(translation=states[:, :3], quaternion=states[:, [4, 5, 6, 3]]),
+        )
+        recording.flush()
+        recording.disconnect()
 
 
 NOISE = NoiseConfig(position_m=5e-4, angle_rad=1e-3, velocity_m_s=5e-3, rate_rad_s=1e-2)

@@ -239,20 +239,7 @@ def write_rrd(
         recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         recording.log("world/body", rr.Boxes3D(half_sizes=[half], colors=[(70, 130, 220)], radii=0.006), static=True)
         recording.log("world/body/true", rr.Points3D([hanging.com_m], colors=[(70, 130, 220)], radii=0.02), static=True)
-        # three standard deviations, but large enough to be seen
-        variances, axes = np.linalg.eigh(found.covariance_m2)
-        if np.linalg.det(axes) < 0:
-            axes[:, 0] *= -1
-        recording.log(
-            "world/body/estimate",
-            rr.Ellipsoids3D(
-                centers=[found.point_m],
-                half_sizes=[np.maximum(3 * np.sqrt(variances), 0.005)],
-                quaternions=[_quaternion(axes)],
-                colors=[(255, 255, 255)],
-            ),
-            static=True,
-        )
+        log_estimate(recording, "world/body/estimate", found.point_m, found.covariance_m2)
         begin = 0.0
         for k, (point, swing, down) in enumerate(zip(points_m, swings, directions, strict=True)):
             time_s = begin + swing.time_s
@@ -271,6 +258,20 @@ def write_rrd(
         recording.log("world/string", rr.LineStrips3D([[(0, 0, 0), (0, 0, 0.4 * reach)]], radii=0.006), static=True)
         recording.flush()
         recording.disconnect()
+
+
+def log_estimate(recording: rr.RecordingStream, entity: str, point_m: np.ndarray, covariance_m2: np.ndarray) -> None:
+    """Draw a point and its ellipsoid of three standard deviations, which is drawn large enough to be seen."""
+    variances, axes = np.linalg.eigh(covariance_m2)
+    if np.linalg.det(axes) < 0:
+        axes[:, 0] *= -1
+    ellipsoid = rr.Ellipsoids3D(
+        centers=[point_m],
+        half_sizes=[np.maximum(3 * np.sqrt(np.maximum(variances, 0.0)), 0.005)],
+        quaternions=[_quaternion(axes)],
+        colors=[(255, 255, 255)],
+    )
+    recording.log(entity, ellipsoid, static=True)
 
 
 def _quaternion(axes: np.ndarray) -> np.ndarray:
