@@ -30,6 +30,7 @@ from runner.frames import RunResult
 from runner.loop import POSITION, VELOCITY, run_batch
 from runner.progress import track
 from runner.scene import build, handles
+from runner.sinks import RrdSink
 from runner.studies import AbstractStudy, Rows
 
 WEBER_FORCE = 0.07  # Pang, Tan and Durlach 1991
@@ -109,7 +110,7 @@ class ModelJump(AbstractStudy):
     """Policies of following, on the same runs: size of the jump against tracking error, over `seeds` seeds.
 
     Every seed has its own delays, losses and noise; all policies see the same. `settled_s`: when the search for the
-    mass is over, so that what is corrected from then on is noise and age.
+    mass is over, so that what is corrected from then on is noise and age. `run.rrd` shows the first policy's first run.
     """
 
     seeds: int = 20
@@ -135,6 +136,8 @@ class ModelJump(AbstractStudy):
             felt = [jumps(one, result, next(iter(one.estimator))) for one, result in zip(runs, results, strict=True)]
             felt[0].to_parquet(folder / f"{name}.parquet")
             results[0].updates.table().to_parquet(folder / f"{name}_frames.parquet")
+            if not out:
+                RrdSink().write(results[0], folder, {"seed": experiment.seed})
             out += self._rows(name, runs, results, felt)
         return out
 
