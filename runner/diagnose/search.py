@@ -134,7 +134,8 @@ def search(
                     episodes,
                     **_beginning(fitter, explanation, x, contender.fit, seeds.pop(key, None)),
                     target=target,
-                    patience=0 if size == 1 else 3,
+                    # what begins at a place or a range of its own has some way to go before it can be judged
+                    patience=0 if size == 1 and not len(kind.starts(fitter.context)) else 3,
                     iterations=8 if size == 1 else 12,
                     polish=False,
                 )
@@ -214,6 +215,14 @@ def _resumed(before: Search) -> tuple[dict[Kinds, Fit], set[Kinds]]:
 def _beginning(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit, seed: Fit | None) -> dict[str, Any]:
     """Return where to begin a fit: from what is near, or from the seed where that leaves less."""
     if seed is None:
+        new = explanation.kinds[-1]
+        if len(new.starts(fitter.context)):
+            # the amplitude that a linear model promises may overshoot; none of it is the fit that is near
+            amplitude = len(x) - len(new.parameters(fitter.context))
+            for _ in range(3):
+                if fitter.loss(explanation, x, near.starts, near.episodes) < near.total:
+                    break
+                x = np.concatenate([x[:amplitude], x[amplitude : amplitude + 1] / 4, x[amplitude + 1 :]])
         return {"x": x, "near": near}
     seeded = _in_order(seed, explanation, fitter)
     by = [fitter.loss(explanation, v, s, near.episodes) for v, s in ((x, near.starts), (seeded, seed.starts))]
