@@ -45,6 +45,7 @@ from runner.forces import Push, push_means
 from runner.link import NoiseConfig
 from runner.plumb_line import LIFT_M, log_estimate
 from runner.progress import track
+from runner.rrd import written
 from runner.scene import BodyConfig, Contact, Dof, SceneConfig, build, push_columns
 from runner.simulate import FULL, USERDATA
 from runner.studies import AbstractStudy, Rows
@@ -415,8 +416,7 @@ def write_rrd(
     layout = rrb.Blueprint(view, rrb.TimePanel(state="collapsed", timeline="sim_time"), auto_views=False)
     states = motion.reshape(-1, motion.shape[-1])
     time_s = np.arange(1, len(states) + 1) / rate_hz
-    with rr.RecordingStream("runner") as recording:
-        recording.save(file, default_blueprint=layout)
+    with written(file, layout) as recording:
         recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         boxes = rr.Boxes3D(
             half_sizes=[part.half_size_m for part in parts],
@@ -434,8 +434,6 @@ def write_rrd(
             [rr.TimeColumn("sim_time", duration=np.round(1e9 * time_s).astype("timedelta64[ns]"))],
             rr.Transform3D.columns(translation=states[:, :3], quaternion=states[:, [4, 5, 6, 3]]),
         )
-        recording.flush()
-        recording.disconnect()
 
 
 NOISE = NoiseConfig(position_m=5e-4, angle_rad=1e-3, velocity_m_s=5e-3, rate_rad_s=1e-2)

@@ -28,6 +28,7 @@ from runner.effects import Target
 from runner.errors import ConfigError, ResultError, check_range, check_vector
 from runner.experiment import REMOTE, Experiment
 from runner.progress import track
+from runner.rrd import written
 from runner.scene import Contact, Dof, build, rotate
 from runner.studies import AbstractStudy, Rows
 
@@ -234,8 +235,7 @@ def write_rrd(
     colours = [(240, 140, 40), (60, 190, 130), (200, 90, 200), (220, 200, 60)]
     view = rrb.Spatial3DView(origin="/world", name="hanging in turn; lines: down at rest; blue: true, white: estimated")
     layout = rrb.Blueprint(view, rrb.TimePanel(state="collapsed", timeline="sim_time"), auto_views=False)
-    with rr.RecordingStream("runner") as recording:
-        recording.save(file, default_blueprint=layout)
+    with written(file, layout) as recording:
         recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         recording.log("world/body", rr.Boxes3D(half_sizes=[half], colors=[(70, 130, 220)], radii=0.006), static=True)
         recording.log("world/body/true", rr.Points3D([hanging.com_m], colors=[(70, 130, 220)], radii=0.02), static=True)
@@ -256,8 +256,6 @@ def write_rrd(
             recording.log(f"world/body/line{k}", rr.LineStrips3D([strip], colors=[colours[k % 4]], radii=0.006))
             begin = float(time_s[-1])
         recording.log("world/string", rr.LineStrips3D([[(0, 0, 0), (0, 0, 0.4 * reach)]], radii=0.006), static=True)
-        recording.flush()
-        recording.disconnect()
 
 
 def log_estimate(recording: rr.RecordingStream, entity: str, point_m: np.ndarray, covariance_m2: np.ndarray) -> None:

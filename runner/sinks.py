@@ -26,6 +26,7 @@ import rerun.blueprint as rrb
 
 from runner.errors import ResultError, check_range
 from runner.frames import Frames, RunResult, Status
+from runner.rrd import written
 from runner.scene import rotate
 
 REMOTE = "remote"
@@ -149,15 +150,12 @@ class RrdSink(AbstractSink):
     def write(
         self, result: RunResult, folder: Path, config: Mapping[str, Any], overrides: Mapping[str, Any] = NOTHING
     ) -> None:
-        with rr.RecordingStream("runner") as recording:
-            recording.save(folder / self.name, default_blueprint=_Layout(_layout_key(result)))
+        with written(folder / self.name, _Layout(_layout_key(result))) as recording:
             title = " ".join([folder.name, *(f"{key}={value}" for key, value in overrides.items())])
             self.log(recording, result, config, name=title)
             if overrides:
                 typed = _flat(config)  # a property must have one type in all recordings
                 recording.send_property("overrides", [_value(k, typed.get(k, str(v))) for k, v in overrides.items()])
-            recording.flush()
-            recording.disconnect()
 
     def log(self, recording: rr.RecordingStream, result: RunResult, config: Mapping[str, Any], name: str) -> None:
         """Send a run into an open recording."""
@@ -432,10 +430,8 @@ class _Layout(rrb.Blueprint):
 def _layout_chunks(key: LayoutKey) -> list[rr.chunk.Chunk]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "layout.rrd"
-        with rr.RecordingStream("runner") as recording:
-            recording.save(path, default_blueprint=_blueprint(*key))
-            recording.flush()
-            recording.disconnect()
+        with written(path, _blueprint(*key)):
+            pass
         reader = rr.chunk.RrdReader(path)
         return list(reader.stream(store=reader.blueprints()[0]))
 

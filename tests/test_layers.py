@@ -17,7 +17,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 # a layer imports only from those above it; a package counts as one
 LAYERS = (
     "errors",
-    "config progress",
+    "config progress rrd",
     "law",
     "tape scene frames recording",
     "forces effects estimators link follow parameters",

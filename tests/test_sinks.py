@@ -155,6 +155,19 @@ def test_how_much_the_rrd_shows(result: RunResult, tmp_path: Path) -> None:
         assert len(moving(path, "/estimate/mass_kg", "Scalars:scalars")) == len(result.updates)
 
 
+def test_written_runs_are_let_go_of(result: RunResult, tmp_path: Path) -> None:
+    """Rerun's threads don't pile up: a sweep of thousands of runs writes thousands of files."""
+    threads = Path("/proc/self/task")
+    if not threads.exists():
+        pytest.skip("counts threads as Linux lists them")
+    counts = []
+    for i in range(6):
+        (folder := tmp_path / str(i)).mkdir()
+        RrdSink().write(result, folder, {})
+        counts.append(len(list(threads.iterdir())))
+    assert counts[-1] <= counts[1]
+
+
 def test_settings_choose_the_sinks() -> None:
     """`rrd` and `frames` say what is written."""
     assert LogConfig().sinks() == [ParquetSink(), RrdSink()]

@@ -75,7 +75,7 @@ class Runs:
         Raises:
             ResultError: If there are none.
         """
-        found = self.table[self.values(key) == value]
+        found = self.table.loc[self.values(key) == value, :]
         if found.empty:
             raise ResultError(f"paths: no run of '{self.experiment}' at {key}={value:g}, which a figure needs.")
         return Runs(self.experiment, found.reset_index(drop=True), self.failed)

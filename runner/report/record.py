@@ -17,6 +17,7 @@ from runner.diagnose.measured import CHANNELS
 from runner.report import words
 from runner.report.motions import Paths, replay
 from runner.report.wrench import missing_wrench
+from runner.rrd import written
 
 if TYPE_CHECKING:
     from runner.diagnose.diagnosis import Diagnosis
@@ -45,8 +46,7 @@ def write_rrd(diagnosis: Diagnosis, path: str | Path) -> Path:
     path = path / FILE if path.is_dir() else path
     path.parent.mkdir(parents=True, exist_ok=True)
     paths = sorted(replay(diagnosis), key=lambda p: (not p.held_out, p.episode))
-    with rr.RecordingStream("runner diagnosis") as log:
-        log.save(path, default_blueprint=_blueprint(diagnosis, paths))
+    with written(path, _blueprint(diagnosis, paths), "runner diagnosis") as log:
         log.send_recording_name(diagnosis.case)
         log.send_property("verdict", rr.AnyValues(sentence=words.verdict(diagnosis), gap_closed=diagnosis.gap_closed))
         log.log("verdict", rr.TextDocument(_text(diagnosis), media_type="text/markdown"), static=True)
@@ -55,8 +55,6 @@ def write_rrd(diagnosis: Diagnosis, path: str | Path) -> Path:
             _send_motion(log, diagnosis, paths)
             _send_residuals(log, diagnosis, paths)
             _send_forces(log, diagnosis, paths)
-        log.flush()
-        log.disconnect()
     return path
 
 
