@@ -152,7 +152,7 @@ def search(
             target = min(target, fits[-1].total)
         if not fits:
             break
-        fits = _finished(fitter, sorted(fits, key=lambda f: f.total), worth)
+        fits = _finished(fitter, sorted(fits, key=lambda f: f.total), count)
         around_best = survey(fitter, fits[0], every)
         new = [_contend(fitter, fit, around_best, alone) for fit in fits[:SURVEYED]]
         if size == 1:
@@ -206,8 +206,9 @@ def _seeds(fitter: Fitter, nominal: Fit, episodes: Sequence[int], most: int) -> 
 
 
 def _resumed(before: Search) -> tuple[dict[Kinds, Fit], set[Kinds]]:
-    fits = [c.fit for c in before.contenders if c.fit.explanation.kinds and np.isfinite(c.log_posterior)]
-    tried = {_key(c.fit.explanation) for c in before.contenders}
+    near = [c for c in before.contenders if c.log_posterior > before.best.log_posterior - NEAR]
+    fits = [c.fit for c in near if c.fit.explanation.kinds]
+    tried = {_key(f.explanation) for f in fits}
     singles = {(kind,) for kinds in EFFECTS.values() for kind in kinds}
     return {_key(f.explanation): f for f in fits}, singles - tried
 
@@ -243,11 +244,14 @@ def _less(contender: Contender, by: float) -> Contender:
     return replace(contender, log_posterior=contender.log_posterior - by)
 
 
-def _finished(fitter: Fitter, fits: list[Fit], worth: float) -> list[Fit]:
-    """Let the leaders come to rest, so that no further effect gains by what a longer fit would have."""
-    out = []
+def _finished(fitter: Fitter, fits: list[Fit], count: int) -> list[Fit]:
+    """Let the leaders come to rest, so that no further effect gains by what a longer fit would have.
+
+    Whatever is far behind the first of them, once that has come to rest, is left as it is.
+    """
+    out: list[Fit] = []
     for i, fit in enumerate(fits):
-        lags = fit.total > fits[0].total + 5 * worth
+        lags = out and fit.total > out[0].total + 5 * WORTH * count + 0.5 * max(out[0].total - count, 0.0)
         if i < FINISHED and not fit.converged and not lags:
             fit = fitter.fit(fit.explanation, fit.episodes, x=fit.x, near=fit, iterations=20)
         out.append(fit)
