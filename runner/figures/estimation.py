@@ -80,7 +80,7 @@ def noise(runs: Runs) -> Drawn:
     last.axvline(1.0, color=INK, lw=1.0)
     last.set_yticks(at, list(PARAMETERS.values()))
     last.invert_yaxis()
-    last.set(xlabel="error / bound at the end (shaded: wanted)", xlim=(0.6, 1.9))
+    last.set(xlabel="error / bound (shaded: wanted)", xlim=(0.6, 1.9))
     last.legend(loc="upper right")
     return Drawn(
         page,
