@@ -168,19 +168,23 @@ def log_densities(fit: Fit, context: Context) -> np.ndarray:
     return np.array(out)
 
 
-def _amplitudes(fit: Fit, context: Context) -> np.ndarray:
-    """Tell which parameters are how much there is of an effect, (p,), and not where or over what range it acts."""
+def _may_rest(fit: Fit, context: Context) -> np.ndarray:
+    """Tell which parameters may rest on a bound, (p,): a length that is zero, as that of a tether without slack.
+
+    An amplitude there means that the effect is absent, a place or a width that it is something else: a patch as wide
+    as the floor is friction.
+    """
     out = []
     for kind in fit.explanation.kinds:
-        count, scattered = len(kind.parameters(context)), len(kind.starts(context)) > 0
-        out += [not scattered or k == 0 for k in range(count)]
+        scattered = len(kind.starts(context)) > 0
+        out += [scattered and k > 0 and p.lower == 0 for k, p in enumerate(kind.parameters(context))]
     return np.array(out, dtype=bool)
 
 
 def evidence(around: Surroundings, context: Context, known: np.ndarray | None = None) -> Evidence:
     """Integrate the mismatch and the parameters out.
 
-    A place or a range that rests on its bound stays there; an amplitude that does makes the explanation impossible.
+    A length that is zero stays so; any other parameter on its bound makes the explanation impossible.
 
     Args:
         around: The fit amid the directions of mismatch.
@@ -188,7 +192,7 @@ def evidence(around: Surroundings, context: Context, known: np.ndarray | None = 
         known: Covariance of the parameters from elsewhere, (p, p): they may move so far only. None: their prior.
     """
     fit, whole = around.fit, len(around.fit.x)
-    if (fit.at_bound & _amplitudes(fit, context)).any():
+    if (fit.at_bound & ~_may_rest(fit, context)).any():
         # an effect that the data push out of its range is absent, or is not what is going on
         nothing = np.full((whole, whole), np.nan)
         return Evidence(-np.inf, np.full(len(LEVELS), -np.inf), float(fit.total), nothing)
