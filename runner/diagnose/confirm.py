@@ -18,6 +18,7 @@ from runner.diagnose.fit import NONE, Fit, Fitter
 from runner.diagnose.search import Contender, Search
 
 LEADERS = 6  # so many are held against the episodes left out, and the nominal model,
+PLAIN, LEAVES = 1.0, 0.5  # squared noises; share of them
 CLOSE = 20.0  # and whatever is so near in log odds
 
 
@@ -31,6 +32,8 @@ class Confirmed:
         after: The same with each explanation that was weighed, by the identity of its fit.
         excess_fitted: What the best explanation leaves, as a share: whitened mean square minus one, mismatch taken out.
         excess_unseen: The same of the episodes left out.
+        gap_unseen: What the nominal model leaves there, nothing taken out.
+        left_unseen: What the best explanation does.
     """
 
     search: Search
@@ -38,6 +41,13 @@ class Confirmed:
     after: dict[int, Fit]
     excess_fitted: float
     excess_unseen: float
+    gap_unseen: float
+    left_unseen: float
+
+    @property
+    def fails(self) -> bool:
+        """Whether the best explanation leaves most of a gap that is plain to see in episodes it has not seen."""
+        return self.gap_unseen > PLAIN and self.left_unseen > LEAVES * self.gap_unseen
 
     @property
     def excess(self) -> float:
@@ -73,7 +83,8 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     fitted = top.evidence.loss / _count(fitter, top.fit.episodes) - 1.0
     there = loss[id(top.fit)] / _count(fitter, held_out) - 1.0
     fits = {id(c.fit): there_by[id(c)] for c in leaders}
-    return Confirmed(Search(tuple(contenders), found.nominal), before, fits, float(fitted), float(there))
+    gap, left = (f.total / _count(fitter, held_out) - 1.0 for f in (before, fits[id(top.fit)]))
+    return Confirmed(Search(tuple(contenders), found.nominal), before, fits, float(fitted), float(there), gap, left)
 
 
 def _count(fitter: Fitter, episodes: Sequence[int]) -> int:

@@ -28,6 +28,7 @@ TEMPER = 2.0  # log odds are divided by it, against overconfidence; not yet cali
 UNKNOWN_EXCESS = 0.12  # see `_unknown`; known effects of tuning and practice cases left up to 0.09
 UNKNOWN_SHARE = 0.0015
 UNKNOWN_WIDTH = 0.4
+FAILED = 0.7  # where the best explanation does not close half of a plain gap in episodes it has not seen
 LEAST_UNKNOWN = 0.03  # of unknown effects some look like known ones: dead band like mass, wear like friction
 EQUAL = 0.05  # of the likeliest of a group: what is less likely is not its equal
 SURPRISE = 3.0  # times what is left of the fitted episodes: so much in those left out is something new
@@ -142,7 +143,8 @@ def diagnose(recording: Recording, *, threads: int | None = None) -> Diagnosis:
         confirmed = confirm(found, fitter, held_out)
         nominal_excess = found.nominal.total / sum(measured.count(e) for e in fitted) - 1.0
     found, before, excess = confirmed.search, confirmed.before, confirmed.excess
-    ranked = rank(found, fitter.context, excess, nominal_excess)
+    unknown = max(_unknown(excess, nominal_excess), FAILED if confirmed.fails and found.best.fit.x.size else 0.0)
+    ranked = rank(found, fitter.context, unknown)
     # what is named is what is put into the corrected model
     top = _contender(found, next(r for r in ranked if r.effects != ("unknown",)), fitter.context)
     after = confirmed.after.get(id(top.fit)) or unseen(top, fitter, held_out, before)
@@ -208,12 +210,11 @@ def _left(fit: Fit, effects: Effects, simulator: Simulator, measured: Measured) 
     }
 
 
-def rank(found: Search, context: Context, excess: float, nominal_excess: float) -> tuple[Ranked, ...]:
+def rank(found: Search, context: Context, unknown: float) -> tuple[Ranked, ...]:
     """Turn log posteriors into probabilities, explanations that can't be told apart taken together."""
     contenders = [c for c in found.contenders if np.isfinite(c.log_posterior)]
     logs = np.array([c.log_posterior for c in contenders]) / TEMPER
     share = np.exp(logs - logsumexp(logs))
-    unknown = _unknown(excess, nominal_excess)
     groups: list[list[int]] = []
     for i, contender in enumerate(contenders):
         same = [g for g in groups if contender.fit.x.size and are_twins(contenders[g[0]].fit, contender.fit)]
