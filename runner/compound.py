@@ -33,10 +33,9 @@ import mujoco
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+import scipy
 from dm_control import mjcf
 from mujoco import rollout
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from runner.config import registered
 from runner.errors import ConfigError, check_range, check_vector
@@ -249,8 +248,8 @@ def differences(motion: np.ndarray, measured: np.ndarray) -> np.ndarray:
     return np.concatenate([moved, angle, faster], axis=-1)
 
 
-def _rotation(motion: np.ndarray) -> Rotation:
-    return Rotation.from_quat(motion[..., 3:7].reshape(-1, 4), scalar_first=True)
+def _rotation(motion: np.ndarray) -> scipy.spatial.transform.Rotation:
+    return scipy.spatial.transform.Rotation.from_quat(motion[..., 3:7].reshape(-1, 4), scalar_first=True)
 
 
 def with_noise(motion: np.ndarray, noise: NoiseConfig, rng: np.random.Generator) -> np.ndarray:
@@ -258,7 +257,7 @@ def with_noise(motion: np.ndarray, noise: NoiseConfig, rng: np.random.Generator)
     draw = noise.draws(motion[..., 0].size, 3, 3, rng).reshape(*motion.shape[:-1], 12)
     out = motion.copy()
     out[..., :3] += draw[..., :3]
-    turned = _rotation(motion) * Rotation.from_rotvec(draw[..., 3:6].reshape(-1, 3))
+    turned = _rotation(motion) * scipy.spatial.transform.Rotation.from_rotvec(draw[..., 3:6].reshape(-1, 3))
     out[..., 3:7] = turned.as_quat(scalar_first=True).reshape(*motion.shape[:-1], 4)
     out[..., 7:] += draw[..., 6:]
     return out
@@ -308,7 +307,7 @@ def fit(episodes: Episodes, measured: np.ndarray, noise: NoiseConfig, start: Ine
             return residuals(at[None], upto)[0]
 
         jac: Any = derivative  # a function, which the stubs of scipy do not know of
-        result = least_squares(value, x, jac, x_scale="jac", loss=loss, max_nfev=40, ftol=1e-8)
+        result = scipy.optimize.least_squares(value, x, jac, x_scale="jac", loss=loss, max_nfev=40, ftol=1e-8)
         x = result.x
     spread = np.linalg.inv(result.jac.T @ result.jac)
     change = np.stack(

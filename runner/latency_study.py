@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import t
+import scipy
 
 from runner import law
 from runner.config import registered
@@ -167,7 +167,7 @@ def _about(link: LinkConfig) -> dict[str, Any]:
 def _bias_rows(about: dict[str, Any], error: np.ndarray) -> Rows:
     """Return rows from the errors of pairs of runs, (2, seeds, 5); `se` is the standard error of one run."""
     n = error.shape[1]
-    wide = float(t.ppf(0.975, n - 1)) / np.sqrt(n)
+    wide = float(scipy.stats.t.ppf(0.975, n - 1)) / np.sqrt(n)
     out = []
     for j, name in enumerate(PARAMETERS):
         column = error[..., j]

@@ -463,7 +463,7 @@ def _run_group(experiments: list[Experiment], threads: int, advance: Advance) ->
         for name in Numbers._fields
     ]
     numbers = [Numbers(*one) for one in zip(*live, strict=True)]
-    given = [commands(e) for e in experiments]
+    given = _given(experiments)
     reels = [tape_of(e, m).wind(u, c.pushes) for e, m, u, c in zip(experiments, models, userdata, given, strict=True)]
     records = [Record(e, handles_of(e, m), c) for e, m, c in zip(experiments, models, given, strict=True)]
     in_step = InStep(records, qpos, qvel, numbers) if InStep.serves(records) else None
@@ -495,16 +495,30 @@ def _run_group(experiments: list[Experiment], threads: int, advance: Advance) ->
 
 def _models(experiments: list[Experiment]) -> list[mujoco.MjModel]:
     """Compile what differs in structure, copy what differs in numbers alone."""
-    compiled: dict[str, mujoco.MjModel] = {}
+    compiled: dict[str, tuple[mujoco.MjModel, mujoco.MjData]] = {}
     out = []
     for experiment in experiments:
         key = compile_key(experiment)
         if key not in compiled:
             root = scene_of(experiment)
-            compiled[key] = mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
-        model = copy.copy(compiled[key])
-        set_numbers(experiment, model, mujoco.MjData(model))
+            model = mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
+            compiled[key] = model, mujoco.MjData(model)
+        model, scratch = compiled[key]
+        model = copy.copy(model)
+        set_numbers(experiment, model, scratch)
         out.append(model)
+    return out
+
+
+def _given(experiments: list[Experiment]) -> list[Commands]:
+    """Make the commands, once for all runs that are pushed alike."""
+    made: dict[str, Commands] = {}
+    out = []
+    for e in experiments:
+        key = repr((e.sequence, e.scene.timestep_s, e.steps, len(e.estimator), e.remote.effects))
+        if key not in made:
+            made[key] = commands(e)
+        out.append(made[key])
     return out
 
 

@@ -58,7 +58,6 @@ class JobComposer:
         self.composer = composer
         self._chosen = functools.cache(self._choose)
         self._parsed = functools.cache(self._parse)
-        self._texts: dict[int, tuple[Any, str]] = {}
 
     def compose(self, overrides: Sequence[str]) -> Composed:
         """Return the config that these settings make, types checked.
@@ -74,32 +73,15 @@ class JobComposer:
         except Exception as error:
             raise explain(error, overrides, self.composer) from error
 
-    def job(self, overrides: Sequence[str], folder: Path, number: int) -> tuple[Composed, Job]:
-        """Return the config of a job of a sweep, and what its command is told of it.
+    def job(self, overrides: Sequence[str], folder: Path, number: int) -> tuple[Plain, Job]:
+        """Return the config of a job of a sweep, as `config.build` wants it, and what its command is told of it.
 
         Raises:
             ConfigError: If a setting is wrong.
         """
         composed = self.compose(overrides)
         keys = overridden([self._parsed(o) for o in overrides])
-        return composed, Job(folder, composed.shown, keys, number, composed.experiment)
-
-    def write_config(self, folder: Path, overrides: Sequence[str], shown: Plain) -> None:
-        """Write `config.yaml` as the function of that name does, without putting a section in words twice."""
-        (folder / CONFIG).write_text(
-            heading(self.composer.name, overrides) + "".join(self._text(k, v) for k, v in shown.items()), "utf-8"
-        )
-
-    def _text(self, key: str, section: Any) -> str:
-        if not isinstance(section, dict):
-            return yaml_text({key: section})
-        known = self._texts.get(id(section))
-        if known is None:
-            # held, so that no other section takes its place in memory; only those that come again stay long
-            known = self._texts[id(section)] = (section, yaml_text({key: section}))
-            if len(self._texts) > MANY:
-                self._texts.pop(next(iter(self._texts)))
-        return known[1]
+        return composed.values, Job(folder, composed.shown, keys, number, composed.experiment)
 
     def _parse(self, override: str) -> Override:
         parser = OverridesParser.create(config_loader=self.composer.hydra.config_loader)
@@ -132,6 +114,31 @@ class JobComposer:
             values = _with(values, path, checked)
             shown = _with(shown, path, checked.name if isinstance(checked, Enum) else checked)
         return Composed(values, shown, chosen.composed.experiment)
+
+
+class ConfigWriter:
+    """Writes one `config.yaml` after another as `write_config` does, without putting a section in words twice."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._texts: dict[int, tuple[Any, str]] = {}
+
+    def write(self, folder: Path, overrides: Sequence[str], shown: Mapping[str, Any]) -> None:
+        """Write the config of one job."""
+        (folder / CONFIG).write_text(
+            heading(self.name, overrides) + "".join(self._text(k, v) for k, v in shown.items()), "utf-8"
+        )
+
+    def _text(self, key: str, section: Any) -> str:
+        if not isinstance(section, dict):
+            return yaml_text({key: section})
+        known = self._texts.get(id(section))
+        if known is None:
+            # held, so that no other section takes its place in memory; only those that come again stay long
+            known = self._texts[id(section)] = (section, yaml_text({key: section}))
+            if len(self._texts) > MANY:
+                self._texts.pop(next(iter(self._texts)))
+        return known[1]
 
 
 def _with(tree: Plain, path: Sequence[str], value: Any) -> Plain:

@@ -14,14 +14,13 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hydra._internal.callbacks import Callbacks
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.plugins import Plugins
@@ -34,7 +33,7 @@ from runner import commands, tables
 from runner.commands import Command, Job
 from runner.commands._compose import Composer
 from runner.commands._explain import built, explain
-from runner.commands._jobs import JobComposer
+from runner.commands._jobs import ConfigWriter, JobComposer
 from runner.errors import ConfigError, RunnerError
 from runner.progress import progress
 
@@ -152,12 +151,14 @@ class Chunks(Launcher):
         Raises:
             ConfigError: If one of the jobs can't be composed; none has been done then.
         """
-        composer = _composer(self.name, self.hydra.hydra)
-        jobs = [_Swept(initial_job_idx + i, tuple(overrides)) for i, overrides in enumerate(job_overrides)]
+        composer = JobComposer(self.hydra)
+        jobs = dict(enumerate(map(tuple, job_overrides), initial_job_idx))
         done = {row["job"] for row in tables.sweep_rows(self.folder)}
-        missing = [job for job in jobs if job.number not in done]
-        for job in missing:
-            composer.compose(job.overrides)
+        missing = [
+            _Swept(overrides, *composer.job(overrides, self.folder / str(number), number))
+            for number, overrides in jobs.items()
+            if number not in done
+        ]
         self.expect(len(missing))
         length = self.chunk or self._length(len(missing))
         tasks = [missing[i : i + length] for i in range(0, len(missing), length)]
@@ -167,15 +168,22 @@ class Chunks(Launcher):
             for returned in self.inner.launch([[] for _ in tasks], initial_job_idx=0):
                 _ = returned.return_value  # raises what went wrong in the task itself
         status = {row["job"]: row["status"] for row in tables.sweep_rows(self.folder)}
-        return [_returned(job, status[job.number]) for job in jobs]
+        return [_returned(overrides, status[number]) for number, overrides in jobs.items()]
 
 
 @dataclass(frozen=True)
 class _Swept:
-    """One job of a sweep: its place in it and its settings."""
+    """One job of a sweep: its settings, what they compose to, and what its command is told of it."""
 
-    number: int
     overrides: tuple[str, ...]
+    values: Mapping[str, Any]
+    job: Job
+
+    @property
+    def number(self) -> int:
+        """Its place in the sweep."""
+        assert self.job.number is not None
+        return self.job.number
 
 
 @dataclass(frozen=True)
@@ -188,8 +196,8 @@ class _Work:
     threads: int
 
 
-def _returned(job: _Swept, status: str) -> JobReturn:
-    out = JobReturn(overrides=job.overrides, status=JobStatus.COMPLETED)
+def _returned(overrides: Sequence[str], status: str) -> JobReturn:
+    out = JobReturn(overrides=overrides, status=JobStatus.COMPLETED)
     out.return_value = status
     return out
 
@@ -231,51 +239,53 @@ def _chunk(work: _Work | None, composed: DictConfig) -> None:
     assert work is not None, "the launcher of chunks sets the work"
     command = commands.load(work.name)
     task = work.tasks[HydraConfig.get().job.num]
-    composer = _composer(work.name, GlobalHydra.instance().hydra)  # launchers carry it over
-    gc.freeze()  # what was imported is there to stay: the collector need not look through it again and again
+    writer = ConfigWriter(work.name)
     together = TOGETHER if command.batch is not None else 1
-    with tables.Ledger(work.folder, task[0].number).held() as ledger:
+    by_hand = _collected_by_hand() if command.batch is not None else nullcontext()
+    with tables.Ledger(work.folder, task[0].number).held() as ledger, by_hand:
         noted = ledger.noted()  # where the task was begun before, and its machine was lost
         task = [swept for swept in task if swept.number not in noted]
         for i in range(0, len(task), together):
-            _do(command, composer, work, task[i : i + together], ledger)
-            gc.collect()  # runs hold megabytes in few objects, so that the collector would let many of them gather
+            _do(command, writer, work.threads, task[i : i + together], ledger)
+            gc.collect()
+
+
+@contextmanager
+def _collected_by_hand() -> Iterator[None]:
+    """Keep the garbage collector from looking for what it can't find yet, which takes longer than the updates do.
+
+    Runs hold megabytes in few objects and are let go of all at once, which the caller knows and the collector does not.
+    """
+    gc.freeze()  # what was imported is there to stay
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
 
 
 def _do(
-    command: Command[Any], composer: JobComposer, work: _Work, some: Sequence[_Swept], ledger: tables.Ledger
+    command: Command[Any], writer: ConfigWriter, threads: int, some: Sequence[_Swept], ledger: tables.Ledger
 ) -> None:
     """Do some jobs, together if the command can, and note how they ended."""
     ready: list[tuple[Any, Job]] = []
     for swept in some:
-        job, value = _prepared(command, composer, work, swept)
-        if isinstance(value, Exception):
-            ledger.write(swept.number, [_failure(job, value)])
-        elif command.batch is None:
+        job = swept.job
+        job.results.mkdir(exist_ok=True)
+        writer.write(job.results, swept.overrides, job.config)
+        try:
+            value = built(command, swept.values, {})
+        except Exception as error:
+            ledger.write(swept.number, [_failure(job, error)])
+            continue
+        if command.batch is None:
             ledger.write(swept.number, _alone(command, value, job))
         else:
             ready.append((value, job))
     if command.batch is not None and ready:
-        for row, (_, job) in zip(command.batch(ready, work.threads), ready, strict=True):
+        for row, (_, job) in zip(command.batch(ready, threads), ready, strict=True):
             noted = _failure(job, row) if isinstance(row, Exception) else {**job.about, **row}
             ledger.write(job.number or 0, [noted])
-
-
-@functools.lru_cache(maxsize=1)
-def _composer(name: str, hydra: Any) -> JobComposer:
-    """Return the composer of a process, whose choices of files serve all its tasks."""
-    return JobComposer(Composer(name, hydra))
-
-
-def _prepared(command: Command[Any], composer: JobComposer, work: _Work, swept: _Swept) -> tuple[Job, Any]:
-    """Return a job and its config as a dataclass, or what is wrong with it."""
-    composed, job = composer.job(swept.overrides, work.folder / str(swept.number), swept.number)
-    job.results.mkdir(exist_ok=True)
-    composer.write_config(job.results, swept.overrides, composed.shown)
-    try:
-        return job, built(command, composed.values, {})
-    except Exception as error:
-        return job, error
 
 
 def _alone(command: Command[Any], value: Any, job: Job) -> list[Row]:

@@ -49,6 +49,8 @@ OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is n
 # Mean square, in noises, from which on a descent from the nominal model is not trusted; then the first part of the
 # episodes is searched before, down to so many seconds, and so many of its explanations of each size are tried.
 STEEP, FIRST, SHORTEST_S, SEEDS = 10.0, 1 / 3, 0.5, 2
+# Shares of the episodes that the likeliest of them are fitted to on the way to the whole, where they leave more there.
+RUNGS, ASTRAY = (0.5, 0.75), 2.0
 Kinds = tuple[type[AbstractEffect], ...]
 # the same motion, or nearly, under known forces on a level floor; see the confounded set for what these data say
 TWINS = ({"mass", "actuator_gain"}, {"floor_tilt", "wind"}, {"actuator_delay", "observation_delay"})
@@ -199,10 +201,26 @@ def _seeds(fitter: Fitter, nominal: Fit, episodes: Sequence[int], most: int) -> 
         near = c.log_posterior > found.best.log_posterior - NEAR
         if near and kinds and (len(kinds) == 1 or sum(len(k) == len(kinds) for k in seeds) < SEEDS):
             seeds[_key(c.fit.explanation)] = c.fit
+    for c in found.contenders[:SEEDS]:
+        key = _key(c.fit.explanation)
+        if key in seeds:
+            seeds[key] = _carried(fitter, c.fit, episodes, longest_s)
     count = sum(short.measured.count(e) for e in episodes)
     explained = found.best.fit.total < 1.5 * count and len(found.best.fit.explanation.kinds) == 1
     singles = {(kind,) for kinds in EFFECTS.values() for kind in kinds}
     return seeds, singles - set(seeds) if explained else set()
+
+
+def _carried(fitter: Fitter, seed: Fit, episodes: Sequence[int], longest_s: float) -> Fit:
+    """Fit what was found in the beginnings of the episodes to longer parts, as long as it goes astray on the whole."""
+    count = sum(fitter.measured.count(e) for e in episodes)
+    for share in RUNGS:
+        if fitter.loss(seed.explanation, seed.x, seed.starts, episodes) < ASTRAY * count:
+            break
+        longer = fitter.up_to(longest_s * share)
+        seed = longer.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=12, polish=False)
+        fitter.simulator.simulated_s += longer.simulator.simulated_s
+    return seed
 
 
 def _resumed(before: Search) -> tuple[dict[Kinds, Fit], set[Kinds]]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy  # loads its parts when they are first used, which is longer than a short run takes
 
 from runner.effects.base import AbstractEffect, Context, Motion, Parameter, Vector, ahead, effect, late
 from runner.errors import check_range
@@ -81,7 +81,7 @@ class ActuatorLag(AbstractEffect):
             return columns
         # exact for a command held over a step: state after it, and its mean over it
         decay = math.exp(-step_s / self.time_constant_s)
-        after = lfilter([1 - decay], [1, -decay], columns, axis=0)
+        after = scipy.signal.lfilter([1 - decay], [1, -decay], columns, axis=0)
         before = np.vstack([np.zeros(columns.shape[1]), after[:-1]])
         return columns + (before - columns) * (self.time_constant_s / step_s) * (1 - decay)
 

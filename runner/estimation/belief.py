@@ -24,7 +24,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import qmc
+import scipy
 
 from runner.errors import check_range, check_vector
 from runner.estimation.copies import SIZE, STATE, Copies
@@ -379,7 +379,7 @@ class Tracker:
     def _searched(self, belief: Belief) -> Belief:
         """Return the belief linearised at the best of some points that are spread over the prior."""
         n, tries = len(belief.mean), self.tries
-        normal = qmc.MultivariateNormalQMC(np.zeros(SIZE), rng=np.random.default_rng(0)).random(tries)
+        normal = scipy.stats.qmc.MultivariateNormalQMC(np.zeros(SIZE), rng=np.random.default_rng(0)).random(tries)
         points = np.zeros((n, tries, UNKNOWNS))
         points[..., STATE:] = normal
         best = self._losses(belief, points).argmin(axis=1)

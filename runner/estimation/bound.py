@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from runner.estimation.belief import UNKNOWNS
 from runner.estimation.copies import STATE, Copies
@@ -102,7 +102,7 @@ def batch_fit(
     def residuals(p: np.ndarray) -> np.ndarray:
         return ((trajectory(copies, (start + scale * p)[None], pushes, ends)[0] - measured) / noise_sd).ravel()
 
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         residuals,
         np.zeros(UNKNOWNS),
         lambda p: jacobian(start + scale * p) * scale,  # pyright: ignore[reportArgumentType]

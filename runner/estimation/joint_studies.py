@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import beta, chi2
+import scipy
 
 from runner.config import registered
 from runner.errors import check_range
@@ -37,8 +37,8 @@ def short(parameter: str) -> str:
 def share_within(inside: np.ndarray) -> tuple[float, float, float]:
     """Return the share of hits (n,), and its exact 95 % interval (Clopper & Pearson 1934)."""
     n, k = inside.size, int(inside.sum())
-    low = 0.0 if k == 0 else float(beta.ppf(0.025, k, n - k + 1))
-    high = 1.0 if k == n else float(beta.ppf(0.975, k + 1, n - k))
+    low = 0.0 if k == 0 else float(scipy.stats.beta.ppf(0.025, k, n - k + 1))
+    high = 1.0 if k == n else float(scipy.stats.beta.ppf(0.975, k + 1, n - k))
     return k / n, low, high
 
 
@@ -193,7 +193,7 @@ class JointNoise(AbstractStudy):
         differences = [
             self._batch_difference(tracker, motion, measured[i], found[i], sds[i]) for i in range(self.batch_seeds)
         ]
-        spread = np.sqrt(chi2.ppf([0.975, 0.025], self.seeds))
+        spread = np.sqrt(scipy.stats.chi2.ppf([0.975, 0.025], self.seeds))
         rows: Rows = []
         for j, parameter in enumerate(PARAMETERS):
             share, low, high = share_within(np.abs(error[-1, :, j]) <= INTERVAL * course.sd[-1, :, j])

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from runner.recording.data import Float, Form, Nominal
 from runner.recording.table import METRES, POINT, POSE, QUATERNION, RATES, SPEEDS, TWIST, Table
@@ -167,11 +167,11 @@ def _means(values: Float) -> Float:
     return (values[1:] + values[:-1]) / 2
 
 
-def _orientation(part: dict[str, Float], form: Form) -> Rotation:
+def _orientation(part: dict[str, Float], form: Form) -> scipy.spatial.transform.Rotation:
     if form is Form.PLANAR:
-        return Rotation.from_rotvec(part["yaw"][:, None] * [0.0, 0.0, 1.0])
+        return scipy.spatial.transform.Rotation.from_rotvec(part["yaw"][:, None] * [0.0, 0.0, 1.0])
     qw, qx, qy, qz = (part[name] for name in QUATERNION)
-    return Rotation.from_quat(np.stack([qx, qy, qz, qw], axis=1))
+    return scipy.spatial.transform.Rotation.from_quat(np.stack([qx, qy, qz, qw], axis=1))
 
 
 def _agreement(moved: Sequence[Float], integrals: Sequence[Float]) -> _Agreement | None:
