@@ -26,7 +26,7 @@ from runner.simulate import Effects, Run, Simulator, context_of
 HELD_OUT = 2  # by the convention of the format, the last two episodes check the explanation
 TEMPER = 2.0  # log odds are divided by it, against overconfidence; not yet calibrated
 UNKNOWN_EXCESS = 0.12  # see `_unknown`; known effects of tuning and practice cases left up to 0.09
-UNKNOWN_SHARE = 0.0015
+UNKNOWN_SHARE = 0.0025
 UNKNOWN_WIDTH = 0.4
 FAILED = 0.7  # where the best explanation does not close half of a plain gap in episodes it has not seen
 LEAST_UNKNOWN = 0.03  # of unknown effects some look like known ones: dead band like mass, wear like friction
