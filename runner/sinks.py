@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -154,13 +154,13 @@ class RrdSink(AbstractSink):
             title = " ".join([folder.name, *(f"{key}={value}" for key, value in overrides.items())])
             self.log(recording, result, config, name=title)
             if overrides:
-                typed = _flat(config)  # a property must have one type in all recordings
+                typed = dict(_leaves(config))  # a property must have one type in all recordings
                 recording.send_property("overrides", [_value(k, typed.get(k, str(v))) for k, v in overrides.items()])
 
     def log(self, recording: rr.RecordingStream, result: RunResult, config: Mapping[str, Any], name: str) -> None:
         """Send a run into an open recording."""
         recording.send_recording_name(name)
-        recording.send_property("config", [_value(key, value) for key, value in _flat(config).items()])
+        recording.send_property("config", [_value(key, value) for key, value in _leaves(config)])
         recording.send_property("result", rr.AnyValues(**_outcome(result)))
         recording.log("summary", rr.TextDocument(_summary(result), media_type="text/markdown"), static=True)
         recording.send_chunks(_look(result.estimators, tuple(_parameters(result)), result.half_size_m))
@@ -188,15 +188,13 @@ def _thin(frames: Frames, every: int) -> Frames:
     return frames if every == 1 else Frames({name: column[::every] for name, column in frames.columns.items()})
 
 
-def _flat(config: Any, prefix: str = "") -> dict[str, Any]:
-    """Return a nested config as one level of `section.key`, with values that Rerun can hold."""
-    if not isinstance(config, Mapping):
-        plain = isinstance(config, bool | int | float | str)
-        return {prefix: config if plain else str(config)}
-    out: dict[str, Any] = {}
-    for key, value in config.items():
-        out |= _flat(value, f"{prefix}.{key}" if prefix else str(key))
-    return out
+def _leaves(config: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the values of a nested config as `section.key`, as what Rerun can hold."""
+    if isinstance(config, Mapping):
+        for key, value in config.items():
+            yield from _leaves(value, f"{prefix}.{key}" if prefix else str(key))
+    else:
+        yield prefix, config if isinstance(config, bool | int | float | str) else str(config)
 
 
 @functools.lru_cache(maxsize=10_000, typed=True)
