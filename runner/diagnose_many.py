@@ -69,7 +69,7 @@ def diagnose_many(
         cases: Where each lies, by the name that it has in the results.
         results: A folder for each case, and `verdicts.json`.
         workers: So many at a time; None: one per core.
-        report: Whether to write more than the verdict and the corrected model.
+        report: Whether to write more than the verdict and the corrected model, and to look for advice.
         secluded: How workers are kept from everything but their cases; None: they are not.
 
     Returns:
@@ -113,7 +113,7 @@ def _run(
 def _one(path: Path, folder: Path, report: bool) -> str | None:
     """Diagnose a case in a process of its own; return what was wrong with it, if anything."""
     try:
-        write_all(diagnose(read_case(path), threads=1), folder, report=report)
+        write_all(diagnose(read_case(path), threads=1, advise=report), folder, report=report)
     except RunnerError as error:
         return str(error)
     except Exception as error:  # one case that breaks must not take the others' verdicts with it

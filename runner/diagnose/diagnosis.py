@@ -118,12 +118,13 @@ def split(numbers: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
     return tuple(order[: count - held]), tuple(order[count - held :])
 
 
-def diagnose(recording: Recording, *, threads: int | None = None) -> Diagnosis:
+def diagnose(recording: Recording, *, threads: int | None = None, advise: bool = True) -> Diagnosis:
     """Diagnose a planar recording.
 
     Args:
         recording: What was commanded and measured, and what the owner believes.
         threads: For the simulations; None: one per core.
+        advise: Whether to try what could be taken for the answer, and which push would tell; neither has a say in it.
 
     Raises:
         RecordingError: If it is not planar or has fewer than two episodes.
@@ -176,8 +177,8 @@ def diagnose(recording: Recording, *, threads: int | None = None) -> Diagnosis:
         nominal_excess=nominal_excess,
         seconds=time.perf_counter() - began,
         simulated_s=simulator.simulated_s,
-        next_push=next_push(ranked, found, recording, fitter, threads),
-        rivals=found_rivals(top, fitter),
+        next_push=next_push(ranked, found, recording, fitter, threads) if advise else None,
+        rivals=found_rivals(top, fitter) if advise else (),
         notes=notes(recording, measured, top, excess, held_out, turned=turned),
     )
 
