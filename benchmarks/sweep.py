@@ -2,9 +2,10 @@
 
     python -m benchmarks.sweep [runs] [option=value ...]
 
-The sweep is a process of its own (`runner -m`, one start mass for each run), start-up and all, and its workers count.
-The bare steps are `mujoco.rollout` of the same scene under the same commands, in one call and one thread, timed before
-and after each sweep, as other work on the machine slows both. The peak memory is that of the largest process.
+The sweep is a process of its own (`runner -m`, one start mass for each run), start-up and all, and its workers count:
+one for each core, by Hydra's joblib launcher unless another is named. The bare steps are `mujoco.rollout` of the same
+scene under the same commands, in one call and one thread, on all cores at once as in the sweep, for some seconds before
+and after it, as other work on the machine slows both. The peak memory is that of the largest process.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import os
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -46,16 +49,24 @@ print(used.ru_utime + used.ru_stime, time.perf_counter() - began, used.ru_maxrss
 """
 
 
-def bare_ms(rounds: int = 15) -> float:
-    """Return the median CPU time of the bare steps of one run, ms."""
+def bare_ms() -> float:
+    """Return the mean CPU time of the bare steps of one run, ms, with every core at it."""
+    cores = len(os.sched_getaffinity(0))
+    with ProcessPoolExecutor(cores, get_context("spawn")) as pool:
+        return float(np.mean(list(pool.map(_bare_ms, range(cores)))))
+
+
+def _bare_ms(_: int, rounds: int = 100) -> float:
     work = replay()
     work()
-    return float(np.median([cpu_ms(work) for _ in range(rounds)]))
+    return float(np.mean([cpu_ms(work) for _ in range(rounds)]))
 
 
 def main(runs: int = 1000, extra: tuple[str, ...] = ()) -> None:
     """Print the table."""
-    print(f"{runs} runs of {EXPERIMENT.steps} steps, two cubes{' ' if extra else ''}{' '.join(extra)}", flush=True)
+    if not any(option.startswith("hydra/launcher=") for option in extra):
+        extra = ("hydra/launcher=joblib", *extra)
+    print(f"{runs} runs of {EXPERIMENT.steps} steps, two cubes, {' '.join(extra)}", flush=True)
     print(f"{'':22s}{'bare ms/run':>12s}{'CPU ms/run':>12s}{'ratio':>8s}{'runs/min':>10s}{'peak MB':>9s}", flush=True)
     for name, options in KINDS.items():
         with tempfile.TemporaryDirectory() as folder:
