@@ -20,7 +20,7 @@ from runner.diagnose.search import Contender, Search
 LEADERS = 6  # so many are held against the episodes left out, and the nominal model,
 PLAIN, LEAVES = 1.0, 0.5  # squared noises; share of them
 CLOSE = 20.0  # and whatever is so near in log odds
-REFUTED = 10.0  # log odds behind what closes most of such a gap, of what does not
+INDEPENDENT = 2.0  # errors of the model that what the best explanation leaves of the unseen episodes is the doing of
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Confirmed:
     @property
     def fails(self) -> bool:
         """Whether the best explanation leaves most of a gap that is plain to see in episodes it has not seen."""
-        return _fails(self.gap_unseen, self.left_unseen)
+        return self.gap_unseen > PLAIN and self.left_unseen > LEAVES * self.gap_unseen
 
     @property
     def excess(self) -> float:
@@ -74,7 +74,7 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
         whole = evidence(together(c.around, there), fitter.context)
         weighed.append(replace(c, log_posterior=c.log_posterior + whole.log - c.evidence.log))
         loss[id(c.fit)] = evidence(there, fitter.context, c.evidence.covariance).loss
-    weighed = _refuted(weighed, {id(c.fit): _excess(there_by[id(c)], fitter) for c in leaders}, _excess(before, fitter))
+    weighed = _predicted(weighed, {id(c.fit): there_by[id(c)] for c in leaders}, fitter)
     weighed.sort(key=lambda c: -c.log_posterior)
     # those that were not weighed keep their distance to the first of the leaders, and don't pass the last of them
     moved = next(w for w in weighed if w.fit is leaders[0].fit).log_posterior - leaders[0].log_posterior
@@ -89,23 +89,20 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     return Confirmed(Search(tuple(contenders), found.nominal), before, fits, float(fitted), float(there), gap, left)
 
 
-def _refuted(weighed: Sequence[Contender], left: Mapping[int, float], gap: float) -> list[Contender]:
-    """Put what leaves most of a plain unseen gap behind what closes it, however much mismatch would account for it.
+def _predicted(weighed: Sequence[Contender], there: Mapping[int, Fit], fitter: Fitter) -> list[Contender]:
+    """Add what each explanation leaves of the unseen episodes, all mismatch left in, as a log likelihood.
 
-    Where an effect of a hand's breadth moves a body by metres, little mismatch does so too, and its integral hardly
-    tells the two apart.
+    Where a body is moved by metres by an offset of millimetres, little mismatch does so too, and once it is integrated
+    out hardly anything tells an explanation that predicts from one that does not. The squared residuals are
+    overdispersed: what the best explanation leaves beyond the noise is the doing of few errors of the model
+    (`INDEPENDENT`), each of which stands for many residuals.
     """
-    holds = [c.log_posterior for c in weighed if not _fails(gap, left[id(c.fit)])]
-    if not holds:
-        return list(weighed)
-    last = max(holds) - REFUTED
+    left = [max(_excess(there[id(c.fit)], fitter), 0.0) * _count(fitter, there[id(c.fit)].episodes) for c in weighed]
+    dispersion = 1.0 + min(left) / INDEPENDENT
     return [
-        replace(c, log_posterior=min(c.log_posterior, last)) if _fails(gap, left[id(c.fit)]) else c for c in weighed
+        replace(c, log_posterior=c.log_posterior - 0.5 * beyond / dispersion)
+        for c, beyond in zip(weighed, left, strict=True)
     ]
-
-
-def _fails(gap: float, left: float) -> bool:
-    return gap > PLAIN and left > LEAVES * gap
 
 
 def _excess(fit: Fit, fitter: Fitter) -> float:

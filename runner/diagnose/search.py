@@ -153,6 +153,8 @@ def search(
             )
             target = min(target, fits[-1].total)
         if not fits:
+            if any(len(key) > size for key in seeds):
+                continue  # where several are far ahead of each alone, only they come from before
             break
         fits = _finished(fitter, sorted(fits, key=lambda f: f.total), count)
         around_best = survey(fitter, fits[0], every)
