@@ -47,8 +47,9 @@ class Confirmed:
 
     @property
     def fails(self) -> bool:
-        """Whether the best explanation leaves most of a gap that is plain to see in episodes it has not seen."""
-        return self.gap_unseen > PLAIN and self.left_unseen > LEAVES * self.gap_unseen
+        """Whether the best explanation leaves most of what is plain to see in episodes it has not seen, or makes it."""
+        plain = max(self.gap_unseen, self.left_unseen) > PLAIN
+        return plain and self.left_unseen > LEAVES * self.gap_unseen
 
     @property
     def excess(self) -> float:
