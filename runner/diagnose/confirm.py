@@ -20,7 +20,7 @@ from runner.diagnose.search import Contender, Search
 LEADERS = 6  # so many are held against the episodes left out, and the nominal model,
 PLAIN, LEAVES = 1.0, 0.5  # squared noises; share of them
 CLOSE = 20.0  # and whatever is so near in log odds
-INDEPENDENT = 2.0  # errors of the model that what the best explanation leaves of the unseen episodes is the doing of
+INDEPENDENT = 3.0  # errors of the model that what the best explanation leaves of the unseen episodes is the doing of
 
 
 @dataclass(frozen=True)
