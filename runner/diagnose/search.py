@@ -209,8 +209,11 @@ def _seeds(fitter: Fitter, nominal: Fit, episodes: Sequence[int], most: int) -> 
             seeds[key] = _carried(fitter, c.fit, episodes, longest_s)
     count = sum(short.measured.count(e) for e in episodes)
     explained = found.best.fit.total < 1.5 * count and len(found.best.fit.explanation.kinds) == 1
+    # beginnings that the nominal model explains nearly as well, as those at rest, rule nothing out
+    nothing = next(c for c in found.contenders if not c.fit.explanation.kinds)
+    decided = explained and nothing.log_posterior < found.best.log_posterior - NEAR
     singles = {(kind,) for kinds in EFFECTS.values() for kind in kinds}
-    return seeds, singles - set(seeds) if explained else set()
+    return seeds, singles - set(seeds) if decided else set()
 
 
 def _carried(fitter: Fitter, seed: Fit, episodes: Sequence[int], longest_s: float) -> Fit:
