@@ -75,7 +75,8 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
         whole = evidence(together(c.around, there), fitter.context)
         weighed.append(replace(c, log_posterior=c.log_posterior + whole.log - c.evidence.log))
         loss[id(c.fit)] = evidence(there, fitter.context, c.evidence.covariance).loss
-    weighed = _predicted(weighed, {id(c.fit): there_by[id(c)] for c in leaders}, fitter)
+    fits = {id(c.fit): there_by[id(c)] for c in leaders}
+    weighed = _predicted(weighed, fits, fitter)
     weighed.sort(key=lambda c: -c.log_posterior)
     # those that were not weighed keep their distance to the first of the leaders, and don't pass the last of them
     moved = next(w for w in weighed if w.fit is leaders[0].fit).log_posterior - leaders[0].log_posterior
@@ -85,7 +86,6 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     top = weighed[0]
     fitted = top.evidence.loss / _count(fitter, top.fit.episodes) - 1.0
     there = loss[id(top.fit)] / _count(fitter, held_out) - 1.0
-    fits = {id(c.fit): there_by[id(c)] for c in leaders}
     gap, left = (_excess(f, fitter) for f in (before, fits[id(top.fit)]))
     return Confirmed(Search(tuple(contenders), found.nominal), before, fits, float(fitted), float(there), gap, left)
 

@@ -198,10 +198,10 @@ def _seeds(fitter: Fitter, nominal: Fit, episodes: Sequence[int], most: int) -> 
     found = search(short, episodes, most=most)
     fitter.simulator.simulated_s += short.simulator.simulated_s
     seeds: dict[Kinds, Fit] = {}
+    near = found.best.log_posterior - NEAR
     for c in found.contenders:
         kinds = c.fit.explanation.kinds
-        near = c.log_posterior > found.best.log_posterior - NEAR
-        if near and kinds and (len(kinds) == 1 or sum(len(k) == len(kinds) for k in seeds) < SEEDS):
+        if c.log_posterior > near and kinds and (len(kinds) == 1 or sum(len(k) == len(kinds) for k in seeds) < SEEDS):
             seeds[_key(c.fit.explanation)] = c.fit
     for c in found.contenders[:SEEDS]:
         key = _key(c.fit.explanation)
@@ -211,7 +211,7 @@ def _seeds(fitter: Fitter, nominal: Fit, episodes: Sequence[int], most: int) -> 
     explained = found.best.fit.total < 1.5 * count and len(found.best.fit.explanation.kinds) == 1
     # beginnings that the nominal model explains nearly as well, as those at rest, rule nothing out
     nothing = next(c for c in found.contenders if not c.fit.explanation.kinds)
-    decided = explained and nothing.log_posterior < found.best.log_posterior - NEAR
+    decided = explained and nothing.log_posterior < near
     singles = {(kind,) for kinds in EFFECTS.values() for kind in kinds}
     return seeds, singles - set(seeds) if decided else set()
 
