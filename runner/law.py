@@ -419,6 +419,40 @@ def _coefficients(num, r, n, rx, ry, v, place, mu):
 
 
 @njit(cache=True, error_model="numpy")
+def _mean_bump(ux, uy, dx, dy, width):
+    """Average exp(-(u / width)^2) on the straight way of the slip from u to u + d."""
+    d2 = dx * dx + dy * dy
+    if d2 < 1e-4 * width * width:
+        return math.exp(-((ux + 0.5 * dx) ** 2 + (uy + 0.5 * dy) ** 2) / (width * width))
+    d = math.sqrt(d2)
+    before = (ux * dx + uy * dy) / d
+    aside_2 = ux * ux + uy * uy - before * before
+    if aside_2 > 40.0 * width * width:
+        return 0.0
+    passed = math.erf((before + d) / width) - math.erf(before / width)
+    return math.exp(-aside_2 / (width * width)) * 0.5 * math.sqrt(math.pi) * width / d * passed
+
+
+@njit(cache=True, error_model="numpy")
+def _average_speed_effects(num, r, n, rx, ry, v, x, p, mu):
+    """Turn friction coefficients that hold at velocity p into their mean on the way from v to x."""
+    stribeck, stiction = num[r + _STRIBECK], num[r + _STICTION]
+    slow, still = num[r + _STRIBECK_V], num[r + _STICTION_V]
+    for i in range(n):
+        ux, uy = p[0] - p[2] * ry[i], p[1] + p[2] * rx[i]
+        u2 = ux * ux + uy * uy
+        before = 1.0 + stribeck * math.exp(-u2 / (slow * slow)) + stiction * math.exp(-u2 / (still * still))
+        ux, uy = v[0] - v[2] * ry[i], v[1] + v[2] * rx[i]
+        dx, dy = x[0] - x[2] * ry[i] - ux, x[1] + x[2] * rx[i] - uy
+        mean = 1.0
+        if stribeck != 0.0:
+            mean += stribeck * _mean_bump(ux, uy, dx, dy, slow)
+        if stiction != 0.0:
+            mean += stiction * _mean_bump(ux, uy, dx, dy, still)
+        mu[i] *= mean / before
+
+
+@njit(cache=True, error_model="numpy")
 def _onto_base(y, turn, reach):
     """Return the place of the base that is nearest to y (2), and how it follows y (3, row-major upper)."""
     cr, sr = turn
@@ -441,7 +475,10 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, heights, free, pla
     a convex function, found by Newton with a line search. In between, one Newton step goes in velocity and centre.
 
     Friction is that of the velocity at a fraction `theta` of the step: 1/2 (midpoint rule, of second order) while
-    the body slides, 1 (backward Euler, which can stop) where it may come to rest within the step.
+    the body slides, 1 (backward Euler, which can stop) where it may come to rest within the step. There a coefficient
+    that changes with the slip is first that of the start of the step, so that a body at rest yields where static
+    friction does, and then the mean on the way: a body that breaks away is held by static friction for no more than
+    the part of the step that it is slow.
 
     Args:
         num: The model's `user` data; the body's record starts at `r`, `n` base points follow it.
@@ -574,6 +611,7 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, heights, free, pla
     size = math.sqrt(whole[3] + whole[5]) if bears else 1.0
     slip_impulse = h * num[r + _MU] * weight
     rounding = 1e-14 * (abs(b[0]) + abs(b[1]) + abs(b[2]) / size) + 1e-300
+    to_average = speed_counts and theta == 1.0
     for outer in range(40 if bears else 0):
         if outer > 0:
             centre, follow = _onto_base(y, turn, reach)
@@ -613,7 +651,11 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, heights, free, pla
         wanted, _follow = _onto_base((y[0] + e0, y[1] + e1), turn, reach)
         if outer > 0 and abs(wanted[0] - centre[0]) + abs(wanted[1] - centre[1]) < 1e-8:
             y = (y[0] + e0, y[1] + e1)
-            break
+            if not to_average:
+                break
+            to_average = False
+            _average_speed_effects(num, r, n, rx, ry, v, x, p, mu)
+            continue
         if outer >= 8 and outer % 8 > 1:
             # Newton can go round in a circle where parts of the base lift and settle: step towards the wanted centre
             y = (centre[0] + 0.5 * (wanted[0] - centre[0]), centre[1] + 0.5 * (wanted[1] - centre[1]))
