@@ -497,6 +497,12 @@ def test_stiction() -> None:
             slides = track.raw[:, 3] > 0.02
             accel = np.diff(track.raw[slides, 3]) / STEP_S
             np.testing.assert_allclose(accel, (share * limit) / 3 - 0.5 * G, rtol=1e-9)
+    # a hard push is held back by static friction only up to some mm/s, whatever the step: 0.4 mu g for 2 mm/s of them
+    scene = make(CUBE, stiction=0.4)
+    set_push(scene, (2 * limit, 0, 0))
+    accel = 2 * limit / 3 - 0.5 * G
+    lost = 0.4 * 0.5 * G * (0.5 * np.sqrt(np.pi) * 2e-3) / accel
+    assert accel * 0.5 - play(scene, 0.5).raw[-1, 3] == pytest.approx(lost, rel=0.6)
     # braking from a slide is that of mu alone, down to the last 2 mm/s
     coast = play(make(CUBE, stiction=0.4), 0.6, start=(0, 0, 0, 2.0, 0, 0))
     assert coast.state[-1, 0] == pytest.approx(4 / (2 * 0.5 * G), rel=1e-3)

@@ -20,7 +20,9 @@ from runner.diagnose.search import Contender, Search
 LEADERS = 6  # so many are held against the episodes left out, and the nominal model,
 PLAIN, LEAVES = 1.0, 0.5  # squared noises; share of them
 CLOSE = 20.0  # and whatever is so near in log odds
-INDEPENDENT = 3.0  # errors of the model that what the best explanation leaves of the unseen episodes is the doing of
+# errors of the model that what the best explanation leaves is the doing of: of the unseen episodes, and of the fitted
+# ones, where parameters may have taken up some of them
+INDEPENDENT_UNSEEN, INDEPENDENT_FITTED = 3.0, 1.0
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
         weighed.append(replace(c, log_posterior=c.log_posterior + whole.log - c.evidence.log))
         loss[id(c.fit)] = evidence(there, fitter.context, c.evidence.covariance).loss
     fits = {id(c.fit): there_by[id(c)] for c in leaders}
-    weighed = _predicted(weighed, fits, fitter)
+    weighed = _with_what_is_left(weighed, fits, fitter)
     weighed.sort(key=lambda c: -c.log_posterior)
     # those that were not weighed keep their distance to the first of the leaders, and don't pass the last of them
     moved = next(w for w in weighed if w.fit is leaders[0].fit).log_posterior - leaders[0].log_posterior
@@ -90,20 +92,22 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     return Confirmed(Search(tuple(contenders), found.nominal), before, fits, float(fitted), float(there), gap, left)
 
 
-def _predicted(weighed: Sequence[Contender], there: Mapping[int, Fit], fitter: Fitter) -> list[Contender]:
-    """Add what each explanation leaves of the unseen episodes, all mismatch left in, as a log likelihood.
+def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], fitter: Fitter) -> list[Contender]:
+    """Add what each explanation leaves of the unseen and of the fitted episodes, all mismatch left in, as likelihoods.
 
     Where a body is moved by metres by an offset of millimetres, little mismatch does so too, and once it is integrated
     out hardly anything tells an explanation that predicts from one that does not. The squared residuals are
-    overdispersed: what the best explanation leaves beyond the noise is the doing of few errors of the model
-    (`INDEPENDENT`), each of which stands for many residuals.
+    overdispersed: what the best explanation leaves beyond the noise is the doing of few errors of the model,
+    each of which stands for many residuals.
     """
-    left = [max(_excess(there[id(c.fit)], fitter), 0.0) * _count(fitter, there[id(c.fit)].episodes) for c in weighed]
-    dispersion = 1.0 + min(left) / INDEPENDENT
-    return [
-        replace(c, log_posterior=c.log_posterior - 0.5 * beyond / dispersion)
-        for c, beyond in zip(weighed, left, strict=True)
-    ]
+    posterior = np.array([c.log_posterior for c in weighed])
+    for fits, independent in (
+        ([there[id(c.fit)] for c in weighed], INDEPENDENT_UNSEEN),
+        ([c.fit for c in weighed], INDEPENDENT_FITTED),
+    ):
+        left = np.array([max(f.total - _count(fitter, f.episodes), 0.0) for f in fits])
+        posterior -= 0.5 * left / (1.0 + left.min() / independent)
+    return [replace(c, log_posterior=float(p)) for c, p in zip(weighed, posterior, strict=True)]
 
 
 def _excess(fit: Fit, fitter: Fitter) -> float:

@@ -36,7 +36,7 @@ CANDIDATES = 8  # fitted per explanation in the beam, from the second effect on
 COMMON = (Mass, Friction)
 FINISHED = 4  # leaders whose fit is carried on until it rests
 SURVEYED = 7  # explanations of one size that are compared by evidence
-ONE_MORE = 12.0  # log prior odds against each further effect
+ONE_MORE = 15.0  # log prior odds against each further effect
 # An effect must matter: lower the mean square residual by this, in squared noises, and by this share of what
 # the nominal model leaves. Less is what any simulator's own small errors would offer to explain.
 WORTH, WORTH_SHARE = 0.03, 0.004
