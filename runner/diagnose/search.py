@@ -44,6 +44,9 @@ STALLED = 0.5  # of what fewer effects left: where a second one leaves more than
 NEAR = 1000.0  # log odds within which an explanation is worth adding to
 SETTLED = 0.03  # of the nominal model's excess: where the leader leaves less, nothing else is worth adding to
 CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, promises hold; so many are fitted anyway
+# Sizes, in prior widths, at which an effect that makes the motion jump is tried; and how far, and how often, its fit is
+# taken over the edges of its hollow, once it has explained such a share.
+SIZES, OVER, CLIMBS, PART = np.geomspace(0.15, 4.0, 14), (0.85, 1.1, 1.3), 5, 0.2
 LINEAR = 0.1  # of the nominal model's excess: where a fit leaves less, the promises of further effects hold
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
 # Mean square, in noises, from which on a descent from the nominal model is not trusted; then the first part of the
@@ -141,6 +144,8 @@ def search(
                     iterations=8 if size == 1 else 12,
                     polish=False,
                 )
+                if kind.jumps and fit.total - count > CLOSE * count:
+                    fit = _over_edges(fitter, fit, contender.fit)
                 if size == 1 or contender.fit.total - fit.total > worth:
                     fits.append(fit)
                     target = min(target, fit.total)
@@ -240,6 +245,8 @@ def _beginning(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fi
     """Return where to begin a fit: from what is near, or from the seed where that leaves less."""
     if seed is None:
         new = explanation.kinds[-1]
+        if new.jumps:
+            return {"x": _sized(fitter, explanation, x, near), "near": near}
         if len(new.starts(fitter.context)):
             # the amplitude that a linear model promises may overshoot; none of it is the fit that is near
             amplitude = len(x) - len(new.parameters(fitter.context))
@@ -251,6 +258,36 @@ def _beginning(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fi
     seeded = _in_order(seed, explanation, fitter)
     by = [fitter.loss(explanation, v, s, near.episodes) for v, s in ((x, near.starts), (seeded, seed.starts))]
     return {"x": seeded, "starts": seed.starts} if by[1] < by[0] else {"x": x, "near": near}
+
+
+def _sized(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit) -> np.ndarray:
+    """Return the size of the last effect, of one parameter, that leaves least at the start states of a fit nearby."""
+
+    def left(size: float) -> float:
+        return fitter.loss(explanation, np.append(x[:-1], size), near.starts, near.episodes)
+
+    sizes = SIZES * explanation.kinds[-1].parameters(fitter.context)[0].scale
+    i = int(np.argmin([left(s) for s in sizes]))
+    finer = np.linspace(sizes[max(i - 1, 0)], sizes[min(i + 1, len(sizes) - 1)], len(sizes))
+    return np.append(x[:-1], min((x[-1], *finer), key=left))
+
+
+def _over_edges(fitter: Fitter, fit: Fit, without: Fit) -> Fit:
+    """Fit anew from other sizes of the last effect, at some of which the motion jumps, as long as that gains.
+
+    Descents end where a push just starts the body, or just doesn't.
+    """
+    count = sum(fitter.measured.count(e) for e in fit.episodes)
+    if fit.total - count > (1.0 - PART) * (without.total - count):
+        return fit
+    for _ in range(CLIMBS):
+        sizes = [np.append(fit.x[:-1], fit.x[-1] * by) for by in OVER]
+        tries = [fitter.fit(fit.explanation, fit.episodes, x=x, near=fit, iterations=5, polish=False) for x in sizes]
+        best = min(tries, key=lambda f: f.total)
+        if best.total - count > 0.98 * (fit.total - count):
+            break
+        fit = best
+    return fit
 
 
 def _in_order(seed: Fit, explanation: Explanation, fitter: Fitter) -> np.ndarray:

@@ -115,6 +115,7 @@ class Stiction(AbstractEffect):
 
     name: ClassVar[str] = "stiction"
     label: ClassVar[str] = "a static friction above the kinetic one"
+    jumps: ClassVar[bool] = True
     excess: float
 
     def __post_init__(self) -> None:
