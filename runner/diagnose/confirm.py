@@ -98,15 +98,17 @@ def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], f
     Where a body is moved by metres by an offset of millimetres, little mismatch does so too, and once it is integrated
     out hardly anything tells an explanation that predicts from one that does not. The squared residuals are
     overdispersed: what the best explanation leaves beyond the noise is the doing of few errors of the model,
-    each of which stands for many residuals.
+    each of which stands for many residuals. They are taken to be no smaller in the fitted ones.
     """
     posterior = np.array([c.log_posterior for c in weighed])
+    dispersion = 1.0
     for fits, independent in (
         ([there[id(c.fit)] for c in weighed], INDEPENDENT_UNSEEN),
         ([c.fit for c in weighed], INDEPENDENT_FITTED),
     ):
         left = np.array([max(f.total - _count(fitter, f.episodes), 0.0) for f in fits])
-        posterior -= 0.5 * left / (1.0 + left.min() / independent)
+        dispersion = max(dispersion, 1.0 + left.min() / independent)
+        posterior -= 0.5 * left / dispersion
     return [replace(c, log_posterior=float(p)) for c, p in zip(weighed, posterior, strict=True)]
 
 

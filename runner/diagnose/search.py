@@ -46,7 +46,7 @@ SETTLED = 0.03  # of the nominal model's excess: where the leader leaves less, n
 CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, promises hold; so many are fitted anyway
 # Sizes, in prior widths, at which an effect that makes the motion jump is tried; and how far, and how often, its fit is
 # taken over the edges of its hollow, once it has explained such a share.
-SIZES, OVER, CLIMBS, PART = np.geomspace(0.15, 4.0, 14), (0.85, 1.1, 1.3), 5, 0.2
+SIZES, OVER, CLIMBS, PART = np.geomspace(0.15, 4.0, 14), (0.85, 1.1, 1.3), 3, 0.2
 LINEAR = 0.1  # of the nominal model's excess: where a fit leaves less, the promises of further effects hold
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
 # Mean square, in noises, from which on a descent from the nominal model is not trusted; then the first part of the
