@@ -73,7 +73,7 @@ def _fit(fitter: Fitter, kinds: Sequence[type[AbstractEffect]], episodes: Sequen
         explanation, x = joined(fit, kind, clip(kind, offers[kind][1], fitter.context))
         fit = fitter.fit(explanation, episodes, x=x, near=fit, iterations=40)
     length_s = max(float(np.ptp(fitter.simulator.recording.episodes[e].t_s)) for e in episodes)
-    if fit.total > STUCK * sum(fitter.measured.count(e) for e in episodes) and length_s > SHORTEST_S:
+    if fit.total > STUCK * fitter.measured.count(episodes) and length_s > SHORTEST_S:
         # in a hollow, as a descent over a long time may end: from the beginnings
         short = _fit(fitter.up_to(length_s / 3), kinds, episodes)
         again = fitter.fit(short.explanation, episodes, x=short.x, starts=short.starts, iterations=40)

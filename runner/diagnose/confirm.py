@@ -86,8 +86,8 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     others = [replace(c, log_posterior=min(c.log_posterior + moved, last)) for c in finite if id(c) not in there_by]
     contenders = sorted((*weighed, *others), key=lambda c: -c.log_posterior)
     top = weighed[0]
-    fitted = top.evidence.loss / _count(fitter, top.fit.episodes) - 1.0
-    there = loss[id(top.fit)] / _count(fitter, held_out) - 1.0
+    fitted = top.evidence.loss / fitter.measured.count(top.fit.episodes) - 1.0
+    there = loss[id(top.fit)] / fitter.measured.count(held_out) - 1.0
     gap, left = (_excess(f, fitter) for f in (before, fits[id(top.fit)]))
     return Confirmed(Search(tuple(contenders), found.nominal), before, fits, float(fitted), float(there), gap, left)
 
@@ -106,18 +106,14 @@ def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], f
         ([there[id(c.fit)] for c in weighed], INDEPENDENT_UNSEEN),
         ([c.fit for c in weighed], INDEPENDENT_FITTED),
     ):
-        left = np.array([max(f.total - _count(fitter, f.episodes), 0.0) for f in fits])
+        left = np.array([max(f.total - fitter.measured.count(f.episodes), 0.0) for f in fits])
         dispersion = max(dispersion, 1.0 + left.min() / independent)
         posterior -= 0.5 * left / dispersion
     return [replace(c, log_posterior=float(p)) for c, p in zip(weighed, posterior, strict=True)]
 
 
 def _excess(fit: Fit, fitter: Fitter) -> float:
-    return fit.total / _count(fitter, fit.episodes) - 1.0
-
-
-def _count(fitter: Fitter, episodes: Sequence[int]) -> int:
-    return sum(fitter.measured.count(e) for e in episodes)
+    return fit.total / fitter.measured.count(fit.episodes) - 1.0
 
 
 def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nominal: Fit | None) -> Fit:

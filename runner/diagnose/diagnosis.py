@@ -136,13 +136,13 @@ def diagnose(recording: Recording, *, threads: int | None = None, advise: bool =
     measured, found = _explained(recording, simulator, fitted)
     fitter = Fitter(simulator, measured, context_of(recording))
     confirmed = confirm(found, fitter, held_out)
-    nominal_excess = found.nominal.total / sum(measured.count(e) for e in fitted) - 1.0
+    nominal_excess = found.nominal.total / measured.count(fitted) - 1.0
     if turned := _unseen_only(confirmed, nominal_excess) and len(fitted) > len(held_out):
         fitted, held_out = (*fitted[len(held_out) :], *held_out), fitted[: len(held_out)]
         measured, found = _explained(recording, simulator, fitted)
         fitter = replace(fitter, measured=measured)
         confirmed = confirm(found, fitter, held_out)
-        nominal_excess = found.nominal.total / sum(measured.count(e) for e in fitted) - 1.0
+        nominal_excess = found.nominal.total / measured.count(fitted) - 1.0
     found, before, excess = confirmed.search, confirmed.before, confirmed.excess
     unknown = max(_unknown(excess, nominal_excess), FAILED if confirmed.fails and found.best.fit.x.size else 0.0)
     ranked = rank(found, fitter.context, unknown)

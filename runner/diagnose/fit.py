@@ -204,7 +204,7 @@ class Fitter:
             basis = None if near is None else near.basis
         point = self._linearise(explanation, x, starts, episodes, basis)
         damping, converged = 1e-4, False
-        count = sum(self.measured.count(e) for e in episodes)
+        count = self.measured.count(episodes)
         behind = False
         for iteration in range(iterations):
             dx, ds, promised = self._step(point, parameters, damping)

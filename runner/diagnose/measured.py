@@ -5,7 +5,7 @@ Nothing here knows what moved, or how. A channel is a column of numbers with a n
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -49,9 +49,9 @@ class Measured:
         values, valid = (tuple(v[:n] for v, n in zip(vs, samples, strict=True)) for vs in (self.values, self.valid))
         return replace(self, values=values, valid=valid)
 
-    def count(self, episode: int) -> int:
-        """Number of values that count."""
-        return int(self.valid[episode].sum())
+    def count(self, episodes: Iterable[int]) -> int:
+        """Number of values of these episodes that count."""
+        return int(sum(self.valid[e].sum() for e in episodes))
 
 
 def measure(recording: Recording) -> Measured:

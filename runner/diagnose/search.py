@@ -109,7 +109,7 @@ def search(
     seeds, ruled_out = _seeds(fitter, nominal, episodes, most) if before is None else _resumed(before)
     alone = survey(fitter, nominal, every)
     contenders = [_contend(fitter, nominal, alone)]
-    count = sum(fitter.measured.count(e) for e in episodes)
+    count = fitter.measured.count(episodes)
     worth = WORTH * count + WORTH_SHARE * max(nominal.total - count, 0.0)
     beam, seen = contenders[:1], {NONE.kinds}
     for size in range(1, most + 1):
@@ -197,7 +197,7 @@ def _seeds(fitter: Fitter, nominal: Fit, episodes: Sequence[int], most: int) -> 
         effects that the beginnings rule out.
     """
     longest_s = max(float(np.ptp(fitter.simulator.recording.episodes[e].t_s)) for e in episodes)
-    if nominal.total < STEEP * sum(fitter.measured.count(e) for e in episodes) or longest_s * FIRST < SHORTEST_S:
+    if nominal.total < STEEP * fitter.measured.count(episodes) or longest_s * FIRST < SHORTEST_S:
         return {}, set()
     short = fitter.up_to(longest_s * FIRST)
     found = search(short, episodes, most=most)
@@ -212,7 +212,7 @@ def _seeds(fitter: Fitter, nominal: Fit, episodes: Sequence[int], most: int) -> 
         key = _key(c.fit.explanation)
         if key in seeds:
             seeds[key] = _carried(fitter, c.fit, episodes, longest_s)
-    count = sum(short.measured.count(e) for e in episodes)
+    count = short.measured.count(episodes)
     explained = found.best.fit.total < 1.5 * count and len(found.best.fit.explanation.kinds) == 1
     # beginnings that the nominal model explains nearly as well, as those at rest, rule nothing out
     nothing = next(c for c in found.contenders if not c.fit.explanation.kinds)
@@ -223,7 +223,7 @@ def _seeds(fitter: Fitter, nominal: Fit, episodes: Sequence[int], most: int) -> 
 
 def _carried(fitter: Fitter, seed: Fit, episodes: Sequence[int], longest_s: float) -> Fit:
     """Fit what was found in the beginnings of the episodes to longer parts, as long as it goes astray on the whole."""
-    count = sum(fitter.measured.count(e) for e in episodes)
+    count = fitter.measured.count(episodes)
     for share in RUNGS:
         if fitter.loss(seed.explanation, seed.x, seed.starts, episodes) < ASTRAY * count:
             break
@@ -277,7 +277,7 @@ def _over_edges(fitter: Fitter, fit: Fit, without: Fit) -> Fit:
 
     Descents end where a push just starts the body, or just doesn't.
     """
-    count = sum(fitter.measured.count(e) for e in fit.episodes)
+    count = fitter.measured.count(fit.episodes)
     if fit.total - count > (1.0 - PART) * (without.total - count):
         return fit
     for _ in range(CLIMBS):
