@@ -16,9 +16,9 @@ from scipy.stats import binomtest
 from runner.__main__ import main
 from runner.blind.make import HASH_FILE
 from runner.blind.oracle import kinds_of
-from runner.blind.score import Bar, blind_score, check_hash, difference, if_calibrated, planted
+from runner.blind.score import Bar, blind_score, check_hash, difference, if_calibrated, of_oracle, planted
 from runner.blind.score_page import headline
-from runner.blind.score_words import outcome
+from runner.blind.score_words import notes, outcome
 from runner.diagnose.score import calibration_error, is_right, share
 from runner.effects import Mass, ViscousDrag, ViscousFilm
 from runner.errors import ResultError
@@ -192,6 +192,37 @@ def test_the_oracle_takes_the_variant_that_was_planted() -> None:
     assert kinds_of([{"name": "viscous_drag", "true": {"acts": "body"}}]) == [ViscousDrag]
     with pytest.raises(ResultError, match="no effect 'wear'"):
         kinds_of([{"name": "wear"}])
+
+
+def test_no_case_makes_up_for_another_in_the_share_of_the_oracle_s_closure() -> None:
+    """At most 1 where the oracle ended in a hollow, -1 at worst, none where nothing could be closed."""
+    assert of_oracle(0.45, 0.9, 20.0) == pytest.approx(0.5)
+    assert of_oracle(0.9, 0.05, 20.0) == 1.0
+    assert of_oracle(-7.0, 0.9, 20.0) == -1.0
+    assert math.isnan(of_oracle(0.9, 0.9, 0.05))
+
+
+def test_a_case_without_a_verdict_is_wrong() -> None:
+    """It is in every figure of its kind, and is said to be missing."""
+    rows = [(verdict((("none",), 0.8, {})), answer())] * 3
+    verdicts, answers = both(rows)
+    del verdicts["c1"]
+    found = blind_score(verdicts, answers)
+    alarms = next(b for b in found.bars if b.name == "false alarms on nulls")
+    assert (alarms.value, alarms.cases) == (pytest.approx(1 / 3), 3)
+    assert notes(found)[0].startswith("1 of 3 cases have no verdict and count as wrong: c1")
+
+
+def test_a_value_without_an_error_holds_nothing() -> None:
+    """What is stated without an interval, and is off, counts against the intervals."""
+    true = {"mass_kg": 3.0}
+    rows = [
+        (verdict((("mass",), 0.9, {"mass": {"mass_kg": (3.1, e)}})), answer(("mass", "strong", true)))
+        for e in (0.1, 0.1, None, 0.1)
+    ]
+    bar = bars_of(rows)["truth in 95 % intervals"]
+    assert (bar.value, bar.cases) == (0.75, 4)
+    assert bar.low < 0.75 < bar.high
 
 
 def test_words_of_an_outcome() -> None:

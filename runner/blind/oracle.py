@@ -46,7 +46,7 @@ def oracle_closed(recording: Recording, effects: Sequence[Mapping[str, Any]]) ->
     """
     kinds = kinds_of(effects)
     fitted, held_out = split([e.index for e in recording.episodes])
-    simulator, context = Simulator(recording, grid=8), context_of(recording)
+    simulator, context = Simulator(recording, grid=8, threads=1), context_of(recording)
     measured = measure(recording)
     nominal = Fitter(simulator, measured, context).fit(NONE, fitted, iterations=8)
     measured = refine(measured, recording, _left(nominal, (), simulator, measured))

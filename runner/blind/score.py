@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from joblib import Parallel, delayed
 
 from runner.blind.oracle import oracle_closed
 from runner.blind.run import read_hash
@@ -32,6 +34,8 @@ WIDE = 1.959964  # standard errors to each side of a 95 % interval
 AXES = {("anisotropic_friction", "angle_rad")}  # a direction without a sense: known up to half a turn
 PLACED = ("friction_patch", "tether")
 LEAST_CLOSED = 0.05  # of the noise's variance: less than this, even by the oracle, tells nothing
+# of a case that was not diagnosed: wrong, and as if it had been certain
+NO_VERDICT = {"ranked": [{"effects": ["no verdict"], "probability": 1.0, "parameters": {}, "standard_errors": {}}]}
 RENAMED = {
     ("friction", "mu"): "friction",
     ("stribeck", "speed_m_s"): "speed_m_per_s",
@@ -139,7 +143,7 @@ def check_hash(answers: Path, *folders: Path) -> str:
 def blind_score(
     verdicts: dict[str, dict[str, Any]], answers: dict[str, dict[str, Any]], cases: Path | None = None
 ) -> BlindScore:
-    """Score verdicts.
+    """Score verdicts; a case that has an answer but no verdict counts as wrong.
 
     Args:
         verdicts: By case.
@@ -149,7 +153,9 @@ def blind_score(
     Raises:
         ResultError: If no case has both, or a case is missing.
     """
-    basic = score(verdicts, answers)
+    missing = score(verdicts, answers).unanswered
+    verdicts = verdicts | dict.fromkeys(missing, NO_VERDICT)
+    basic = replace(score(verdicts, answers), unanswered=missing)
     names = list(basic.cases["case"])
     nominal = {} if cases is None else {name: read_case(cases / name).nominal for name in names}
     parameters = pd.DataFrame(
@@ -157,7 +163,7 @@ def blind_score(
         columns=["case", "effect", "parameter", "true", "value", "standard_error", "errors_off", "covered", "right"],
     )
     gap = None if cases is None else _gap(basic.cases, answers, verdicts, cases)
-    right = parameters[parameters["right"]].drop(columns="right").reset_index(drop=True)
+    right = parameters[parameters["right"].astype(bool)].drop(columns="right").reset_index(drop=True)
     single = basic.cases[basic.cases["kind"] == "single"]
     rows = [row for name, part in single.groupby("truth") for row in _by_size(str(name), part)]
     effects = pd.DataFrame(rows, columns=["effect", "size", *accuracy(single.head(1))])
@@ -179,7 +185,7 @@ def _bars(cases: pd.DataFrame, parameters: pd.DataFrame, gap: pd.DataFrame | Non
     clear = single[single["severity"].isin(["moderate", "strong"])]
     null, unknown, pairs = (cases[kind == k] for k in (NONE, UNKNOWN, "pair"))
     p, right = cases["probability"].to_numpy(float), cases["right"].to_numpy(float)
-    covered = parameters["covered"].to_numpy(bool)
+    covered = parameters.groupby("case")["covered"].agg(["sum", "size"]).to_numpy(float)
     bars = [
         Bar("moderate, strong: first", *share(clear["right"]), len(clear), least=0.95),
         Bar("subtle: first", *share(subtle["right"]), len(subtle), least=0.80),
@@ -191,7 +197,11 @@ def _bars(cases: pd.DataFrame, parameters: pd.DataFrame, gap: pd.DataFrame | Non
             "calibration error", calibration_error(p, right), *_drawn(_error_of, np.column_stack([p, right])),
             len(cases), most=0.06, percent=False,
         ),
-        Bar("truth in 95 % intervals", *share(covered), len(covered), least=0.90, most=0.98),
+        Bar(
+            "truth in 95 % intervals", share(parameters["covered"])[0],
+            *(_drawn(_held, covered) if len(covered) else (math.nan, math.nan)),
+            len(parameters), least=0.90, most=0.98,
+        ),
     ]  # fmt: skip
     ratio = np.empty(0) if gap is None else gap["ratio"].dropna().to_numpy(float)
     known = len(ratio) > 0
@@ -206,6 +216,10 @@ def _bars(cases: pd.DataFrame, parameters: pd.DataFrame, gap: pd.DataFrame | Non
 
 def _error_of(pairs: np.ndarray) -> float:
     return calibration_error(pairs[:, 0], pairs[:, 1])
+
+
+def _held(counts: np.ndarray) -> float:
+    return float(counts[:, 0].sum() / counts[:, 1].sum())
 
 
 def _drawn(statistic: Callable[[np.ndarray], float], rows: np.ndarray) -> tuple[float, float]:
@@ -254,7 +268,10 @@ def _yaw_inertia(nominal: Nominal) -> float:
 def _compared(
     case: str, answer: dict[str, Any], verdict: dict[str, Any], nominal: Nominal | None
 ) -> list[dict[str, Any]]:
-    """Return the parameters that the first answer states of effects that were planted, under their own names."""
+    """Return the parameters that the first answer states of effects that were planted, under their own names.
+
+    One without a standard error claims to hold exactly that value.
+    """
     first = verdict["ranked"][0]
     right = set(first["effects"]) == {e["name"] for e in answer["effects"]}
     rows = []
@@ -262,12 +279,13 @@ def _compared(
         name = effect["name"]
         true = planted(effect, answer, nominal)
         for parameter, value in first["parameters"].get(name, {}).items():
-            error = first["standard_errors"].get(name, {}).get(parameter)
-            if parameter in true and value is not None and error is not None and error > 0:
-                off = difference(name, parameter, value, true[parameter]) / error
+            error = first["standard_errors"].get(name, {}).get(parameter) or 0.0
+            if parameter in true and value is not None:
+                off = difference(name, parameter, value, true[parameter])
                 rows.append(
                     {"case": case, "effect": name, "parameter": parameter, "true": true[parameter], "value": value,
-                     "standard_error": error, "errors_off": off, "covered": abs(off) <= WIDE, "right": right}
+                     "standard_error": error, "errors_off": off / error if error > 0 else math.nan,
+                     "covered": abs(off) <= WIDE * error, "right": right}
                 )  # fmt: skip
     return rows
 
@@ -285,7 +303,7 @@ def _coverage(parameters: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for (effect, parameter), part in groups:
         value, low, high = share(part["covered"])
-        off = part["errors_off"].to_numpy(float)
+        off = part["errors_off"].dropna().to_numpy(float)
         typical = float(np.sqrt(np.mean(off**2))) if len(off) else math.nan
         rows.append(
             {"effect": effect, "parameter": parameter, "values": len(part), "covered": value, "low": low, "high": high,
@@ -313,17 +331,40 @@ def _places(parameters: pd.DataFrame) -> pd.DataFrame:
 
 def _gap(cases: pd.DataFrame, answers: dict[str, Any], verdicts: dict[str, Any], folder: Path) -> pd.DataFrame:
     """Return, per case with known effects, the share of the closable gap closed, own and the oracle's."""
-    rows = []
     known = cases[cases["kind"].isin(["single", "pair"])]
-    for case, first in track(list(zip(known["case"], known["first"], strict=True)), "Oracle", unit="cases"):
-        own = verdicts[case].get("closable_closed")
-        row = {"case": case, "own": own, "oracle": own, "ratio": 1.0, "same": True}
-        if set(first.split("+")) != {e["name"] for e in answers[case]["effects"]}:
-            closed, closable = oracle_closed(read_case(folder / case), answers[case]["effects"])
-            told = own is not None and closed * closable > LEAST_CLOSED
-            row |= {"oracle": closed, "ratio": (own or 0.0) / closed if told else math.nan, "same": False}
-        rows.append(row)
-    return pd.DataFrame(rows, columns=["case", "own", "oracle", "ratio", "same"])
+    names = list(known["case"])
+    fits = Parallel(n_jobs=os.cpu_count() or 1, return_as="generator")(
+        delayed(_told)(folder / name, answers[name]["effects"]) for name in names
+    )
+    rows = []
+    for name, first, fit in zip(
+        names, known["first"], track(fits, "Oracle", total=len(names), unit="cases"), strict=True
+    ):
+        own = float(verdicts[name].get("closable_closed") or 0.0)
+        as_planted = set(first.split("+")) == {e["name"] for e in answers[name]["effects"]}
+        rows.append(
+            {"case": name, "own": own, "oracle": fit[0], "ratio": of_oracle(own, *fit), "as_planted": as_planted}
+        )
+    return pd.DataFrame(rows, columns=["case", "own", "oracle", "ratio", "as_planted"])
+
+
+def _told(case: Path, effects: list[dict[str, Any]]) -> tuple[float, float]:
+    return oracle_closed(read_case(case), effects)
+
+
+def of_oracle(own: float, oracle: float, closable: float) -> float:
+    """Return the share of what an oracle closed that was closed without it, -1 to 1.
+
+    The oracle's fit may end in a hollow where the search's did not: it is then credited with the search's, so that no
+    case makes up for another. NaN where even it closes less than `LEAST_CLOSED` of the noise's variance.
+
+    Args:
+        own: Share of the closable mean square.
+        oracle: The same by the oracle.
+        closable: In squared noises.
+    """
+    best = max(own, oracle)
+    return max(own / best, -1.0) if best * closable > LEAST_CLOSED else math.nan
 
 
 def _worst(cases: pd.DataFrame, answers: dict[str, Any]) -> pd.DataFrame:

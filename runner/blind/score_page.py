@@ -61,21 +61,30 @@ def _content(
             "worst": words.worst(found),
         },
         "by_chance": f"{if_calibrated(cases['probability'].to_numpy(float)):.3f}",
-        "oracle_fits": 0 if found.gap is None else int((~found.gap["same"]).sum()),
-        "oracle_cases": 0 if found.gap is None else len(found.gap),
+        "otherwise": _otherwise(found),
         "notes": words.notes(found),
         "digest": digest,
         "by": by,
     }
 
 
+def _otherwise(found: BlindScore) -> str:
+    """Return the share of the oracle's closure where something else was named than was planted."""
+    if found.gap is None:
+        return ""
+    ratio = found.gap.loc[~found.gap["as_planted"], "ratio"].dropna()
+    return f"{100 * ratio.mean():.0f} % of the oracle's in {len(ratio)} such cases" if len(ratio) else "no such case"
+
+
 def headline(bars: Sequence[Bar]) -> str:
-    """Return in a sentence how many of the bars are reached and which are not."""
+    """Return in a sentence how many of the bars are reached, how many of these for certain, and which are not."""
     measured = [b for b in bars if math.isfinite(b.value)]
-    missed = [b.name for b in measured if b.missed_by > 0]
+    reached, missed = ([b for b in measured if (b.missed_by > 0) == m] for m in (False, True))
+    certain = f"{sum(b.certain for b in reached)} of them beyond what chance may do"
     if not missed:
-        return f"All {len(measured)} bars that were measured are reached."
-    return f"{len(measured) - len(missed)} of {len(measured)} bars are reached; missed: {'; '.join(missed)}."
+        return f"All {len(measured)} bars that were measured are reached, {certain}."
+    names = "; ".join(b.name for b in missed)
+    return f"{len(reached)} of {len(measured)} bars are reached, {certain}; missed: {names}."
 
 
 def _state(bar: Bar) -> str:

@@ -134,7 +134,7 @@ def notes(found: BlindScore) -> list[str]:
     out = []
     if missing := found.basic.unanswered:
         out.append(
-            f"{len(missing)} of {len(missing) + len(found.basic.cases)} cases have no verdict and are in no figure: "
+            f"{len(missing)} of {len(found.basic.cases)} cases have no verdict and count as wrong: "
             f"{', '.join(missing[:4])}{f' and {len(missing) - 4} more' if len(missing) > 4 else ''}."
         )
     if found.gap is None:

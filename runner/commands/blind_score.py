@@ -1,8 +1,8 @@
 """Score a blind run: every figure with its interval beside the bar that it is to reach, as tables, page and figures.
 
 `runner blind score verdicts=RESULTS answers=FILE cases=DIR` first checks that the answers are those whose SHA-256 was
-set down beside the verdicts before the first diagnosis. With `cases` an oracle that is told the effects is fitted
-where the first answer is not what was planted, to see how much of the gap could have been closed. In the results:
+set down beside the verdicts before the first diagnosis. With `cases` an oracle that is told the effects is fitted to
+see how much of the gap could have been closed. A case without a verdict counts as wrong. In the results:
 `score.html`, `figures/`, and the tables as Parquet.
 """
 
