@@ -16,6 +16,7 @@ import numpy as np
 from runner.diagnose.evidence import directions, evidence, surroundings, survey, together
 from runner.diagnose.fit import NONE, Fit, Fitter
 from runner.diagnose.search import Contender, Search
+from runner.effects.base import Context
 
 LEADERS = 6  # so many are held against the episodes left out, and the nominal model,
 PLAIN, LEAVES = 1.0, 0.5  # squared noises; share of them
@@ -23,6 +24,11 @@ CLOSE = 20.0  # and whatever is so near in log odds
 # errors of the model that what the best explanation leaves is the doing of: of the unseen episodes, and of the fitted
 # ones, where parameters may have taken up some of them
 INDEPENDENT_UNSEEN, INDEPENDENT_FITTED = 3.0, 1.0
+DOUBT = 25.0  # log odds against an effect that is nothing beside its own standard error; none from one of them on
+# A gap of this share of the noise's variance is as likely none; log odds by which each e-fold changes that; and the gap
+# from which on it is not none, whatever small errors of the simulator could do.
+BARELY, BY_GAP, VISIBLE = 0.3, 6.0, 1.5
+RULED_OUT = 1e4
 
 
 @dataclass(frozen=True)
@@ -79,6 +85,12 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
         loss[id(c.fit)] = evidence(there, fitter.context, c.evidence.covariance).loss
     fits = {id(c.fit): there_by[id(c)] for c in leaders}
     weighed = _with_what_is_left(weighed, fits, fitter)
+    seen = fitter.measured.count((*nominal.fit.episodes, *held_out))
+    against_none = odds_against_none((nominal.fit.total + before.total) / seen - 1.0)
+    weighed = [
+        replace(c, log_posterior=c.log_posterior - (doubt(c, fitter.context) if c.fit.x.size else against_none))
+        for c in weighed
+    ]
     weighed.sort(key=lambda c: -c.log_posterior)
     # those that were not weighed keep their distance to the first of the leaders, and don't pass the last of them
     moved = next(w for w in weighed if w.fit is leaders[0].fit).log_posterior - leaders[0].log_posterior
@@ -110,6 +122,29 @@ def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], f
         dispersion = max(dispersion, 1.0 + left.min() / independent)
         posterior -= 0.5 * left / dispersion
     return [replace(c, log_posterior=float(p)) for c, p in zip(weighed, posterior, strict=True)]
+
+
+def doubt(contender: Contender, context: Context) -> float:
+    """Return the log odds against an explanation whose effects do not stand out of their own standard errors.
+
+    The evidence asks whether an effect's pattern is in the residual; the plain errors, the simulator's own mismatch
+    included, how far it is from not being there at all. Effects that make up for another's wrong form fail that.
+    """
+    x, covariance, i, found = contender.fit.x, contender.evidence.covariance, 0, 0.0
+    for kind in contender.fit.explanation.kinds:
+        n = len(kind.parameters(context))
+        # where it has a place or a range, its amplitude is what makes it absent
+        n_of_size = 1 if len(kind.starts(context)) else n
+        part = slice(i, i + n_of_size)
+        errors_off = float(np.sqrt(x[part] @ np.linalg.pinv(covariance[part, part], hermitian=True) @ x[part]))
+        found += DOUBT * max(1.0 - errors_off, 0.0)
+        i += n
+    return found
+
+
+def odds_against_none(excess: float) -> float:
+    """Return the log odds against `none` from what the nominal model leaves of all episodes, in squared noises."""
+    return RULED_OUT if excess > VISIBLE else BY_GAP * float(np.log(max(excess, 0.01) / BARELY))
 
 
 def _excess(fit: Fit, fitter: Fitter) -> float:

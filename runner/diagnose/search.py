@@ -173,9 +173,14 @@ def search(
         if size > 1 and new[0].log_posterior < best:
             break
         if size > 1:
-            new += _without_one(fitter, new[0], (around_best, alone), seen, episodes)
-            contenders = list({id(c): c for c in contenders + new}.values())
-            new.sort(key=lambda c: -c.log_posterior)
+            simpler = _without_one(fitter, new[0], contenders, (around_best, alone), episodes)
+            seen |= {_key(c.fit.explanation) for c in simpler}
+            # a fit that found a better place takes the place of the one before
+            better = {_key(c.fit.explanation) for c in simpler}
+            contenders = [c for c in contenders if _key(c.fit.explanation) not in better] + simpler
+            new = sorted(
+                [c for c in new if _key(c.fit.explanation) not in better] + simpler, key=lambda c: -c.log_posterior
+            )
         if size > 1 and min(c.fit.total for c in new) - count > STALLED * left_before > worth:
             break
         beam = []
@@ -319,20 +324,26 @@ def _finished(fitter: Fitter, fits: list[Fit], count: int) -> list[Fit]:
 
 
 def _without_one(
-    fitter: Fitter, whole: Contender, known: Sequence[Survey], seen: set, episodes: Sequence[int]
+    fitter: Fitter, whole: Contender, others: Sequence[Contender], known: Sequence[Survey], episodes: Sequence[int]
 ) -> list[Contender]:
-    """Drop each effect of an explanation in turn: what came in first may have stood in for what came later."""
+    """Drop each effect of an explanation in turn: what came in first may have stood in for what came later.
+
+    What is left was perhaps fitted before, but had not found the place that it has now: a patch or a tether that is far
+    from where it is said to be needs the help of another effect to get there. Returns what is new, or better by far.
+    """
+    before = {_key(c.fit.explanation): c.fit.total for c in others}
+    count = fitter.measured.count(episodes)
     out, i = [], 0
     for kind in whole.fit.explanation.kinds:
         n = len(kind.parameters(fitter.context))
         rest = Explanation(tuple(k for k in whole.fit.explanation.kinds if k is not kind))
         x = np.delete(whole.fit.x, np.s_[i : i + n])
         i += n
-        key = _key(rest)
-        if key not in seen:
-            seen.add(key)
-            target = whole.fit.total
-            out.append(_contend(fitter, fitter.fit(rest, episodes, x=x, near=whole.fit, target=target), *known))
+        reached = before.get(_key(rest), np.inf)
+        if reached - whole.fit.total > WORTH * count:
+            fit = fitter.fit(rest, episodes, x=x, near=whole.fit, target=whole.fit.total, patience=3, iterations=25)
+            if reached - fit.total > WORTH * count:
+                out.append(_contend(fitter, fit, *known))
     return out
 
 
