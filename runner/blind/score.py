@@ -12,10 +12,10 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -333,9 +333,8 @@ def _gap(cases: pd.DataFrame, answers: dict[str, Any], verdicts: dict[str, Any],
     """Return, per case with known effects, the share of the closable gap closed, own and the oracle's."""
     known = cases[cases["kind"].isin(["single", "pair"])]
     names = list(known["case"])
-    fits = Parallel(n_jobs=os.cpu_count() or 1, return_as="generator")(
-        delayed(_told)(folder / name, answers[name]["effects"]) for name in names
-    )
+    calls = (delayed(_told)(folder / name, answers[name]["effects"]) for name in names)
+    fits = cast("Iterable[tuple[float, float]]", Parallel(n_jobs=os.cpu_count() or 1, return_as="generator")(calls))
     rows = []
     for name, first, fit in zip(
         names, known["first"], track(fits, "Oracle", total=len(names), unit="cases"), strict=True
