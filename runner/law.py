@@ -75,7 +75,7 @@ class LawBody:
     # mu * (1 + stribeck * exp(-(u / stribeck_speed)^2))
     stribeck: float = 0.0
     stribeck_speed: float = 0.1
-    # mu * (1 + stiction) below stiction_speed
+    # mu * (1 + stiction * exp(-(u / stiction_speed)^2))
     stiction: float = 0.0
     stiction_speed: float = 2e-3
     # mu * (1 + patch * s), s = 1 inside a disc of the floor, with a smooth edge
@@ -434,15 +434,14 @@ def _mean_bump(ux, uy, dx, dy, width):
 
 
 @njit(cache=True, error_model="numpy")
-def _average_speed_effects(num, r, n, rx, ry, v, x, p, mu):
-    """Turn friction coefficients that hold at velocity p into their mean on the way from v to x."""
+def _average_speed_effects(num, r, n, rx, ry, v, x, mu):
+    """Turn friction coefficients that hold at velocity v into their mean on the way from v to x."""
     stribeck, stiction = num[r + _STRIBECK], num[r + _STICTION]
     slow, still = num[r + _STRIBECK_V], num[r + _STICTION_V]
     for i in range(n):
-        ux, uy = p[0] - p[2] * ry[i], p[1] + p[2] * rx[i]
+        ux, uy = v[0] - v[2] * ry[i], v[1] + v[2] * rx[i]
         u2 = ux * ux + uy * uy
         before = 1.0 + stribeck * math.exp(-u2 / (slow * slow)) + stiction * math.exp(-u2 / (still * still))
-        ux, uy = v[0] - v[2] * ry[i], v[1] + v[2] * rx[i]
         dx, dy = x[0] - x[2] * ry[i] - ux, x[1] + x[2] * rx[i] - uy
         mean = 1.0
         if stribeck != 0.0:
@@ -654,7 +653,7 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, heights, free, pla
             if not to_average:
                 break
             to_average = False
-            _average_speed_effects(num, r, n, rx, ry, v, x, p, mu)
+            _average_speed_effects(num, r, n, rx, ry, v, x, mu)
             continue
         if outer >= 8 and outer % 8 > 1:
             # Newton can go round in a circle where parts of the base lift and settle: step towards the wanted centre

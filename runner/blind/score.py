@@ -199,16 +199,14 @@ def _bars(cases: pd.DataFrame, parameters: pd.DataFrame, gap: pd.DataFrame | Non
         ),
         Bar(
             "truth in 95 % intervals", share(parameters["covered"])[0],
-            *(_drawn(_held, covered) if len(covered) else (math.nan, math.nan)),
-            len(parameters), least=0.90, most=0.98,
+            *_drawn(_held, covered), len(parameters), least=0.90, most=0.98,
         ),
     ]  # fmt: skip
     ratio = np.empty(0) if gap is None else gap["ratio"].dropna().to_numpy(float)
-    known = len(ratio) > 0
     bars.append(
         Bar(
-            "gap closed, of oracle's", float(ratio.mean()) if known else math.nan,
-            *(_drawn(lambda r: float(r.mean()), ratio) if known else (math.nan, math.nan)), len(ratio), least=0.93,
+            "gap closed, of oracle's", float(ratio.mean()) if len(ratio) else math.nan,
+            *_drawn(lambda r: float(r.mean()), ratio), len(ratio), least=0.93,
         )
     )  # fmt: skip
     return tuple(bars)
@@ -223,7 +221,9 @@ def _held(counts: np.ndarray) -> float:
 
 
 def _drawn(statistic: Callable[[np.ndarray], float], rows: np.ndarray) -> tuple[float, float]:
-    """Return the 95 % percentile bootstrap interval over cases."""
+    """Return the 95 % percentile bootstrap interval over cases; NaN of nothing."""
+    if not len(rows):
+        return math.nan, math.nan
     rng = np.random.default_rng(0)
     values = [statistic(rows[rng.integers(len(rows), size=len(rows))]) for _ in range(DRAWS)]
     return float(np.quantile(values, 0.025)), float(np.quantile(values, 0.975))

@@ -174,13 +174,13 @@ def search(
             break
         if size > 1:
             simpler = _without_one(fitter, new[0], contenders, (around_best, alone), episodes)
-            seen |= {_key(c.fit.explanation) for c in simpler}
             # a fit that found a better place takes the place of the one before
             better = {_key(c.fit.explanation) for c in simpler}
-            contenders = [c for c in contenders if _key(c.fit.explanation) not in better] + simpler
-            new = sorted(
-                [c for c in new if _key(c.fit.explanation) not in better] + simpler, key=lambda c: -c.log_posterior
+            seen |= better
+            contenders, new = (
+                [c for c in old if _key(c.fit.explanation) not in better] + simpler for old in (contenders, new)
             )
+            new.sort(key=lambda c: -c.log_posterior)
         if size > 1 and min(c.fit.total for c in new) - count > STALLED * left_before > worth:
             break
         beam = []
