@@ -17,6 +17,7 @@ from runner.diagnose.evidence import directions, evidence, surroundings, survey,
 from runner.diagnose.fit import NONE, Fit, Fitter
 from runner.diagnose.search import Contender, Search
 from runner.effects.base import Context
+from runner.effects.friction import FrictionPatch
 
 LEADERS = 6  # so many are held against the episodes left out, and the nominal model,
 PLAIN, LEAVES = 1.0, 0.5  # squared noises; share of them
@@ -25,6 +26,8 @@ CLOSE = 20.0  # and whatever is so near in log odds
 # ones, where parameters may have taken up some of them
 INDEPENDENT_UNSEEN, INDEPENDENT_FITTED = 3.0, 1.0
 DOUBT = 25.0  # log odds against an effect that is nothing beside its own standard error; none from one of them on
+# Every floor has texture: a patch whose friction differs by less is none, the more so the less; log odds against none.
+FLOOR_TEXTURE, BY_TEXTURE = 0.01, 200.0
 # A gap of this share of the noise's variance is as likely none; log odds by which each e-fold changes that; and the gap
 # from which on it is not none, whatever small errors of the simulator could do.
 BARELY, BY_GAP, VISIBLE = 0.3, 6.0, 1.5
@@ -125,7 +128,7 @@ def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], f
 
 
 def doubt(contender: Contender, context: Context) -> float:
-    """Return the log odds against an explanation whose effects do not stand out of their own standard errors.
+    """Return the log odds against an explanation whose effects do not stand out of their own errors or the floor's.
 
     The evidence asks whether an effect's pattern is in the residual; the plain errors, the simulator's own mismatch
     included, how far it is from not being there at all. Effects that make up for another's wrong form fail that.
@@ -138,6 +141,8 @@ def doubt(contender: Contender, context: Context) -> float:
         part = slice(i, i + n_of_size)
         errors_off = float(np.sqrt(x[part] @ np.linalg.pinv(covariance[part, part], hermitian=True) @ x[part]))
         found += DOUBT * max(1.0 - errors_off, 0.0)
+        if issubclass(kind, FrictionPatch):
+            found += BY_TEXTURE * max(1.0 - abs(float(x[i])) / FLOOR_TEXTURE, 0.0)
         i += n
     return found
 

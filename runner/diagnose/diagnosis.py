@@ -31,6 +31,9 @@ UNKNOWN_WIDTH = 0.4
 FAILED = 0.7  # where the best explanation does not close half of a plain gap in episodes it has not seen
 LEAST_UNKNOWN = 0.03  # of unknown effects some look like known ones: dead band like mass, wear like friction
 EQUAL = 0.05  # of the likeliest of a group: what is less likely is not its equal
+# By the plain theory 97 % of 235 planted values of two sets lay within 1.96 standard errors and half within 0.2 of
+# one: the mismatch is charged in full to every parameter. With so much of it, 95 % do.
+CHARGED = 0.8
 SURPRISE = 3.0  # times what is left of the fitted episodes: so much in those left out is something new
 
 
@@ -297,7 +300,7 @@ def values_of(
         slope = np.array(slopes).T
         spread = slope @ covariance[i : i + n, i : i + n] @ slope.T
         parameters[kind.name] = value
-        errors[kind.name] = dict(zip(value, np.sqrt(np.maximum(np.diag(spread), 0.0)).tolist(), strict=True))
+        errors[kind.name] = dict(zip(value, (CHARGED * np.sqrt(np.maximum(np.diag(spread), 0.0))).tolist(), strict=True))
         i += n
     return parameters, errors
 

@@ -169,22 +169,14 @@ def log_densities(fit: Fit, context: Context) -> np.ndarray:
 
 
 def _may_rest(fit: Fit, context: Context) -> np.ndarray:
-    """Tell which parameters may rest on a bound, (p,): places, and lengths such as the zero of a tether without slack.
-
-    An amplitude there means that the effect is absent, a width that it is something else: a patch as wide as the floor
-    is friction.
-    """
-    out = []
-    for kind in fit.explanation.kinds:
-        scattered = len(kind.starts(context)) > 0
-        out += [scattered and k > 0 and p.unit == "m" for k, p in enumerate(kind.parameters(context))]
-    return np.array(out, dtype=bool)
+    """Tell which parameters may rest on a bound, (p,)."""
+    return np.array([p.may_rest for k in fit.explanation.kinds for p in k.parameters(context)], dtype=bool)
 
 
 def evidence(around: Surroundings, context: Context, known: np.ndarray | None = None) -> Evidence:
     """Integrate the mismatch and the parameters out.
 
-    A place or a length on its bound stays there; any other parameter on its bound makes the explanation impossible.
+    A parameter that may rest on its bound stays there; any other one there makes the explanation impossible.
 
     Args:
         around: The fit amid the directions of mismatch.

@@ -50,8 +50,10 @@ SIZES, OVER, CLIMBS, PART = np.geomspace(0.15, 4.0, 14), (0.85, 1.1, 1.3), 3, 0.
 LINEAR = 0.1  # of the nominal model's excess: where a fit leaves less, the promises of further effects hold
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
 # Mean square, in noises, from which on a descent from the nominal model is not trusted; then the first part of the
-# episodes is searched before, down to so many seconds, and so many of its explanations of each size are tried.
+# episodes is searched before, down to so many seconds, and so many of its explanations of each size are tried. It is
+# searched afterwards where the mean square is above the second number and every single effect leaves such a share.
 STEEP, FIRST, SHORTEST_S, SEEDS = 10.0, 1 / 3, 0.5, 2
+DOUBTFUL, UNEXPLAINED = 2.5, 0.25
 # Shares of the episodes that the likeliest of them are fitted to on the way to the whole, where they leave more there.
 RUNGS, ASTRAY = (0.5, 0.75), 2.0
 Kinds = tuple[type[AbstractEffect], ...]
@@ -101,15 +103,21 @@ def search(
     alone again.
 
     Where the nominal model goes far astray, descents from it end in hollows: the first third of the episodes is then
-    searched before, and what was found there is where the fits begin.
+    searched before, and what was found there is where the fits begin. Where it goes less far astray, but no single
+    effect explains that, they begin there once more.
     """
     every = directions(fitter.context)
     starts = starts if before is None else before.nominal.starts
     nominal = fitter.fit(NONE, episodes, starts=starts, iterations=RESTED)
-    seeds, ruled_out = _seeds(fitter, nominal, episodes, most) if before is None else _resumed(before)
+    count = fitter.measured.count(episodes)
+    seeds: dict[Kinds, Fit] = {}
+    ruled_out: set[Kinds] = set()
+    if before is not None:
+        seeds, ruled_out = _resumed(before)
+    elif nominal.total > STEEP * count:
+        seeds, ruled_out = _seeds(fitter, nominal, episodes, most)
     alone = survey(fitter, nominal, every)
     contenders = [_contend(fitter, nominal, alone)]
-    count = fitter.measured.count(episodes)
     worth = WORTH * count + WORTH_SHARE * max(nominal.total - count, 0.0)
     beam, seen = contenders[:1], {NONE.kinds}
     for size in range(1, most + 1):
@@ -149,14 +157,20 @@ def search(
                 if size == 1 or contender.fit.total - fit.total > worth:
                     fits.append(fit)
                     target = min(target, fit.total)
+        doubtful = size == 1 and before is None and DOUBTFUL * count < nominal.total <= STEEP * count
+        if doubtful and target - count > UNEXPLAINED * (nominal.total - count):
+            seeds, _ = _seeds(fitter, nominal, episodes, most)
         for key in [k for k in seeds if len(k) == size]:
             seed = seeds.pop(key)
             seen.add(key)
             begin = _beginning(fitter, seed.explanation, seed.x, nominal, seed)
-            fits.append(
-                fitter.fit(seed.explanation, episodes, **begin, target=target, patience=3, iterations=12, polish=False)
+            fit = fitter.fit(
+                seed.explanation, episodes, **begin, target=target, patience=3, iterations=12, polish=False
             )
-            target = min(target, fits[-1].total)
+            same = [f for f in fits if _key(f.explanation) == key]
+            if all(fit.total < f.total for f in same):
+                fits = [*(f for f in fits if _key(f.explanation) != key), fit]
+            target = min(target, fit.total)
         if not fits:
             if any(len(key) > size for key in seeds):
                 continue  # where several are far ahead of each alone, only they come from before
@@ -170,10 +184,9 @@ def search(
         left_before = min(c.fit.total for c in contenders) - count
         contenders += new
         new.sort(key=lambda c: -c.log_posterior)
-        if size > 1 and new[0].log_posterior < best:
-            break
         if size > 1:
-            simpler = _without_one(fitter, new[0], contenders, (around_best, alone), episodes)
+            least = min(new, key=lambda c: c.fit.total)
+            simpler = _without_one(fitter, least, contenders, (around_best, alone), episodes)
             # a fit that found a better place takes the place of the one before
             better = {_key(c.fit.explanation) for c in simpler}
             seen |= better
@@ -181,6 +194,8 @@ def search(
                 [c for c in old if _key(c.fit.explanation) not in better] + simpler for old in (contenders, new)
             )
             new.sort(key=lambda c: -c.log_posterior)
+            if new[0].log_posterior < best:
+                break
         if size > 1 and min(c.fit.total for c in new) - count > STALLED * left_before > worth:
             break
         beam = []
@@ -195,14 +210,14 @@ def search(
 
 
 def _seeds(fitter: Fitter, nominal: Fit, episodes: Sequence[int], most: int) -> tuple[dict[Kinds, Fit], set[Kinds]]:
-    """Look at the beginnings of the episodes where the nominal model goes far astray.
+    """Search the beginnings of the episodes, where no explanation goes far astray.
 
     Returns:
         The fits of the single effects that are near the likeliest there, and of the likeliest several; and the single
         effects that the beginnings rule out.
     """
     longest_s = max(float(np.ptp(fitter.simulator.recording.episodes[e].t_s)) for e in episodes)
-    if nominal.total < STEEP * fitter.measured.count(episodes) or longest_s * FIRST < SHORTEST_S:
+    if longest_s * FIRST < SHORTEST_S:
         return {}, set()
     short = fitter.up_to(longest_s * FIRST)
     found = search(short, episodes, most=most)

@@ -32,13 +32,18 @@ Vector = Sequence[float] | np.ndarray
 
 @dataclass(frozen=True)
 class Parameter:
-    """One fitted number: its name and unit, its bounds, and the size `scale` (prior standard deviation) it has."""
+    """One fitted number: its name and unit, its bounds, and the size `scale` (prior standard deviation) it has.
+
+    `may_rest` says whether the effect is still itself with the number on a bound, as a tether without slack is. An
+    amplitude there means that it is absent or out of range; a tether from far away is a constant force.
+    """
 
     name: str
     unit: str
     scale: float
     lower: float
     upper: float
+    may_rest: bool = False
 
 
 @dataclass(frozen=True)

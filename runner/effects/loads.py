@@ -193,7 +193,7 @@ class Tether(AbstractEffect):
             Parameter("stiffness_n_per_m", "N/m", stiffness, 0.0, 200 * stiffness),
             Parameter("x_m", "m", reach, cx - 5 * reach, cx + 5 * reach),
             Parameter("y_m", "m", reach, cy - 5 * reach, cy + 5 * reach),
-            Parameter("rest_length_m", "m", reach / 2, 0.0, 6 * reach),
+            Parameter("rest_length_m", "m", reach / 2, 0.0, 6 * reach, may_rest=True),
         )
 
     @classmethod
