@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from scipy.special import logsumexp
+from scipy.special import expit, logsumexp, softmax
 
 from runner.diagnose.confirm import Confirmed, confirm, unseen
-from runner.diagnose.evidence import directions, surroundings, survey
+from runner.diagnose.evidence import LEVELS, directions, surroundings, survey
 from runner.diagnose.fit import NONE, Fit, Fitter
 from runner.diagnose.measured import CHANNELS, UNITS, Measured, materially_different, measure, refine
 from runner.diagnose.next_push import best_push
@@ -28,7 +28,11 @@ TEMPER = 2.0  # log odds are divided by it, against overconfidence; not yet cali
 UNKNOWN_EXCESS = 0.12  # see `_unknown`; known effects of tuning and practice cases left up to 0.09
 UNKNOWN_SHARE = 0.0025
 UNKNOWN_WIDTH = 0.4
+# see `_strained`: level of mismatch (base 2 log) and share of the gap left, from which on, and how sharply
+STRAINED, STRAINED_WIDTH = 2.5, 0.25
+STRAINED_LEFT, STRAINED_LEFT_WIDTH = 0.02, 0.3
 FAILED = 0.7  # where the best explanation does not close half of a plain gap in episodes it has not seen
+MOST_UNKNOWN = 0.97
 LEAST_UNKNOWN = 0.03  # of unknown effects some look like known ones: dead band like mass, wear like friction
 EQUAL = 0.05  # of the likeliest of a group: what is less likely is not its equal
 # By the plain theory 97 % of 235 planted values of two sets lay within 1.96 standard errors and half within 0.2 of
@@ -148,6 +152,8 @@ def diagnose(recording: Recording, *, threads: int | None = None, advise: bool =
         nominal_excess = found.nominal.total / measured.count(fitted) - 1.0
     found, before, excess = confirmed.search, confirmed.before, confirmed.excess
     unknown = max(_unknown(excess, nominal_excess), FAILED if confirmed.fails and found.best.fit.x.size else 0.0)
+    strained = _strained(found.best, found.nominal, measured)
+    unknown = float(np.clip(1.0 - (1.0 - unknown) * (1.0 - strained), LEAST_UNKNOWN, MOST_UNKNOWN))
     ranked = rank(found, fitter.context, unknown)
     # what is named is what is put into the corrected model
     top = _contender(found, next(r for r in ranked if r.effects != ("unknown",)), fitter.context)
@@ -278,7 +284,21 @@ def _unknown(excess: float, nominal_excess: float) -> float:
     """
     allowed = UNKNOWN_EXCESS + UNKNOWN_SHARE * max(nominal_excess, 0.0)
     score = (np.log(max(excess, 1e-4)) - np.log(allowed)) / UNKNOWN_WIDTH
-    return float(np.clip(1 / (1 + np.exp(-score)), LEAST_UNKNOWN, 0.97))
+    return float(np.clip(expit(score), LEAST_UNKNOWN, MOST_UNKNOWN))
+
+
+def _strained(best: Contender, nominal: Fit, measured: Measured) -> float:
+    """Probability that none of the explanations holds, from how far the simulator must be off for the best to do so.
+
+    Mismatch of many times the usual size can make up for a wrong explanation, and leave no excess. So where the
+    evidence asks for that much, and the explanation alone leaves more of the gap than effects of the vocabulary do,
+    something else is going on.
+    """
+    count = measured.count(nominal.episodes)
+    weight = softmax(best.evidence.level)
+    asked = float(weight @ np.log2(LEVELS))
+    left = max(best.fit.total - count, 1.0) / max(nominal.total - count, 1.0)
+    return float(expit((asked - STRAINED) / STRAINED_WIDTH) * expit(np.log(left / STRAINED_LEFT) / STRAINED_LEFT_WIDTH))
 
 
 def values_of(
@@ -300,7 +320,8 @@ def values_of(
         slope = np.array(slopes).T
         spread = slope @ covariance[i : i + n, i : i + n] @ slope.T
         parameters[kind.name] = value
-        errors[kind.name] = dict(zip(value, (CHARGED * np.sqrt(np.maximum(np.diag(spread), 0.0))).tolist(), strict=True))
+        stated = CHARGED * np.sqrt(np.maximum(np.diag(spread), 0.0))
+        errors[kind.name] = dict(zip(value, stated.tolist(), strict=True))
         i += n
     return parameters, errors
 
