@@ -17,7 +17,6 @@ from runner.diagnose.evidence import directions, evidence, surroundings, survey,
 from runner.diagnose.fit import NONE, Fit, Fitter
 from runner.diagnose.search import Contender, Search
 from runner.effects.base import Context
-from runner.effects.friction import FrictionPatch
 
 LEADERS = 6  # so many are held against the episodes left out, and the nominal model,
 PLAIN, LEAVES = 1.0, 0.5  # squared noises; share of them
@@ -26,8 +25,7 @@ CLOSE = 20.0  # and whatever is so near in log odds
 # ones, where parameters may have taken up some of them
 INDEPENDENT_UNSEEN, INDEPENDENT_FITTED = 3.0, 1.0
 DOUBT = 25.0  # log odds against an effect that is nothing beside its own standard error; none from one of them on
-# Every floor has texture: a patch whose friction differs by less is none, the more so the less; log odds against none.
-FLOOR_TEXTURE, BY_TEXTURE = 0.01, 200.0
+FAINT = 200.0  # the same against one that is nothing beside the unevenness of any floor
 # A gap of this share of the noise's variance is as likely none; log odds by which each e-fold changes that; and the gap
 # from which on it is not none, whatever small errors of the simulator could do.
 BARELY, BY_GAP, VISIBLE = 0.3, 6.0, 1.5
@@ -141,8 +139,8 @@ def doubt(contender: Contender, context: Context) -> float:
         part = slice(i, i + n_of_size)
         errors_off = float(np.sqrt(x[part] @ np.linalg.pinv(covariance[part, part], hermitian=True) @ x[part]))
         found += DOUBT * max(1.0 - errors_off, 0.0)
-        if issubclass(kind, FrictionPatch):
-            found += BY_TEXTURE * max(1.0 - abs(float(x[i])) / FLOOR_TEXTURE, 0.0)
+        if kind.faint:
+            found += FAINT * max(1.0 - abs(float(x[i])) / kind.faint, 0.0)
         i += n
     return found
 
