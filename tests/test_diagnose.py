@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from runner import effects as fx
-from runner.diagnose.confirm import confirm
-from runner.diagnose.diagnosis import Diagnosis, diagnose, split
+from runner.diagnose.confirm import confirm, doubt
+from runner.diagnose.diagnosis import Diagnosis, diagnose, split, strained
 from runner.diagnose.evidence import Surroundings, directions, evidence, surroundings, survey
 from runner.diagnose.fit import NONE, Explanation, Fitter
 from runner.diagnose.measured import measure
@@ -206,3 +206,49 @@ def test_a_hair_s_breadth_is_no_effect() -> None:
     """Friction off by 0.05 % explains some of the noise's whims and nothing that matters."""
     diagnosis = diagnose(recorded((fx.Friction(NOMINAL.friction * 1.0005),)), threads=1)
     assert diagnosis.ranked[0].effects == ("none",)
+
+
+def contended(recording: Recording, kind: type[fx.AbstractEffect], vector: list[float]) -> tuple[Fitter, Contender]:
+    """An effect at a vector, as if fitted, amid its surroundings."""
+    simulator = Simulator(recording, grid=8, threads=1)
+    fitter = Fitter(simulator, measure(recording), context_of(recording))
+    fit = fitter.fit(Explanation((kind,)), (0, 1), x=np.array(vector), iterations=0)
+    around = surroundings(fit, survey(fitter, fit, directions(fitter.context)))
+    return fitter, Contender(fit, around, evidence(around, fitter.context), 0.0, {})
+
+
+def test_a_tether_from_as_far_as_can_be_is_no_tether(tilted: Recording) -> None:
+    """It pulls as wind does; one without slack rests on a bound as well, and is a tether."""
+    context = context_of(tilted)
+    stiffness, x, _, rest = fx.Tether.parameters(context)
+    near = [stiffness.scale, context.centre_m[0] + context.reach_m, context.centre_m[1], rest.lower]
+    far = [stiffness.scale, x.upper, context.centre_m[1], rest.lower]
+    for vector, holds in ((near, True), (far, False)):
+        _, contender = contended(tilted, fx.Tether, vector)
+        assert contender.fit.at_bound[3]
+        assert np.isfinite(contender.evidence.log) == holds
+
+
+def test_a_patch_as_faint_as_texture_is_doubted(tilted: Recording) -> None:
+    (cx, cy), reach = (c := context_of(tilted)).centre_m, c.reach_m
+    place = [cx, cy, math.log(0.5 * reach)]
+    fitter, faint = contended(tilted, fx.FrictionPatch, [0.003, *place])
+    _, plain = contended(tilted, fx.FrictionPatch, [-0.3, *place])
+    assert doubt(faint, fitter.context) > 100.0
+    assert doubt(plain, fitter.context) == 0.0
+
+
+def test_what_strains_the_simulator_s_trust_is_not_explained(tilted: Recording) -> None:
+    """A wrong effect leaves most of a gap, and only mismatch of many times the usual size makes up for the rest."""
+    simulator = Simulator(tilted, grid=8, threads=1)
+    fitter = Fitter(simulator, measured := measure(tilted), context_of(tilted))
+    episodes = tuple(range(len(tilted.episodes)))
+    nominal = fitter.fit(NONE, episodes)
+    known = survey(fitter, nominal, directions(fitter.context))
+
+    def strain(kind: type[fx.AbstractEffect]) -> float:
+        around = surroundings(fitter.fit(Explanation((kind,)), episodes, near=nominal), known)
+        return strained(Contender(around.fit, around, evidence(around, fitter.context), 0.0, {}), nominal, measured)
+
+    assert strain(fx.FloorTilt) < 0.01
+    assert strain(fx.Inertia) > 0.5

@@ -28,7 +28,7 @@ TEMPER = 2.0  # log odds are divided by it, against overconfidence; not yet cali
 UNKNOWN_EXCESS = 0.12  # see `_unknown`; known effects of tuning and practice cases left up to 0.09
 UNKNOWN_SHARE = 0.0025
 UNKNOWN_WIDTH = 0.4
-# see `_strained`: level of mismatch (base 2 log) and share of the gap left, from which on, and how sharply
+# see `strained`: level of mismatch (base 2 log) and share of the gap left, from which on, and how sharply
 STRAINED, STRAINED_WIDTH = 2.5, 0.25
 STRAINED_LEFT, STRAINED_LEFT_WIDTH = 0.02, 0.3
 FAILED = 0.7  # where the best explanation does not close half of a plain gap in episodes it has not seen
@@ -152,8 +152,8 @@ def diagnose(recording: Recording, *, threads: int | None = None, advise: bool =
         nominal_excess = found.nominal.total / measured.count(fitted) - 1.0
     found, before, excess = confirmed.search, confirmed.before, confirmed.excess
     unknown = max(_unknown(excess, nominal_excess), FAILED if confirmed.fails and found.best.fit.x.size else 0.0)
-    strained = _strained(found.best, found.nominal, measured)
-    unknown = float(np.clip(1.0 - (1.0 - unknown) * (1.0 - strained), LEAST_UNKNOWN, MOST_UNKNOWN))
+    known = (1.0 - unknown) * (1.0 - strained(found.best, found.nominal, measured))
+    unknown = float(np.clip(1.0 - known, LEAST_UNKNOWN, MOST_UNKNOWN))
     ranked = rank(found, fitter.context, unknown)
     # what is named is what is put into the corrected model
     top = _contender(found, next(r for r in ranked if r.effects != ("unknown",)), fitter.context)
@@ -287,7 +287,7 @@ def _unknown(excess: float, nominal_excess: float) -> float:
     return float(np.clip(expit(score), LEAST_UNKNOWN, MOST_UNKNOWN))
 
 
-def _strained(best: Contender, nominal: Fit, measured: Measured) -> float:
+def strained(best: Contender, nominal: Fit, measured: Measured) -> float:
     """Probability that none of the explanations holds, from how far the simulator must be off for the best to do so.
 
     Mismatch of many times the usual size can make up for a wrong explanation, and leave no excess. So where the

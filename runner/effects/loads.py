@@ -191,8 +191,8 @@ class Tether(AbstractEffect):
         stiffness = 0.1 * context.friction_n / max(reach, 0.1)
         return (
             Parameter("stiffness_n_per_m", "N/m", stiffness, 0.0, 200 * stiffness),
-            Parameter("x_m", "m", reach, cx - 5 * reach, cx + 5 * reach),
-            Parameter("y_m", "m", reach, cy - 5 * reach, cy + 5 * reach),
+            Parameter("x_m", "m", reach, cx - 3 * reach, cx + 3 * reach),
+            Parameter("y_m", "m", reach, cy - 3 * reach, cy + 3 * reach),
             Parameter("rest_length_m", "m", reach / 2, 0.0, 6 * reach, may_rest=True),
         )
 
