@@ -131,17 +131,14 @@ def doubt(contender: Contender, context: Context) -> float:
     The evidence asks whether an effect's pattern is in the residual; the plain errors, the simulator's own mismatch
     included, how far it is from not being there at all. Effects that make up for another's wrong form fail that.
     """
-    x, covariance, i, found = contender.fit.x, contender.evidence.covariance, 0, 0.0
-    for kind in contender.fit.explanation.kinds:
-        n = len(kind.parameters(context))
+    x, covariance, found = contender.fit.x, contender.evidence.covariance, 0.0
+    for kind, whole in contender.fit.explanation.parts(context):
         # where it has a place or a range, its amplitude is what makes it absent
-        n_of_size = 1 if len(kind.starts(context)) else n
-        part = slice(i, i + n_of_size)
+        part = slice(whole.start, whole.start + 1) if len(kind.starts(context)) else whole
         errors_off = float(np.sqrt(x[part] @ np.linalg.pinv(covariance[part, part], hermitian=True) @ x[part]))
         found += DOUBT * max(1.0 - errors_off, 0.0)
         if kind.faint:
-            found += FAINT * max(1.0 - abs(float(x[i])) / kind.faint, 0.0)
-        i += n
+            found += FAINT * max(1.0 - abs(float(x[whole.start])) / kind.faint, 0.0)
     return found
 
 

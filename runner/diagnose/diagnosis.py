@@ -306,23 +306,18 @@ def values_of(
 ) -> tuple[dict[str, dict[str, float]], dict[str, dict[str, float]]]:
     """Return parameters and their standard errors by effect, in physical units (the delta method)."""
     x, covariance = contender.fit.x, contender.evidence.covariance
-    parameters, errors, i = {}, {}, 0
-    for kind in contender.fit.explanation.kinds:
-        described = kind.parameters(context)
-        n = len(described)
-        part = x[i : i + n]
-        value = kind.from_vector(part, context).report()
-        step = np.array([1e-4 * p.scale for p in described])
+    parameters, errors = {}, {}
+    for kind, part in contender.fit.explanation.parts(context):
+        value = kind.from_vector(x[part], context).report()
         slopes = []
-        for k in range(n):
-            moved = kind.from_vector(part + np.eye(n)[k] * step[k], context).report()
-            slopes.append([(_turn(name, moved[name] - value[name])) / step[k] for name in value])
+        for step in np.diag([1e-4 * p.scale for p in kind.parameters(context)]):
+            moved = kind.from_vector(x[part] + step, context).report()
+            slopes.append([_turn(name, moved[name] - value[name]) / step.sum() for name in value])
         slope = np.array(slopes).T
-        spread = slope @ covariance[i : i + n, i : i + n] @ slope.T
+        spread = slope @ covariance[part, part] @ slope.T
         parameters[kind.name] = value
         stated = CHARGED * np.sqrt(np.maximum(np.diag(spread), 0.0))
         errors[kind.name] = dict(zip(value, stated.tolist(), strict=True))
-        i += n
     return parameters, errors
 
 

@@ -152,25 +152,17 @@ class Evidence:
 def log_densities(fit: Fit, context: Context) -> np.ndarray:
     """Log prior density of each parameter, (p,): heavy-tailed in each amplitude, even over places and logarithms."""
     out = []
-    i = 0
-    for kind in fit.explanation.kinds:
-        parameters = kind.parameters(context)
+    for kind, part in fit.explanation.parts(context):
         scattered = len(kind.starts(context)) > 0
-        for k, p in enumerate(parameters):
+        for k, (p, value) in enumerate(zip(kind.parameters(context), fit.x[part], strict=True)):
             if scattered and k > 0:
                 out.append(-np.log(p.upper - p.lower))
             else:
                 # Student's t with three degrees of freedom; one-sided amplitudes have twice the density
-                z = fit.x[i + k] / p.scale
+                z = value / p.scale
                 density = 0.3675525969 / p.scale * (1 + z * z / 3) ** -2
                 out.append(np.log(density * (2.0 if p.lower == 0 else 1.0)))
-        i += len(parameters)
     return np.array(out)
-
-
-def _may_rest(fit: Fit, context: Context) -> np.ndarray:
-    """Tell which parameters may rest on a bound, (p,)."""
-    return np.array([p.may_rest for k in fit.explanation.kinds for p in k.parameters(context)], dtype=bool)
 
 
 def evidence(around: Surroundings, context: Context, known: np.ndarray | None = None) -> Evidence:
@@ -184,7 +176,8 @@ def evidence(around: Surroundings, context: Context, known: np.ndarray | None = 
         known: Covariance of the parameters from elsewhere, (p, p): they may move so far only. None: their prior.
     """
     fit, whole = around.fit, len(around.fit.x)
-    if (fit.at_bound & ~_may_rest(fit, context)).any():
+    may_rest = np.array([p.may_rest for p in fit.explanation.parameters(context)], dtype=bool)
+    if (fit.at_bound & ~may_rest).any():
         # an effect that the data push out of its range is absent, or is not what is going on
         nothing = np.full((whole, whole), np.nan)
         return Evidence(-np.inf, np.full(len(LEVELS), -np.inf), float(fit.total), nothing)

@@ -36,14 +36,16 @@ class Explanation:
         """All parameters in the order of the vector."""
         return tuple(p for kind in self.kinds for p in kind.parameters(context))
 
+    def parts(self, context: Context) -> tuple[tuple[type[AbstractEffect], slice], ...]:
+        """Each effect with its part of the vector."""
+        counts = np.cumsum([0, *(len(kind.parameters(context)) for kind in self.kinds)])
+        return tuple(
+            (kind, slice(int(a), int(b))) for kind, a, b in zip(self.kinds, counts[:-1], counts[1:], strict=True)
+        )
+
     def make(self, x: np.ndarray, context: Context) -> Effects:
         """Make the effects from a vector, in the order in which they act."""
-        out, i = [], 0
-        for kind in self.kinds:
-            n = len(kind.parameters(context))
-            out.append(kind.from_vector(x[i : i + n], context))
-            i += n
-        return tuple(out)
+        return tuple(kind.from_vector(x[part], context) for kind, part in self.parts(context))
 
     def __add__(self, other: Explanation) -> Explanation:
         return Explanation(self.kinds + other.kinds)

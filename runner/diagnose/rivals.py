@@ -92,14 +92,12 @@ def _screened(around: Surroundings, evidence: Evidence, context: Context) -> tup
     kinds: dict[type[AbstractEffect], list[int]] = {}
     for i, direction in enumerate(around.directions):
         kinds.setdefault(direction.kind, []).append(i)
-    out, at = [], 0
-    for kind in explanation.kinds:
-        n = len(kind.parameters(context))
-        own = np.arange(at, at + n)
-        at += n
+    out = []
+    for kind, own in explanation.parts(context):
         move = np.zeros(len(gram))
         # what scatters has its amplitude first; its place and width do nothing without one
-        move[own] = x[own] if not len(kind.starts(context)) else np.eye(n)[0] * x[own[0]]
+        moved = slice(own.start, own.start + 1) if len(kind.starts(context)) else own
+        move[moved] = x[moved]
         scale = np.array([d.scale for d in explanation.parameters(context)])
         for rival, members in kinds.items():
             free = np.concatenate([FREE * scale, spread])

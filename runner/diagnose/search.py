@@ -47,6 +47,7 @@ CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, p
 # Sizes, in prior widths, at which an effect that makes the motion jump is tried; and how far, and how often, its fit is
 # taken over the edges of its hollow, once it has explained such a share.
 SIZES, OVER, CLIMBS, PART = np.geomspace(0.15, 4.0, 14), (0.85, 1.1, 1.3), 3, 0.2
+CLIMBED, CLIMB_STEPS = 0.02, 5  # share that a climb has to take off to be followed by another; steps of its fits
 LINEAR = 0.1  # of the nominal model's excess: where a fit leaves less, the promises of further effects hold
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
 # Mean square, in noises, from which on a descent from the nominal model is not trusted; then the first part of the
@@ -302,9 +303,12 @@ def _over_edges(fitter: Fitter, fit: Fit, without: Fit) -> Fit:
         return fit
     for _ in range(CLIMBS):
         sizes = [np.append(fit.x[:-1], fit.x[-1] * by) for by in OVER]
-        tries = [fitter.fit(fit.explanation, fit.episodes, x=x, near=fit, iterations=5, polish=False) for x in sizes]
+        tries = [
+            fitter.fit(fit.explanation, fit.episodes, x=x, near=fit, iterations=CLIMB_STEPS, polish=False)
+            for x in sizes
+        ]
         best = min(tries, key=lambda f: f.total)
-        if best.total - count > 0.98 * (fit.total - count):
+        if best.total - count > (1.0 - CLIMBED) * (fit.total - count):
             break
         fit = best
     return fit
@@ -312,12 +316,8 @@ def _over_edges(fitter: Fitter, fit: Fit, without: Fit) -> Fit:
 
 def _in_order(seed: Fit, explanation: Explanation, fitter: Fitter) -> np.ndarray:
     """Return a fit's parameters in the order of an explanation of the same effects."""
-    parts, i = {}, 0
-    for kind in seed.explanation.kinds:
-        n = len(kind.parameters(fitter.context))
-        parts[kind] = seed.x[i : i + n]
-        i += n
-    return np.concatenate([parts[kind] for kind in explanation.kinds])
+    parts = dict(seed.explanation.parts(fitter.context))
+    return np.concatenate([seed.x[parts[kind]] for kind in explanation.kinds])
 
 
 def _less(contender: Contender, by: float) -> Contender:
@@ -348,12 +348,10 @@ def _without_one(
     """
     before = {_key(c.fit.explanation): c.fit.total for c in others}
     count = fitter.measured.count(episodes)
-    out, i = [], 0
-    for kind in whole.fit.explanation.kinds:
-        n = len(kind.parameters(fitter.context))
+    out = []
+    for kind, part in whole.fit.explanation.parts(fitter.context):
         rest = Explanation(tuple(k for k in whole.fit.explanation.kinds if k is not kind))
-        x = np.delete(whole.fit.x, np.s_[i : i + n])
-        i += n
+        x = np.delete(whole.fit.x, part)
         reached = before.get(_key(rest), np.inf)
         if reached - whole.fit.total > WORTH * count:
             fit = fitter.fit(rest, episodes, x=x, near=whole.fit, target=whole.fit.total, patience=3, iterations=25)
