@@ -230,12 +230,15 @@ def test_a_tether_from_as_far_as_can_be_is_no_tether(tilted: Recording) -> None:
 
 
 def test_a_patch_as_faint_as_texture_is_doubted(tilted: Recording) -> None:
+    """However well its size is known; and so is a static friction of a few percent."""
     (cx, cy), reach = (c := context_of(tilted)).centre_m, c.reach_m
     place = [cx, cy, math.log(0.5 * reach)]
     fitter, faint = contended(tilted, fx.FrictionPatch, [0.003, *place])
     _, plain = contended(tilted, fx.FrictionPatch, [-0.3, *place])
     assert doubt(faint, fitter.context) > 100.0
     assert doubt(plain, fitter.context) == 0.0
+    _, sticky = contended(tilted, fx.Stiction, [0.02])
+    assert doubt(sticky, fitter.context) > 100.0
 
 
 def test_what_strains_the_simulator_s_trust_is_not_explained(tilted: Recording) -> None:
@@ -252,3 +255,7 @@ def test_what_strains_the_simulator_s_trust_is_not_explained(tilted: Recording) 
 
     assert strain(fx.FloorTilt) < 0.01
     assert strain(fx.Inertia) > 0.5
+    # where nothing is claimed, nothing is strained, however far off the simulator has to be
+    alone = surroundings(nominal, known)
+    none = Contender(nominal, alone, evidence(alone, fitter.context), 0.0, {})
+    assert strained(none, nominal, measured) == 0.0

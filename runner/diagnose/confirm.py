@@ -68,7 +68,12 @@ class Confirmed:
 
 def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed:
     """Weigh the leading contenders by all episodes."""
-    finite = [c for c in found.contenders if np.isfinite(c.log_posterior)]
+    finite = [
+        replace(c, log_posterior=c.log_posterior - doubt(c, fitter.context))
+        for c in found.contenders
+        if np.isfinite(c.log_posterior)
+    ]
+    finite.sort(key=lambda c: -c.log_posterior)
     nominal = next(c for c in finite if not c.fit.explanation.kinds)
     near = finite[0].log_posterior - CLOSE
     leaders = [c for i, c in enumerate(finite) if i < LEADERS or c is nominal or c.log_posterior > near]
@@ -88,10 +93,7 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     weighed = _with_what_is_left(weighed, fits, fitter)
     seen = fitter.measured.count((*nominal.fit.episodes, *held_out))
     against_none = odds_against_none((nominal.fit.total + before.total) / seen - 1.0)
-    weighed = [
-        replace(c, log_posterior=c.log_posterior - (doubt(c, fitter.context) if c.fit.x.size else against_none))
-        for c in weighed
-    ]
+    weighed = [c if c.fit.x.size else replace(c, log_posterior=c.log_posterior - against_none) for c in weighed]
     weighed.sort(key=lambda c: -c.log_posterior)
     # those that were not weighed keep their distance to the first of the leaders, and don't pass the last of them
     moved = next(w for w in weighed if w.fit is leaders[0].fit).log_posterior - leaders[0].log_posterior
@@ -137,8 +139,8 @@ def doubt(contender: Contender, context: Context) -> float:
         part = slice(whole.start, whole.start + 1) if len(kind.starts(context)) else whole
         errors_off = float(np.sqrt(x[part] @ np.linalg.pinv(covariance[part, part], hermitian=True) @ x[part]))
         found += DOUBT * max(1.0 - errors_off, 0.0)
-        if kind.faint:
-            found += FAINT * max(1.0 - abs(float(x[whole.start])) / kind.faint, 0.0)
+        if kind.faint_below > 0:
+            found += FAINT * max(1.0 - abs(float(x[whole.start])) / kind.faint_below, 0.0)
     return found
 
 

@@ -28,9 +28,9 @@ TEMPER = 2.0  # log odds are divided by it, against overconfidence; not yet cali
 UNKNOWN_EXCESS = 0.12  # see `_unknown`; known effects of tuning and practice cases left up to 0.09
 UNKNOWN_SHARE = 0.0025
 UNKNOWN_WIDTH = 0.4
-# see `strained`: level of mismatch (base 2 log) and share of the gap left, from which on, and how sharply
+# see `strained`: level of mismatch (base 2 log), from which on, how sharply; what is left, of the noise and of the gap
 STRAINED, STRAINED_WIDTH = 2.5, 0.25
-STRAINED_LEFT, STRAINED_LEFT_WIDTH = 0.02, 0.3
+STRAINED_LEFT, STRAINED_SHARE, STRAINED_LEFT_WIDTH = 0.05, 0.02, 0.3
 FAILED = 0.7  # where the best explanation does not close half of a plain gap in episodes it has not seen
 MOST_UNKNOWN = 0.97
 LEAST_UNKNOWN = 0.03  # of unknown effects some look like known ones: dead band like mass, wear like friction
@@ -294,11 +294,12 @@ def strained(best: Contender, nominal: Fit, measured: Measured) -> float:
     evidence asks for that much, and the explanation alone leaves more of the gap than effects of the vocabulary do,
     something else is going on.
     """
-    count = measured.count(nominal.episodes)
-    weight = softmax(best.evidence.level)
-    asked = float(weight @ np.log2(LEVELS))
-    left = max(best.fit.total - count, 1.0) / max(nominal.total - count, 1.0)
-    return float(expit((asked - STRAINED) / STRAINED_WIDTH) * expit(np.log(left / STRAINED_LEFT) / STRAINED_LEFT_WIDTH))
+    if not best.fit.x.size:
+        return 0.0  # nothing is claimed
+    left, gap = (max(f.total / measured.count(f.episodes) - 1.0, 1e-4) for f in (best.fit, nominal))
+    asked = float(softmax(best.evidence.level) @ np.log2(LEVELS))
+    allowed = STRAINED_LEFT + STRAINED_SHARE * gap
+    return float(expit((asked - STRAINED) / STRAINED_WIDTH) * expit(np.log(left / allowed) / STRAINED_LEFT_WIDTH))
 
 
 def values_of(

@@ -51,9 +51,9 @@ CLIMBED, CLIMB_STEPS = 0.02, 5  # share that a climb has to take off to be follo
 LINEAR = 0.1  # of the nominal model's excess: where a fit leaves less, the promises of further effects hold
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
 # Mean square, in noises, from which on a descent from the nominal model is not trusted; then the first part of the
-# episodes is searched before, down to so many seconds, and so many of its explanations of each size are tried. It is
-# searched afterwards where the mean square is above the second number and every single effect leaves such a share.
+# episodes is searched before, down to so many seconds, and so many of its explanations of each size are tried.
 STEEP, FIRST, SHORTEST_S, SEEDS = 10.0, 1 / 3, 0.5, 2
+# Mean square from which on they are searched after the single effects, where the first fits of all leave such a share.
 DOUBTFUL, UNEXPLAINED = 2.5, 0.25
 # Shares of the episodes that the likeliest of them are fitted to on the way to the whole, where they leave more there.
 RUNGS, ASTRAY = (0.5, 0.75), 2.0
@@ -120,6 +120,12 @@ def search(
     alone = survey(fitter, nominal, every)
     contenders = [_contend(fitter, nominal, alone)]
     worth = WORTH * count + WORTH_SHARE * max(nominal.total - count, 0.0)
+
+    def contend(fit: Fit, *known: Survey) -> Contender:
+        contender = _contend(fitter, fit, *known)
+        lacks = worth - (nominal.total - fit.total) if len(fit.explanation.kinds) == 1 else 0.0
+        return replace(contender, log_posterior=contender.log_posterior - 0.5 * max(lacks, 0.0))
+
     beam, seen = contenders[:1], {NONE.kinds}
     for size in range(1, most + 1):
         fits: list[Fit] = []
@@ -168,6 +174,9 @@ def search(
             fit = fitter.fit(
                 seed.explanation, episodes, **begin, target=target, patience=3, iterations=12, polish=False
             )
+            simpler = min(c.fit.total for c in contenders if set(c.fit.explanation.kinds) < set(key))
+            if size > 1 and simpler - fit.total <= worth:
+                continue
             same = [f for f in fits if _key(f.explanation) == key]
             if all(fit.total < f.total for f in same):
                 fits = [*(f for f in fits if _key(f.explanation) != key), fit]
@@ -178,22 +187,23 @@ def search(
             break
         fits = _finished(fitter, sorted(fits, key=lambda f: f.total), count)
         around_best = survey(fitter, fits[0], every)
-        new = [_contend(fitter, fit, around_best, alone) for fit in fits[:SURVEYED]]
-        if size == 1:
-            new = [_less(c, 0.5 * max(worth - (nominal.total - c.fit.total), 0.0)) for c in new]
+        new = [contend(fit, around_best, alone) for fit in fits[:SURVEYED]]
         best = max(c.log_posterior for c in contenders)
         left_before = min(c.fit.total for c in contenders) - count
         contenders += new
         new.sort(key=lambda c: -c.log_posterior)
         if size > 1:
             least = min(new, key=lambda c: c.fit.total)
-            simpler = _without_one(fitter, least, contenders, (around_best, alone), episodes)
-            # a fit that found a better place takes the place of the one before
-            better = {_key(c.fit.explanation) for c in simpler}
-            seen |= better
-            contenders, new = (
-                [c for c in old if _key(c.fit.explanation) not in better] + simpler for old in (contenders, new)
-            )
+            for whole in {id(c): c for c in (least, new[0])}.values():
+                for fit in _without_one(fitter, whole, contenders, episodes):
+                    fewer, key = contend(fit, around_best, alone), _key(fit.explanation)
+                    seen.add(key)
+                    others = [c for c in contenders if _key(c.fit.explanation) != key]
+                    same = [c for c in contenders if _key(c.fit.explanation) == key]
+                    # a fit that found a better place takes the place of the one before
+                    if all(fewer.log_posterior >= c.log_posterior for c in same):
+                        contenders = [*others, fewer]
+                        new = [*(c for c in new if _key(c.fit.explanation) != key), fewer]
             new.sort(key=lambda c: -c.log_posterior)
             if new[0].log_posterior < best:
                 break
@@ -211,7 +221,7 @@ def search(
 
 
 def _seeds(fitter: Fitter, nominal: Fit, episodes: Sequence[int], most: int) -> tuple[dict[Kinds, Fit], set[Kinds]]:
-    """Search the beginnings of the episodes, where no explanation goes far astray.
+    """Search the beginnings of the episodes, where explanations have had less time to go astray.
 
     Returns:
         The fits of the single effects that are near the likeliest there, and of the likeliest several; and the single
@@ -320,10 +330,6 @@ def _in_order(seed: Fit, explanation: Explanation, fitter: Fitter) -> np.ndarray
     return np.concatenate([seed.x[parts[kind]] for kind in explanation.kinds])
 
 
-def _less(contender: Contender, by: float) -> Contender:
-    return replace(contender, log_posterior=contender.log_posterior - by)
-
-
 def _finished(fitter: Fitter, fits: list[Fit], count: int) -> list[Fit]:
     """Let the leaders come to rest, so that no further effect gains by what a longer fit would have.
 
@@ -338,13 +344,11 @@ def _finished(fitter: Fitter, fits: list[Fit], count: int) -> list[Fit]:
     return sorted(out, key=lambda f: f.total)
 
 
-def _without_one(
-    fitter: Fitter, whole: Contender, others: Sequence[Contender], known: Sequence[Survey], episodes: Sequence[int]
-) -> list[Contender]:
+def _without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], episodes: Sequence[int]) -> list[Fit]:
     """Drop each effect of an explanation in turn: what came in first may have stood in for what came later.
 
     What is left was perhaps fitted before, but had not found the place that it has now: a patch or a tether that is far
-    from where it is said to be needs the help of another effect to get there. Returns what is new, or better by far.
+    from where it is said to be needs the help of another effect to get there. Returns what is new, or leaves less.
     """
     before = {_key(c.fit.explanation): c.fit.total for c in others}
     count = fitter.measured.count(episodes)
@@ -356,7 +360,7 @@ def _without_one(
         if reached - whole.fit.total > WORTH * count:
             fit = fitter.fit(rest, episodes, x=x, near=whole.fit, target=whole.fit.total, patience=3, iterations=25)
             if reached - fit.total > WORTH * count:
-                out.append(_contend(fitter, fit, *known))
+                out.append(fit)
     return out
 
 

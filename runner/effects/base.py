@@ -108,7 +108,7 @@ class AbstractEffect(ABC):
     label: ClassVar[str]  # in words, for reports
     structural: ClassVar[bool] = False  # changes the MJCF, so that the model must be compiled anew
     of_sensor: ClassVar[bool] = False  # what moves is as believed, what is reported of it is not
-    faint: ClassVar[float] = 0.0  # a first parameter below it is the unevenness that any floor has
+    faint_below: ClassVar[float] = 0.0  # a first parameter smaller than that is not told from the floor's unevenness
     jumps: ClassVar[bool] = False  # has one parameter, at some values of which the motion jumps: a push fails to move
 
     def edit_mjcf(self, root: mjcf.RootElement, body: str) -> None:

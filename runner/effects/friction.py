@@ -116,7 +116,7 @@ class Stiction(AbstractEffect):
     name: ClassVar[str] = "stiction"
     label: ClassVar[str] = "a static friction above the kinetic one"
     jumps: ClassVar[bool] = True
-    faint: ClassVar[float] = 0.08
+    faint_below: ClassVar[float] = 0.08
     excess: float
 
     def __post_init__(self) -> None:
@@ -146,7 +146,7 @@ class FrictionPatch(AbstractEffect):
 
     name: ClassVar[str] = "friction_patch"
     label: ClassVar[str] = "friction that differs in one place of the floor"
-    faint: ClassVar[float] = 0.01
+    faint_below: ClassVar[float] = 0.01
     change: float
     x_m: float
     y_m: float
