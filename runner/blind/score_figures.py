@@ -124,7 +124,7 @@ def _effects(found: BlindScore) -> Figure:
 def _reliability(found: BlindScore) -> Figure:
     """Upper: how often right against stated, with intervals. Lower: how many answers were stated so."""
     table = found.basic.calibration
-    figure = _new(5.6, 5.2)
+    figure = _new(5.6, 5.2, left=0.85)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3.2, 1])
     figure.subplots_adjust(hspace=0.12)
     upper.plot([0, 1], [0, 1], color=FAINT, lw=1.5)
