@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runner.diagnose.evidence import directions, evidence, surroundings, survey, together
-from runner.diagnose.fit import NONE, Fit, Fitter
+from runner.diagnose.fit import NONE, Fit, Fitter, amplitudes
 from runner.diagnose.search import Contender, Search
 from runner.effects.base import Context
 
@@ -135,8 +135,7 @@ def doubt(contender: Contender, context: Context) -> float:
     """
     x, covariance, found = contender.fit.x, contender.evidence.covariance, 0.0
     for kind, whole in contender.fit.explanation.parts(context):
-        # where it has a place or a range, its amplitude is what makes it absent
-        part = slice(whole.start, whole.start + 1) if len(kind.starts(context)) else whole
+        part = amplitudes(kind, whole, context)
         errors_off = float(np.sqrt(x[part] @ np.linalg.pinv(covariance[part, part], hermitian=True) @ x[part]))
         found += DOUBT * max(1.0 - errors_off, 0.0)
         if kind.faint_below > 0:

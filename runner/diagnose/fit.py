@@ -54,6 +54,11 @@ class Explanation:
 NONE = Explanation(())
 
 
+def amplitudes(kind: type[AbstractEffect], part: slice, context: Context) -> slice:
+    """Return what of an effect's part of the vector makes it absent at zero: the first if it has a place or a range."""
+    return slice(part.start, part.start + 1) if len(kind.starts(context)) else part
+
+
 @dataclass(frozen=True)
 class Basis:
     """Derivatives of the whitened residuals by the start states, per episode: orthonormal (n, 6), triangle (6, 6)."""

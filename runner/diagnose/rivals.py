@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from runner.diagnose.evidence import LEVELS, Evidence, Surroundings, clip
-from runner.diagnose.fit import Explanation, Fit, Fitter
+from runner.diagnose.fit import Explanation, Fit, Fitter, amplitudes
 from runner.effects.base import EFFECTS, AbstractEffect, Context
 from runner.simulate import Run
 
@@ -95,8 +95,7 @@ def _screened(around: Surroundings, evidence: Evidence, context: Context) -> tup
     out = []
     for kind, own in explanation.parts(context):
         move = np.zeros(len(gram))
-        # what scatters has its amplitude first; its place and width do nothing without one
-        moved = slice(own.start, own.start + 1) if len(kind.starts(context)) else own
+        moved = amplitudes(kind, own, context)  # a place and a width do nothing without one
         move[moved] = x[moved]
         scale = np.array([d.scale for d in explanation.parameters(context)])
         for rival, members in kinds.items():
