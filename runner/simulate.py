@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import mujoco
 import numpy as np
@@ -20,13 +20,14 @@ from runner import law
 from runner.effects.base import AbstractEffect, Context, Motion, Target
 from runner.errors import RecordingError
 from runner.recording import Contact as BearsOn
-from runner.recording import Episode, Form, Nominal, Recording
+from runner.recording import Episode, Form, Nominal, Recording, Span
 from runner.scene import Base, BodyConfig, Dof, SceneConfig, build, push_columns
 
 Effects = tuple[AbstractEffect, ...]
 
 OBJECT = "object"
 STEP_RATE_HZ = 120.0  # at least so many physics steps a second: pose errors are then below 0.1 mm (second order)
+MODELS = 128  # kept for the next span
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS.value
 USERDATA = mujoco.mjtState.mjSTATE_USERDATA.value
 
@@ -91,6 +92,7 @@ class Simulator:
         step_rate_hz: At least so many physics steps a second; a whole number of them per sample.
         grid: Base points along each edge.
         threads: For the rollouts; None: one per core.
+        spans: What is simulated, each on its own, with all that was commanded before; None: every episode.
 
     Raises:
         RecordingError: If the recording is not planar.
@@ -100,6 +102,7 @@ class Simulator:
     step_rate_hz: float = STEP_RATE_HZ
     grid: int = 6
     threads: int | None = None
+    spans: tuple[Span, ...] | None = None
     steps_per_sample: int = field(init=False)
     step_s: float = field(init=False)
     simulated_s: float = field(init=False, default=0.0)  # how much has been simulated so far, for benchmarks
@@ -113,7 +116,10 @@ class Simulator:
         self._threads = self.threads or len(os.sched_getaffinity(0))
         self._pool = rollout.Rollout(nthread=self._threads if self._threads > 1 else 0)
         self._compiled: dict[tuple[type[AbstractEffect], ...], _Compiled] = {}
+        self._models: dict[Effects, mujoco.MjModel] = {}  # the latest, as many spans are simulated with the same
+        self._pushed: dict[tuple[Effects, int], np.ndarray] = {}
         self._commands = [self._columns(e) for e in self.recording.episodes]
+        self._spans = self.spans or tuple(Span(i, 0, len(e)) for i, e in enumerate(self.recording.episodes))
 
     def mjcf(self, effects: Effects) -> mjcf.RootElement:
         """Return the MJCF of the believed body with the elements that structural effects add."""
@@ -151,32 +157,49 @@ class Simulator:
         columns = np.nan_to_num(push_columns(episode.force_n, episode.point_m)[:-1])
         return np.repeat(columns, self.steps_per_sample, axis=0)
 
+    def _push(self, effects: Effects, episode: int) -> np.ndarray:
+        """Return the command that the body really gets over a whole episode, (n, 12)."""
+        key = effects, episode
+        if key not in self._pushed:
+            columns = self._commands[episode]
+            for effect in effects:
+                columns = effect.edit_command(columns, self.step_s)
+            self._pushed[key] = columns
+        return self._pushed[key]
+
+    def parts(self, spans: Sequence[Span]) -> Simulator:
+        """Return a simulator of parts of what this one simulates; `episode` counts what that is."""
+        whole = [self._spans[s.episode] for s in spans]
+        begins = [w.begin for w in whole]
+        spans = tuple(Span(w.episode, b + s.begin, b + s.end) for w, b, s in zip(whole, begins, spans, strict=True))
+        return replace(self, spans=spans)
+
     def predict(self, episode: int, runs: Sequence[Run]) -> np.ndarray:
-        """Return what would be measured at the samples of an episode, (len(runs), T, 6): pose, then twist."""
-        out = np.empty((len(runs), len(self.recording.episodes[episode]), 6))
+        """Return what would be measured at the samples of an episode, or span, (len(runs), T, 6): pose, then twist."""
+        span = self._spans[episode]
+        out = np.empty((len(runs), span.end - span.begin, 6))
         groups: dict[tuple[type[AbstractEffect], ...], list[int]] = {}
         for i, run in enumerate(runs):
             groups.setdefault(tuple(type(e) for e in run.effects if e.structural), []).append(i)
         for members in groups.values():
-            self._predict(episode, [runs[i] for i in members], out, members)
+            self._predict(span, [runs[i] for i in members], out, members)
         return out
 
-    def _predict(self, episode: int, runs: Sequence[Run], out: np.ndarray, rows: list[int]) -> None:
+    def _predict(self, span: Span, runs: Sequence[Run], out: np.ndarray, rows: list[int]) -> None:
         base = self._base(runs[0].effects)
-        command = self._commands[episode]
-        n = len(command)
-        known: dict[Effects, tuple[mujoco.MjModel, np.ndarray]] = {}
+        before = span.begin * self.steps_per_sample
+        n = (span.end - 1 - span.begin) * self.steps_per_sample
+        if len(self._models) > MODELS:
+            self._models.clear()
+            self._pushed.clear()
         models, control = [], np.zeros((len(runs), n, law.USERDATA_SIZE))
         start = np.zeros((len(runs), mujoco.mj_stateSize(base.model, FULL)))
         for i, run in enumerate(runs):
-            if run.effects not in known:
-                columns = command
-                for effect in run.effects:
-                    columns = effect.edit_command(columns, self.step_s)
-                known[run.effects] = self.model(run.effects), columns
-            model, columns = known[run.effects]
-            models.append(model)
-            control[i, :, : law.PUSH_SIZE] = columns
+            if run.effects not in self._models:
+                self._models[run.effects] = self.model(run.effects)
+            models.append(self._models[run.effects])
+            control[i, :, : law.PUSH_SIZE] = self._push(run.effects, span.episode)[before : before + n]
+            start[i, 0] = before * self.step_s
             start[i, 1:7] = run.start
             # half a step ahead: MuJoCo's pose is then the one at the middle of each step (leapfrog), second order
             start[i, 1:4] += 0.5 * self.step_s * run.start[3:]
@@ -185,7 +208,7 @@ class Simulator:
         motion = np.concatenate([start[:, None, 1:7], state[:, :, 1:7]], axis=1)
         motion[:, :, :3] -= 0.5 * self.step_s * motion[:, :, 3:]
         time = np.arange(n + 1) * self.step_s
-        for effects in known:
+        for effects in dict.fromkeys(run.effects for run in runs):
             which = [i for i, run in enumerate(runs) if run.effects == effects]
             measured = Motion(time, motion[which, :, :3], motion[which, :, 3:])
             for effect in effects:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -16,9 +17,11 @@ from scipy.optimize import lsq_linear
 
 from runner.diagnose.measured import Measured
 from runner.effects.base import AbstractEffect, Context, Parameter
+from runner.recording import Span
 from runner.simulate import Effects, Run, Simulator
 
 START_STEP = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])  # m, rad, m/s, rad/s
+FEWEST = 5  # samples of each channel that a piece of an episode must have
 
 
 @dataclass(frozen=True)
@@ -133,11 +136,24 @@ class Fitter:
     context: Context
     held: Effects = ()
 
+    def parts(self, spans: Sequence[Span]) -> Fitter:
+        """Return a fitter of parts of the episodes; to it each is an episode, with a start state of its own."""
+        return replace(self, simulator=self.simulator.parts(spans), measured=self.measured.parts(spans))
+
     def up_to(self, seconds: float) -> Fitter:
-        """Return a fitter of the first so many seconds of every episode."""
-        recording = self.simulator.recording.up_to(seconds)
-        simulator = replace(self.simulator, recording=recording)
-        return replace(self, simulator=simulator, measured=self.measured.up_to([len(e) for e in recording.episodes]))
+        """Return a fitter of the first so many seconds of every episode, at least two samples."""
+        most = max(2, int(seconds * self.simulator.recording.nominal.rate_hz * (1 + 1e-9)) + 1)
+        return self.parts([Span(e, 0, min(len(v), most)) for e, v in enumerate(self.measured.values)])
+
+    def pieces(self, seconds: float, episodes: Sequence[int]) -> list[Span]:
+        """Cut episodes into equal pieces of about so many seconds; what has hardly been measured is left out."""
+        spans = []
+        for e in episodes:
+            n = len(self.measured.values[e])
+            count = max(1, round((n - 1) / self.simulator.recording.nominal.rate_hz / seconds))
+            edges = np.linspace(0, n, count + 1).round().astype(int)
+            spans += [Span(e, int(a), int(b)) for a, b in pairwise(edges)]
+        return [s for s in spans if self.measured.valid[s.episode][s.begin : s.end].sum(axis=0).min() >= FEWEST]
 
     def first_starts(self, episodes: Sequence[int]) -> np.ndarray:
         """Return rough start states from the first samples, (E, 6)."""

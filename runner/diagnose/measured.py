@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from runner.colour import Colour, Found, estimate
-from runner.recording import Episode, Recording
+from runner.recording import Episode, Recording, Span
 
 CHANNELS = ("x", "y", "yaw", "vx", "vy", "wz")
 UNITS = ("m", "m", "rad", "m/s", "m/s", "rad/s")
@@ -44,9 +44,9 @@ class Measured:
         valid = self.valid[episode]
         return np.where(valid, self.colour.whiten(np.where(valid, residual / self.sigma, 0.0)), 0.0)
 
-    def up_to(self, samples: Sequence[int]) -> Measured:
-        """Return the first so many samples of each episode; the noise is what it was."""
-        values, valid = (tuple(v[:n] for v, n in zip(vs, samples, strict=True)) for vs in (self.values, self.valid))
+    def parts(self, spans: Sequence[Span]) -> Measured:
+        """Return parts of the episodes as episodes of their own; the noise is what it was."""
+        values, valid = (tuple(v[s.episode][s.begin : s.end] for s in spans) for v in (self.values, self.valid))
         return replace(self, values=values, valid=valid)
 
     def count(self, episodes: Iterable[int]) -> int:

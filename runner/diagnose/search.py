@@ -50,9 +50,10 @@ SIZES, OVER, CLIMBS, PART = np.geomspace(0.15, 4.0, 14), (0.85, 1.1, 1.3), 3, 0.
 CLIMBED, CLIMB_STEPS = 0.02, 5  # share that a climb has to take off to be followed by another; steps of its fits
 LINEAR = 0.1  # of the nominal model's excess: where a fit leaves less, the promises of further effects hold
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
-# Mean square, in noises, from which on a descent from the nominal model is not trusted; then the first part of the
-# episodes is searched before, down to so many seconds, and so many of its explanations of each size are tried.
-STEEP, FIRST, SHORTEST_S, SEEDS = 10.0, 1 / 3, 0.5, 2
+# Mean square, in noises, from which on a descent from the nominal model is not trusted; then the episodes are searched
+# in so many pieces before, none shorter than so many seconds, and so many of its explanations of each size are tried.
+STEEP, PIECES, SHORTEST_S, SEEDS = 10.0, 8, 0.5, 2
+TOGETHER = 2  # effects that are sought in pieces: what acts less than those comes in on the whole
 # Mean square from which on they are searched after the single effects, where the first fits of all leave such a share.
 DOUBTFUL, UNEXPLAINED = 2.5, 0.25
 # Shares of the episodes that the likeliest of them are fitted to on the way to the whole, where they leave more there.
@@ -77,6 +78,15 @@ class Contender:
 
 
 @dataclass(frozen=True)
+class Seed:
+    """Where a fit may begin: an explanation, its parameters, (p,), and start states of the episodes, (E, 6)."""
+
+    explanation: Explanation
+    x: np.ndarray
+    starts: np.ndarray
+
+
+@dataclass(frozen=True)
 class Search:
     """All contenders, likeliest first, and the fit of the nominal model."""
 
@@ -96,26 +106,27 @@ def search(
     most: int = MOST_EFFECTS,
     starts: np.ndarray | None = None,
     before: Search | None = None,
+    pieces: bool = False,
 ) -> Search:
     """Fit and compare explanations of up to `most` effects on these episodes.
 
     `starts` are start states to begin with, (E, 6). `before` is a search of the same episodes with another account of
     the noise: its contenders are where this one begins, and single effects that did not get that far are not tried
-    alone again.
+    alone again. `pieces` says that they are pieces of episodes: short, so that few steps will do.
 
-    Where the nominal model goes far astray, descents from it end in hollows: the first third of the episodes is then
-    searched before, and what was found there is where the fits begin. Where it goes less far astray, but no single
-    effect explains that, they begin there once more.
+    Where the nominal model goes far astray, descents from it end in hollows: the episodes are then searched in pieces
+    before (as in multiple shooting, Bock 1983), and what was found there is where the fits begin. Where it goes less
+    far astray, but no single effect explains that, they begin there once more.
     """
     every = directions(fitter.context)
     starts = starts if before is None else before.nominal.starts
     nominal = fitter.fit(NONE, episodes, starts=starts, iterations=RESTED)
     count = fitter.measured.count(episodes)
-    seeds: dict[Kinds, Fit] = {}
+    seeds: dict[Kinds, Seed] = {}
     ruled_out: set[Kinds] = set()
     if before is not None:
         seeds, ruled_out = _resumed(before)
-    elif nominal.total > STEEP * count:
+    elif not pieces and nominal.total > STEEP * count:
         seeds, ruled_out = _seeds(fitter, nominal, episodes, most)
     alone = survey(fitter, nominal, every)
     contenders = [_contend(fitter, nominal, alone)]
@@ -127,6 +138,7 @@ def search(
         return replace(contender, log_posterior=contender.log_posterior - 0.5 * max(lacks, 0.0))
 
     beam, seen = contenders[:1], {NONE.kinds}
+    candidates = FEWEST if pieces else CANDIDATES
     for size in range(1, most + 1):
         fits: list[Fit] = []
         target = np.inf if size == 1 else min(c.fit.total for c in contenders)
@@ -139,14 +151,16 @@ def search(
                 if left < worth:
                     continue  # nothing is left that would be worth an effect
                 if left < LINEAR * (nominal.total - count):
-                    offers = [o for o in offers[:CANDIDATES] if o[0] > OFFERED * worth]
+                    offers = [o for o in offers[:candidates] if o[0] > OFFERED * worth]
                 else:
                     # far from a good fit the linear promise misleads: the commonest effects are always tried
-                    offers = [o for i, o in enumerate(offers) if i < CANDIDATES or o[1] in COMMON]
+                    offers = [o for i, o in enumerate(offers) if i < candidates or o[1] in COMMON]
             for _, kind, vector in offers:
                 explanation, x = joined(contender.fit, kind, vector)
                 key = _key(explanation)
-                if key in seen or key in ruled_out:
+                # what has a place may have missed it without what is in now
+                anew = size > 1 and left > CLOSE * count and len(kind.starts(fitter.context)) > 0
+                if key in ruled_out or (key in seen and not anew):
                     continue
                 seen.add(key)
                 fit = fitter.fit(
@@ -155,16 +169,16 @@ def search(
                     **_beginning(fitter, explanation, x, contender.fit, seeds.pop(key, None)),
                     target=target,
                     # what begins at a place or a range of its own has some way to go before it can be judged
-                    patience=0 if size == 1 and not len(kind.starts(fitter.context)) else 3,
-                    iterations=8 if size == 1 else 12,
+                    patience=0 if size == 1 and not len(kind.starts(fitter.context)) else 1 if pieces else 3,
+                    iterations=8 if size == 1 or pieces else 12,
                     polish=False,
                 )
                 if kind.jumps and fit.total - count > CLOSE * count:
                     fit = _over_edges(fitter, fit, contender.fit)
                 if size == 1 or contender.fit.total - fit.total > worth:
-                    fits.append(fit)
+                    fits = _with(fits, fit)
                     target = min(target, fit.total)
-        doubtful = size == 1 and before is None and DOUBTFUL * count < nominal.total <= STEEP * count
+        doubtful = size == 1 and before is None and not pieces and DOUBTFUL * count < nominal.total <= STEEP * count
         if doubtful and target - count > UNEXPLAINED * (nominal.total - count):
             seeds, _ = _seeds(fitter, nominal, episodes, most)
         for key in [k for k in seeds if len(k) == size]:
@@ -177,9 +191,7 @@ def search(
             simpler = min(c.fit.total for c in contenders if set(c.fit.explanation.kinds) < set(key))
             if size > 1 and simpler - fit.total <= worth:
                 continue
-            same = [f for f in fits if _key(f.explanation) == key]
-            if all(fit.total < f.total for f in same):
-                fits = [*(f for f in fits if _key(f.explanation) != key), fit]
+            fits = _with(fits, fit)
             target = min(target, fit.total)
         if not fits:
             if any(len(key) > size for key in seeds):
@@ -220,59 +232,76 @@ def search(
     return Search(tuple(contenders), nominal)
 
 
-def _seeds(fitter: Fitter, nominal: Fit, episodes: Sequence[int], most: int) -> tuple[dict[Kinds, Fit], set[Kinds]]:
-    """Search the beginnings of the episodes, where explanations have had less time to go astray.
+def _seeds(fitter: Fitter, nominal: Fit, episodes: Sequence[int], most: int) -> tuple[dict[Kinds, Seed], set[Kinds]]:
+    """Search the episodes in pieces, each from a start state of its own: in a short time no explanation goes astray.
 
     Returns:
-        The fits of the single effects that are near the likeliest there, and of the likeliest several; and the single
-        effects that the beginnings rule out.
+        The single effects that are near the likeliest there, and the likeliest several; and the single effects that
+        the pieces rule out.
     """
-    longest_s = max(float(np.ptp(fitter.simulator.recording.episodes[e].t_s)) for e in episodes)
-    if longest_s * FIRST < SHORTEST_S:
+    rate_hz = fitter.simulator.recording.nominal.rate_hz
+    longest_s = max(len(fitter.measured.values[e]) for e in episodes) / rate_hz
+    piece_s = max(longest_s / PIECES, SHORTEST_S)
+    if longest_s < 2 * piece_s:
         return {}, set()
-    short = fitter.up_to(longest_s * FIRST)
-    found = search(short, episodes, most=most)
-    fitter.simulator.simulated_s += short.simulator.simulated_s
-    seeds: dict[Kinds, Fit] = {}
+    while True:
+        spans = fitter.pieces(piece_s, episodes)
+        cut = fitter.parts(spans)
+        rough = cut.fit(NONE, range(len(spans)), iterations=RESTED)
+        if piece_s < 2 * SHORTEST_S or rough.total < DOUBTFUL * cut.measured.count(rough.episodes):
+            break
+        piece_s /= 2
+    found = search(cut, rough.episodes, most=min(most, TOGETHER), starts=rough.starts, pieces=True)
+    fitter.simulator.simulated_s += cut.simulator.simulated_s
+    starts = nominal.starts.copy()
+    begins = [(i, episodes.index(s.episode)) for i, s in enumerate(spans) if s.begin == 0]
+
+    def seed(fit: Fit) -> Seed:
+        for piece, row in begins:
+            starts[row] = fit.starts[piece]
+        return Seed(fit.explanation, fit.x, starts.copy())
+
+    seeds: dict[Kinds, Seed] = {}
     near = found.best.log_posterior - NEAR
     for c in found.contenders:
         kinds = c.fit.explanation.kinds
         if c.log_posterior > near and kinds and (len(kinds) == 1 or sum(len(k) == len(kinds) for k in seeds) < SEEDS):
-            seeds[_key(c.fit.explanation)] = c.fit
+            seeds[_key(c.fit.explanation)] = seed(c.fit)
     for c in found.contenders[:SEEDS]:
         key = _key(c.fit.explanation)
         if key in seeds:
-            seeds[key] = _carried(fitter, c.fit, episodes, longest_s)
-    count = short.measured.count(episodes)
-    explained = found.best.fit.total < 1.5 * count and len(found.best.fit.explanation.kinds) == 1
-    # beginnings that the nominal model explains nearly as well, as those at rest, rule nothing out
+            seeds[key] = _carried(fitter, seeds[key], episodes, longest_s)
+    count = cut.measured.count(range(len(spans)))
+    explained = found.best.fit.total < 1.5 * count
+    # pieces that the nominal model explains nearly as well rule nothing out
     nothing = next(c for c in found.contenders if not c.fit.explanation.kinds)
     decided = explained and nothing.log_posterior < near
     singles = {(kind,) for kinds in EFFECTS.values() for kind in kinds}
     return seeds, singles - set(seeds) if decided else set()
 
 
-def _carried(fitter: Fitter, seed: Fit, episodes: Sequence[int], longest_s: float) -> Fit:
-    """Fit what was found in the beginnings of the episodes to longer parts, as long as it goes astray on the whole."""
+def _carried(fitter: Fitter, seed: Seed, episodes: Sequence[int], longest_s: float) -> Seed:
+    """Fit what was found in pieces of the episodes to longer parts, as long as it goes astray on the whole."""
     count = fitter.measured.count(episodes)
     for share in RUNGS:
         if fitter.loss(seed.explanation, seed.x, seed.starts, episodes) < ASTRAY * count:
             break
         longer = fitter.up_to(longest_s * share)
-        seed = longer.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=12, polish=False)
+        fit = longer.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=12, polish=False)
         fitter.simulator.simulated_s += longer.simulator.simulated_s
+        seed = Seed(fit.explanation, fit.x, fit.starts)
     return seed
 
 
-def _resumed(before: Search) -> tuple[dict[Kinds, Fit], set[Kinds]]:
+def _resumed(before: Search) -> tuple[dict[Kinds, Seed], set[Kinds]]:
     near = [c for c in before.contenders if c.log_posterior > before.best.log_posterior - NEAR]
     fits = [c.fit for c in near if c.fit.explanation.kinds]
     tried = {_key(f.explanation) for f in fits}
     singles = {(kind,) for kinds in EFFECTS.values() for kind in kinds}
-    return {_key(f.explanation): f for f in fits}, singles - tried
+    return {_key(f.explanation): Seed(f.explanation, f.x, f.starts) for f in fits}, singles - tried
 
 
-def _beginning(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit, seed: Fit | None) -> dict[str, Any]:
+def _beginning(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit, seed: Seed | None) -> dict[str, Any]:
     """Return where to begin a fit: from what is near, or from the seed where that leaves less."""
     if seed is None:
         new = explanation.kinds[-1]
@@ -324,10 +353,18 @@ def _over_edges(fitter: Fitter, fit: Fit, without: Fit) -> Fit:
     return fit
 
 
-def _in_order(seed: Fit, explanation: Explanation, fitter: Fitter) -> np.ndarray:
-    """Return a fit's parameters in the order of an explanation of the same effects."""
+def _in_order(seed: Seed, explanation: Explanation, fitter: Fitter) -> np.ndarray:
+    """Return a seed's parameters in the order of an explanation of the same effects."""
     parts = dict(seed.explanation.parts(fitter.context))
     return np.concatenate([seed.x[parts[kind]] for kind in explanation.kinds])
+
+
+def _with(fits: list[Fit], new: Fit) -> list[Fit]:
+    """Add a fit; of one explanation only the fit that leaves least is kept."""
+    key = _key(new.explanation)
+    if any(f.total <= new.total for f in fits if _key(f.explanation) == key):
+        return fits
+    return [*(f for f in fits if _key(f.explanation) != key), new]
 
 
 def _finished(fitter: Fitter, fits: list[Fit], count: int) -> list[Fit]:

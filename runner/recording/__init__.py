@@ -5,7 +5,7 @@ columns are listed in `runner.recording.table`, the keys of `nominal.yaml` in `r
 """
 
 from runner.recording.case import find_cases, read_case, write_case
-from runner.recording.data import Contact, Episode, Form, Noise, Nominal, Recording
+from runner.recording.data import Contact, Episode, Form, Noise, Nominal, Recording, Span
 from runner.recording.nominal import read_nominal, write_nominal
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "Noise",
     "Nominal",
     "Recording",
+    "Span",
     "find_cases",
     "read_case",
     "read_nominal",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
@@ -169,12 +169,6 @@ class Episode:
     def __len__(self) -> int:
         return len(self.t_s)
 
-    def up_to(self, seconds: float) -> Episode:
-        """Return the first so many seconds, at least two samples."""
-        n = max(2, int(np.searchsorted(self.t_s - self.t_s[0], seconds * (1 + 1e-9), side="right")))
-        parts = {name: getattr(self, name)[:n] for name in ("t_s", "pose", "twist", "force_n", "point_m")}
-        return replace(self, **parts)
-
     @property
     def form(self) -> Form:
         """Planar or in space."""
@@ -214,9 +208,14 @@ class Recording:
             if episode.form is not self.form:
                 raise RecordingError(f"{self.path}: episode {episode.index} is {episode.form}, not {self.form}.")
 
-    def up_to(self, seconds: float) -> Recording:
-        """Return the first so many seconds of every episode, at least two samples."""
-        return replace(self, episodes=tuple(e.up_to(seconds) for e in self.episodes))
+
+@dataclass(frozen=True)
+class Span:
+    """Part of an episode, from sample `begin` until before sample `end`, with a start state of its own."""
+
+    episode: int
+    begin: int
+    end: int
 
 
 def _frozen(values: ArrayLike) -> Float:
