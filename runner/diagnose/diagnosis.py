@@ -10,13 +10,15 @@ import numpy as np
 import pandas as pd
 from scipy.special import expit, logsumexp, softmax
 
+from runner.diagnose.breakaway import hanging
 from runner.diagnose.confirm import Confirmed, confirm, unseen
 from runner.diagnose.evidence import LEVELS, directions, surroundings, survey
 from runner.diagnose.fit import NONE, Fit, Fitter
 from runner.diagnose.measured import CHANNELS, UNITS, Measured, materially_different, measure, refine
 from runner.diagnose.next_push import best_push
+from runner.diagnose.pieces import look
 from runner.diagnose.rivals import Rival, rivals
-from runner.diagnose.search import RESTED, Contender, Search, are_twins, search
+from runner.diagnose.search import RESTED, Contender, Search, are_twins, resumed, search
 from runner.diagnose.where import Where, check_length, closure_by_regime, localise
 from runner.effects.base import Context
 from runner.errors import RecordingError
@@ -140,13 +142,13 @@ def diagnose(recording: Recording, *, threads: int | None = None, advise: bool =
     simulator = Simulator(recording, grid=8, threads=threads)
     fitted, held_out = split([e.index for e in recording.episodes])
     check_length(simulator)
-    measured, found = _explained(recording, simulator, fitted)
+    measured, found = _explained(recording, simulator, fitted, held_out)
     fitter = Fitter(simulator, measured, context_of(recording))
     confirmed = confirm(found, fitter, held_out)
     nominal_excess = found.nominal.total / measured.count(fitted) - 1.0
     if turned := _unseen_only(confirmed, nominal_excess) and len(fitted) > len(held_out):
         fitted, held_out = (*fitted[len(held_out) :], *held_out), fitted[: len(held_out)]
-        measured, found = _explained(recording, simulator, fitted)
+        measured, found = _explained(recording, simulator, fitted, held_out)
         fitter = replace(fitter, measured=measured)
         confirmed = confirm(found, fitter, held_out)
         nominal_excess = found.nominal.total / measured.count(fitted) - 1.0
@@ -192,18 +194,28 @@ def diagnose(recording: Recording, *, threads: int | None = None, advise: bool =
     )
 
 
-def _explained(recording: Recording, simulator: Simulator, fitted: Sequence[int]) -> tuple[Measured, Search]:
+def _explained(
+    recording: Recording, simulator: Simulator, fitted: Sequence[int], held_out: Sequence[int]
+) -> tuple[Measured, Search]:
     """Search for the explanation; what noise there is shows in what the best one leaves, so look twice."""
     context = context_of(recording)
     measured = measure(recording)
     nominal = Fitter(simulator, measured, context).fit(NONE, fitted, iterations=RESTED)
     measured = refine(measured, recording, _left(nominal, (), simulator, measured))
-    found = search(Fitter(simulator, measured, context), fitted, starts=nominal.starts)
+    fitter = Fitter(simulator, measured, context)
+    seen = look(fitter, nominal)
+    if seen is not None:
+        fitter = replace(fitter, measured=measured.without(seen.hung))
+    found = search(fitter, fitted, starts=nominal.starts, beginning=seen and seen.beginning)
+    hung = hanging(fitter, found.best.fit)
+    measured = fitter.measured.without(hung)
     best = found.best.fit
     again = refine(measured, recording, _left(best, best.explanation.make(best.x, context), simulator, measured))
-    if materially_different(measured, again):
-        measured, found = again, search(Fitter(simulator, again, context), fitted, before=found)
-    return measured, found
+    if hung or materially_different(measured, again):
+        fitter = replace(fitter, measured=again)
+        found = search(fitter, fitted, starts=found.nominal.starts, beginning=resumed(found))
+    there = hanging(fitter, unseen(found.best, fitter, held_out, None))
+    return fitter.measured.without(there), found
 
 
 def _unseen_only(confirmed: Confirmed, nominal_excess: float) -> bool:
@@ -444,6 +456,12 @@ def notes(
     out = list(recording.notes)
     if not measured.stated.all():
         out.append("The noise was not stated for every channel and was estimated from the recording.")
+    for e, sample in measured.hung.items():
+        episode = recording.episodes[e]
+        out.append(
+            f"Episode {episode.index} was not fitted from {episode.t_s[sample]:.2f} s on: whether a push there starts "
+            "the body hangs on less static friction than a floor is even in."
+        )
     if measured.colour.lag_one.any():
         out.append("The noise is correlated from sample to sample; this was taken into account.")
     dropped = int(sum((~v).sum() for v in measured.valid))

@@ -153,7 +153,7 @@ class Fitter:
             count = max(1, round((n - 1) / self.simulator.recording.nominal.rate_hz / seconds))
             edges = np.linspace(0, n, count + 1).round().astype(int)
             spans += [Span(e, int(a), int(b)) for a, b in pairwise(edges)]
-        return [s for s in spans if self.measured.valid[s.episode][s.begin : s.end].sum(axis=0).min() >= FEWEST]
+        return [s for s in spans if self.measured.counted(s.episode)[s.begin : s.end].sum(axis=0).min() >= FEWEST]
 
     def first_starts(self, episodes: Sequence[int]) -> np.ndarray:
         """Return rough start states from the first samples, (E, 6)."""

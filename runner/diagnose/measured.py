@@ -5,8 +5,8 @@ Nothing here knows what moved, or how. A channel is a column of numbers with a n
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -31,6 +31,7 @@ class Measured:
         colour: Of the noise of each channel.
         valid: Per episode (T, C): False for outliers and what was not measured.
         stated: Whether the owner stated the noise of each channel, (C,).
+        hung: The first sample of an episode that hangs on a breakaway: from there on it says nothing to a fit.
     """
 
     values: tuple[np.ndarray, ...]
@@ -38,20 +39,33 @@ class Measured:
     colour: Colour
     valid: tuple[np.ndarray, ...]
     stated: np.ndarray
+    hung: Mapping[int, int] = field(default_factory=dict)
+
+    def counted(self, episode: int) -> np.ndarray:
+        """Return what counts in a fit, (T, C)."""
+        if episode not in self.hung:
+            return self.valid[episode]
+        return self.valid[episode] & (np.arange(len(self.valid[episode])) < self.hung[episode])[:, None]
 
     def whiten(self, episode: int, residual: np.ndarray) -> np.ndarray:
-        """Return residuals (..., T, C) in units of the noise and with its colour taken out; invalid ones are 0."""
-        valid = self.valid[episode]
+        """Return residuals (..., T, C) in units of the noise, its colour taken out; 0 where they don't count."""
+        valid = self.counted(episode)
         return np.where(valid, self.colour.whiten(np.where(valid, residual / self.sigma, 0.0)), 0.0)
 
     def parts(self, spans: Sequence[Span]) -> Measured:
         """Return parts of the episodes as episodes of their own; the noise is what it was."""
         values, valid = (tuple(v[s.episode][s.begin : s.end] for s in spans) for v in (self.values, self.valid))
-        return replace(self, values=values, valid=valid)
+        hung = {i: max(self.hung[s.episode] - s.begin, 0) for i, s in enumerate(spans) if s.episode in self.hung}
+        return replace(self, values=values, valid=valid, hung=hung)
+
+    def without(self, hung: Mapping[int, int]) -> Measured:
+        """Return the same less what hangs on a breakaway, from such a sample of an episode on."""
+        earliest = {e: min(hung.get(e, s), self.hung.get(e, s)) for e, s in {**self.hung, **hung}.items()}
+        return replace(self, hung=earliest)
 
     def count(self, episodes: Iterable[int]) -> int:
         """Number of values of these episodes that count."""
-        return int(sum(self.valid[e].sum() for e in episodes))
+        return int(sum(self.counted(e).sum() for e in episodes))
 
 
 def measure(recording: Recording) -> Measured:
@@ -80,12 +94,12 @@ def refine(measured: Measured, recording: Recording, residuals: dict[int, np.nda
             bad = ~measured.valid[e][:, c]
             if bad.any() and not bad.all():
                 filled[bad, c] = np.interp(np.flatnonzero(bad), np.flatnonzero(~bad), filled[~bad, c])
-        stretches.append(np.nan_to_num(filled))
+        stretches.append(np.nan_to_num(filled)[: measured.hung.get(e, len(filled))])
     sigma, colour = _noise(stretches, recording.episodes[0].step_s, _stated(recording), measured.sigma[_firsts()])
     valid = list(measured.valid)
     for e, residual in residuals.items():
         valid[e] = np.isfinite(measured.values[e]) & _inliers(residual, sigma)
-    return Measured(measured.values, sigma, colour, tuple(valid), measured.stated)
+    return Measured(measured.values, sigma, colour, tuple(valid), measured.stated, measured.hung)
 
 
 def materially_different(a: Measured, b: Measured) -> bool:

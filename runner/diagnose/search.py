@@ -1,7 +1,8 @@
 """Search for the explanation: none, one effect, or several by forward selection with a beam.
 
 Around the fits so far every further effect promises a gain (a linear model, one batch of simulations). The promising
-ones are fitted; a fit that falls hopelessly behind is not finished. Explanations are then compared by evidence.
+ones are fitted; a fit that falls hopelessly behind is not finished. Explanations are then compared by evidence. A
+search may begin where an earlier look ended (see `runner.diagnose.pieces`).
 """
 
 from __future__ import annotations
@@ -50,17 +51,8 @@ SIZES, OVER, CLIMBS, PART = np.geomspace(0.15, 4.0, 14), (0.85, 1.1, 1.3), 3, 0.
 CLIMBED, CLIMB_STEPS = 0.02, 5  # share that a climb has to take off to be followed by another; steps of its fits
 LINEAR = 0.1  # of the nominal model's excess: where a fit leaves less, the promises of further effects hold
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
-# Mean square, in noises, from which on a descent from the nominal model is not trusted; then the episodes are searched
-# in so many pieces before, none shorter than so many seconds, and so many of its explanations of each size are tried.
-STEEP, PIECES, SHORTEST_S, SEEDS = 10.0, 8, 0.5, 2
-TOGETHER = 2  # effects that are sought in pieces: what acts less than those comes in on the whole
-# Mean square from which on they are searched after the single effects, where the first fits of all leave such a share.
-DOUBTFUL, UNEXPLAINED = 2.5, 0.25
-# Shares of the episodes that the likeliest of them are fitted to on the way to the whole, where they leave more there.
-RUNGS, ASTRAY = (0.5, 0.75), 2.0
-# Steps of their fits to the whole; one that then leaves less than ASTRAY is what has to be beaten.
-CARRIED = 4
 Kinds = tuple[type[AbstractEffect], ...]
+SINGLES = frozenset((kind,) for kinds in EFFECTS.values() for kind in kinds)
 # the same motion, or nearly, under known forces on a level floor; see the confounded set for what these data say
 TWINS = ({"mass", "actuator_gain"}, {"floor_tilt", "wind"}, {"actuator_delay", "observation_delay"})
 
@@ -90,6 +82,14 @@ class Seed:
 
 
 @dataclass(frozen=True)
+class Beginning:
+    """What an earlier look left: seeds by their effects, and single effects that are not to be tried alone again."""
+
+    seeds: dict[Kinds, Seed] = field(default_factory=dict)
+    ruled_out: frozenset[Kinds] = frozenset()
+
+
+@dataclass(frozen=True)
 class Search:
     """All contenders, likeliest first, and the fit of the nominal model."""
 
@@ -108,29 +108,18 @@ def search(
     *,
     most: int = MOST_EFFECTS,
     starts: np.ndarray | None = None,
-    before: Search | None = None,
+    beginning: Beginning | None = None,
     pieces: bool = False,
 ) -> Search:
     """Fit and compare explanations of up to `most` effects on these episodes.
 
-    `starts` are start states to begin with, (E, 6). `before` is a search of the same episodes with another account of
-    the noise: its contenders are where this one begins, and single effects that did not get that far are not tried
-    alone again. `pieces` says that they are pieces of episodes: short, so that few steps will do.
-
-    Where the nominal model goes far astray, descents from it end in hollows: the episodes are then searched in pieces
-    before (as in multiple shooting, Bock 1983), and what was found there is where the fits begin. Where it goes less
-    far astray, but no single effect explains that, they begin there once more.
+    `starts` are start states to begin with, (E, 6). `pieces` says that they are pieces of episodes: short, so that few
+    steps will do.
     """
     every = directions(fitter.context)
-    starts = starts if before is None else before.nominal.starts
     nominal = fitter.fit(NONE, episodes, starts=starts, iterations=RESTED)
     count = fitter.measured.count(episodes)
-    seeds: dict[Kinds, Seed] = {}
-    ruled_out: set[Kinds] = set()
-    if before is not None:
-        seeds, ruled_out = _resumed(before)
-    elif not pieces and nominal.total > STEEP * count:
-        seeds, ruled_out = _seeds(fitter, nominal, episodes, most)
+    seeds, ruled_out = ({}, frozenset()) if beginning is None else (dict(beginning.seeds), beginning.ruled_out)
     alone = survey(fitter, nominal, every)
     contenders = [_contend(fitter, nominal, alone)]
     worth = WORTH * count + WORTH_SHARE * max(nominal.total - count, 0.0)
@@ -164,7 +153,7 @@ def search(
                     offers = [o for i, o in enumerate(offers) if i < candidates or o[1] in COMMON]
             for _, kind, vector in offers:
                 explanation, x = joined(contender.fit, kind, vector)
-                key = _key(explanation)
+                key = key_of(explanation)
                 # what has a place may have missed it without what is in now
                 anew = size > 1 and left > CLOSE * count and len(kind.starts(fitter.context)) > 0
                 if key in ruled_out or (key in seen and not anew):
@@ -185,9 +174,6 @@ def search(
                 if size == 1 or contender.fit.total - fit.total > worth:
                     fits = _with(fits, fit)
                     target = min(target, fit.total)
-        doubtful = size == 1 and before is None and not pieces and DOUBTFUL * count < nominal.total <= STEEP * count
-        if doubtful and target - count > UNEXPLAINED * (nominal.total - count):
-            seeds, _ = _seeds(fitter, nominal, episodes, most)
         for key in [k for k in seeds if len(k) == size]:
             seed = seeds.pop(key)
             seen.add(key)
@@ -215,14 +201,14 @@ def search(
             least = min(new, key=lambda c: c.fit.total)
             for whole in {id(c): c for c in (least, new[0])}.values():
                 for fit in _without_one(fitter, whole, contenders, episodes):
-                    fewer, key = contend(fit, around_best, alone), _key(fit.explanation)
+                    fewer, key = contend(fit, around_best, alone), key_of(fit.explanation)
                     seen.add(key)
-                    others = [c for c in contenders if _key(c.fit.explanation) != key]
-                    same = [c for c in contenders if _key(c.fit.explanation) == key]
+                    others = [c for c in contenders if key_of(c.fit.explanation) != key]
+                    same = [c for c in contenders if key_of(c.fit.explanation) == key]
                     # a fit that found a better place takes the place of the one before
                     if all(fewer.log_posterior >= c.log_posterior for c in same):
                         contenders = [*others, fewer]
-                        new = [*(c for c in new if _key(c.fit.explanation) != key), fewer]
+                        new = [*(c for c in new if key_of(c.fit.explanation) != key), fewer]
             new.sort(key=lambda c: -c.log_posterior)
             if new[0].log_posterior < best:
                 break
@@ -239,78 +225,13 @@ def search(
     return Search(tuple(contenders), nominal)
 
 
-def _seeds(fitter: Fitter, nominal: Fit, episodes: Sequence[int], most: int) -> tuple[dict[Kinds, Seed], set[Kinds]]:
-    """Search the episodes in pieces, each from a start state of its own: in a short time no explanation goes astray.
-
-    Returns:
-        The single effects that are near the likeliest there, and the likeliest several; and the single effects that
-        the pieces rule out.
-    """
-    rate_hz = fitter.simulator.recording.nominal.rate_hz
-    longest_s = max(len(fitter.measured.values[e]) for e in episodes) / rate_hz
-    piece_s = max(longest_s / PIECES, SHORTEST_S)
-    if longest_s < 2 * piece_s:
-        return {}, set()
-    while True:
-        spans = fitter.pieces(piece_s, episodes)
-        cut = fitter.parts(spans)
-        rough = cut.fit(NONE, range(len(spans)), iterations=RESTED)
-        if piece_s < 2 * SHORTEST_S or rough.total < DOUBTFUL * cut.measured.count(rough.episodes):
-            break
-        piece_s /= 2
-    # where the nominal model is good, little is to be learnt about what it lacks
-    lacks = rough.loss - [cut.measured.count([i]) for i in rough.episodes]
-    first = np.array([s.begin == 0 for s in spans])
-    chosen = np.flatnonzero(first | (lacks > np.median(lacks)))
-    found = search(cut, chosen.tolist(), most=min(most, TOGETHER), starts=rough.starts[chosen], pieces=True)
-    fitter.simulator.simulated_s += cut.simulator.simulated_s
-    starts = nominal.starts.copy()
-    begins = [(row, episodes.index(spans[i].episode)) for row, i in enumerate(chosen) if first[i]]
-
-    def seed(fit: Fit) -> Seed:
-        for piece, row in begins:
-            starts[row] = fit.starts[piece]
-        return _seed(fitter, fit.explanation, fit.x, starts.copy(), episodes)
-
-    seeds: dict[Kinds, Seed] = {}
-    near = found.best.log_posterior - NEAR
-    for c in found.contenders:
-        kinds = c.fit.explanation.kinds
-        if c.log_posterior > near and kinds and (len(kinds) == 1 or sum(len(k) == len(kinds) for k in seeds) < SEEDS):
-            seeds[_key(c.fit.explanation)] = seed(c.fit)
-    for c in found.contenders[:SEEDS]:
-        key = _key(c.fit.explanation)
-        if key in seeds:
-            seeds[key] = _carried(fitter, seeds[key], episodes, longest_s)
-    explained = min((s.total for s in seeds.values()), default=np.inf) < ASTRAY * fitter.measured.count(episodes)
-    singles = {(kind,) for kinds in EFFECTS.values() for kind in kinds}
-    return seeds, singles - set(seeds) if explained else set()
-
-
-def _seed(fitter: Fitter, explanation: Explanation, x: np.ndarray, starts: np.ndarray, episodes: Sequence[int]) -> Seed:
-    return Seed(explanation, x, starts, fitter.loss(explanation, x, starts, episodes))
-
-
-def _carried(fitter: Fitter, seed: Seed, episodes: Sequence[int], longest_s: float) -> Seed:
-    """Fit what was found in pieces of the episodes to longer parts, as long as it goes astray, and to the whole."""
-    count = fitter.measured.count(episodes)
-    for share in RUNGS:
-        if seed.total < ASTRAY * count:
-            break
-        longer = fitter.up_to(longest_s * share)
-        fit = longer.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=12, polish=False)
-        fitter.simulator.simulated_s += longer.simulator.simulated_s
-        seed = _seed(fitter, fit.explanation, fit.x, fit.starts, episodes)
-    fit = fitter.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=CARRIED, polish=False)
-    return Seed(fit.explanation, fit.x, fit.starts, fit.total)
-
-
-def _resumed(before: Search) -> tuple[dict[Kinds, Seed], set[Kinds]]:
+def resumed(before: Search) -> Beginning:
+    """Return where a search of the same episodes with another account of the noise begins: where the last one ended."""
     near = [c for c in before.contenders if c.log_posterior > before.best.log_posterior - NEAR]
     fits = [c.fit for c in near if c.fit.explanation.kinds]
-    tried = {_key(f.explanation) for f in fits}
-    singles = {(kind,) for kinds in EFFECTS.values() for kind in kinds}
-    return {_key(f.explanation): Seed(f.explanation, f.x, f.starts, f.total) for f in fits}, singles - tried
+    tried = {key_of(f.explanation) for f in fits}
+    seeds = {key_of(f.explanation): Seed(f.explanation, f.x, f.starts, f.total) for f in fits}
+    return Beginning(seeds, SINGLES - tried)
 
 
 def _beginning(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit, seed: Seed | None) -> dict[str, Any]:
@@ -373,10 +294,10 @@ def _in_order(seed: Seed, explanation: Explanation, fitter: Fitter) -> np.ndarra
 
 def _with(fits: list[Fit], new: Fit) -> list[Fit]:
     """Add a fit; of one explanation only the fit that leaves least is kept."""
-    key = _key(new.explanation)
-    if any(f.total <= new.total for f in fits if _key(f.explanation) == key):
+    key = key_of(new.explanation)
+    if any(f.total <= new.total for f in fits if key_of(f.explanation) == key):
         return fits
-    return [*(f for f in fits if _key(f.explanation) != key), new]
+    return [*(f for f in fits if key_of(f.explanation) != key), new]
 
 
 def _finished(fitter: Fitter, fits: list[Fit], count: int, leaders: int) -> list[Fit]:
@@ -399,13 +320,13 @@ def _without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], 
     What is left was perhaps fitted before, but had not found the place that it has now: a patch or a tether that is far
     from where it is said to be needs the help of another effect to get there. Returns what is new, or leaves less.
     """
-    before = {_key(c.fit.explanation): c.fit.total for c in others}
+    before = {key_of(c.fit.explanation): c.fit.total for c in others}
     count = fitter.measured.count(episodes)
     out = []
     for kind, part in whole.fit.explanation.parts(fitter.context):
         rest = Explanation(tuple(k for k in whole.fit.explanation.kinds if k is not kind))
         x = np.delete(whole.fit.x, part)
-        reached = before.get(_key(rest), np.inf)
+        reached = before.get(key_of(rest), np.inf)
         if reached - whole.fit.total > WORTH * count:
             fit = fitter.fit(rest, episodes, x=x, near=whole.fit, target=whole.fit.total, patience=3, iterations=25)
             if reached - fit.total > WORTH * count:
@@ -413,7 +334,8 @@ def _without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], 
     return out
 
 
-def _key(explanation: Explanation) -> Kinds:
+def key_of(explanation: Explanation) -> Kinds:
+    """Return an explanation's effects in an order of their own."""
     return tuple(sorted(explanation.kinds, key=lambda k: k.__name__))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -87,6 +87,6 @@ def whitened(diagnosis: Diagnosis, paths: list[Paths], which: str) -> np.ndarray
     out = np.full((channels, len(paths), longest), np.nan)
     for k, p in enumerate(paths):
         difference = getattr(p, which) - diagnosis.measured.values[p.episode]
-        white = diagnosis.measured.whiten(p.episode, difference)
+        white = replace(diagnosis.measured, hung={}).whiten(p.episode, difference)
         out[:, k, : len(p.t_s)] = np.where(diagnosis.measured.valid[p.episode], white, np.nan).T
     return out

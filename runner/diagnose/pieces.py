@@ -1,0 +1,116 @@
+"""A first look at episodes cut into pieces, each with a start state of its own (as in multiple shooting, Bock 1983).
+
+Where the nominal model goes far astray, descents from it end in hollows. In half a second to a second no explanation
+goes astray, and what is found there is where the fits to whole episodes begin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runner.diagnose.breakaway import hanging
+from runner.diagnose.fit import NONE, Explanation, Fit, Fitter
+from runner.diagnose.search import NEAR, RESTED, SINGLES, Beginning, Kinds, Seed, key_of, resumed, search
+from runner.recording import Span
+
+ASTRAY = 2.5  # mean square, in noises, from which on a descent from the nominal model is not trusted
+# Into so many pieces episodes are cut, and into more as long as the nominal model goes astray in them, none shorter.
+PIECES, SHORTEST_S = 8, 0.5
+TOLD = 0.5  # share of the pieces that is searched
+TOGETHER = 2  # effects that are sought in pieces: what acts less than those comes in on the whole
+LIKELIEST = 2  # of several effects, of each size, that fits begin with; and of all that are carried over to the whole
+# Shares of the episodes that those are fitted to on the way to the whole, where they leave such a mean square there,
+# and steps of the fit to the whole; one that then leaves less is what has to be beaten.
+RUNGS, LEFT, CARRIED = (0.5, 0.75), 2.0, 4
+
+
+@dataclass(frozen=True)
+class Look:
+    """What pieces of the episodes show: where fits begin, and from which sample on an episode hangs on a breakaway."""
+
+    beginning: Beginning
+    hung: dict[int, int]
+
+
+def look(fitter: Fitter, nominal: Fit) -> Look | None:
+    """Search the episodes of a nominal fit in pieces, if it goes astray and they are long enough; else None.
+
+    What is left for the whole are the single effects that are near the likeliest, and the likeliest several. If one of
+    those explains the whole, no other single effect is worth a fit of its own.
+    """
+    episodes = nominal.episodes
+    count = fitter.measured.count(episodes)
+    longest_s = max(len(fitter.measured.values[e]) for e in episodes) / fitter.simulator.recording.nominal.rate_hz
+    piece_s = max(longest_s / PIECES, SHORTEST_S)
+    if nominal.total <= ASTRAY * count or longest_s < 2 * piece_s:
+        return None
+    while True:
+        spans = fitter.pieces(piece_s, episodes)
+        cut = fitter.parts(spans)
+        rough = cut.fit(NONE, range(len(spans)), iterations=RESTED)
+        if piece_s < 2 * SHORTEST_S or rough.total < ASTRAY * cut.measured.count(rough.episodes):
+            break
+        piece_s /= 2
+    # where the nominal model is good, little is to be learnt about what it lacks
+    lacks = rough.loss - [cut.measured.count([i]) for i in rough.episodes]
+    first = np.array([s.begin == 0 for s in spans])
+    chosen = np.flatnonzero(first | (lacks > np.quantile(lacks, 1.0 - TOLD)))
+    found = search(cut, chosen.tolist(), most=TOGETHER, starts=rough.starts[chosen], pieces=True)
+    if hung := hanging(cut, found.best.fit):
+        cut = replace(cut, measured=cut.measured.without(hung))
+        found = search(
+            cut, chosen.tolist(), most=TOGETHER, starts=found.nominal.starts, beginning=resumed(found), pieces=True
+        )
+    fitter.simulator.simulated_s += cut.simulator.simulated_s
+    begins = [(row, episodes.index(spans[i].episode)) for row, i in enumerate(chosen) if first[i]]
+    late = _earliest(hung, spans)
+    whole = replace(fitter, measured=fitter.measured.without(late))
+
+    def seed(fit: Fit) -> Seed:
+        starts = nominal.starts.copy()
+        for piece, row in begins:
+            starts[row] = fit.starts[piece]
+        return _seed(whole, fit.explanation, fit.x, starts, episodes)
+
+    seeds, near = {}, found.best.log_posterior - NEAR
+    for c in found.contenders:
+        kinds = c.fit.explanation.kinds
+        few = len(kinds) == 1 or sum(len(k) == len(kinds) for k in seeds) < LIKELIEST
+        if kinds and few and c.log_posterior > near:
+            seeds[key_of(c.fit.explanation)] = seed(c.fit)
+    for c in found.contenders[:LIKELIEST]:
+        key = key_of(c.fit.explanation)
+        if key in seeds:
+            seeds[key] = _carried(whole, seeds[key], episodes, longest_s)
+    explained = min((s.total for s in seeds.values()), default=np.inf) < LEFT * whole.measured.count(episodes)
+    return Look(Beginning(seeds, SINGLES - set(seeds) if explained else frozenset[Kinds]()), late)
+
+
+def _earliest(hung: dict[int, int], spans: Sequence[Span]) -> dict[int, int]:
+    """Return the first sample of each episode that hangs on a breakaway, from those of its pieces."""
+    out: dict[int, int] = {}
+    for piece, sample in hung.items():
+        span = spans[piece]
+        out[span.episode] = min(out.get(span.episode, span.end), span.begin + sample)
+    return out
+
+
+def _seed(fitter: Fitter, explanation: Explanation, x: np.ndarray, starts: np.ndarray, episodes: Sequence[int]) -> Seed:
+    return Seed(explanation, x, starts, fitter.loss(explanation, x, starts, episodes))
+
+
+def _carried(fitter: Fitter, seed: Seed, episodes: Sequence[int], longest_s: float) -> Seed:
+    """Fit what was found in pieces of the episodes to longer parts, as long as it goes astray, and to the whole."""
+    count = fitter.measured.count(episodes)
+    for share in RUNGS:
+        if seed.total < LEFT * count:
+            break
+        longer = fitter.up_to(longest_s * share)
+        fit = longer.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=12, polish=False)
+        fitter.simulator.simulated_s += longer.simulator.simulated_s
+        seed = _seed(fitter, fit.explanation, fit.x, fit.starts, episodes)
+    fit = fitter.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=CARRIED, polish=False)
+    return Seed(fit.explanation, fit.x, fit.starts, fit.total)
