@@ -14,9 +14,9 @@ import numpy as np
 from runner.diagnose.fit import NONE, Fit, Fitter, bounds
 from runner.simulate import Run
 
-# An episode whose fit leaves so much more than the noise, in squared noises, is looked at: would it leave less than
+# An episode whose fit leaves so much beyond the noise, in squared noises, is looked at: would it leave less than
 # such a share of that, were static friction by such a share of it higher or lower where the body stood?
-LEFT, STILL_LEFT, UNEVEN = 0.5, 0.25, (-0.02, -0.01, -0.005, -0.0025, 0.0025, 0.005, 0.01, 0.02)
+LEFT, STILL_LEFT, UNEVEN = 1.0, 0.15, (-0.02, -0.01, -0.005, -0.0025, 0.0025, 0.005, 0.01, 0.02)
 APART = 1.0  # noises by which the motions with and without that differ from where on it hangs on it
 START_STEPS = 6
 SHORTEST = 10  # samples that are left of an episode at least

@@ -199,7 +199,7 @@ def search(
         new.sort(key=lambda c: -c.log_posterior)
         if size > 1:
             least = min(new, key=lambda c: c.fit.total)
-            for whole in {id(c): c for c in (least, new[0])}.values():
+            for whole in () if pieces else {id(c): c for c in (least, new[0])}.values():
                 for fit in _without_one(fitter, whole, contenders, episodes):
                     fewer, key = contend(fit, around_best, alone), key_of(fit.explanation)
                     seen.add(key)
