@@ -13,6 +13,7 @@ from runner.blind.physics import Episode as BlindEpisode
 from runner.blind.physics import World, simulate
 from runner.diagnose.fit import NONE, Explanation, Fitter
 from runner.diagnose.measured import measure
+from runner.diagnose.pieces import begun
 from runner.effects.base import Motion, ahead, late
 from runner.law import base_points
 from runner.recording import Episode, Form, Noise, Nominal, Recording
@@ -131,18 +132,19 @@ def test_its_parameters_are_recovered(name: str) -> None:
     explanation = Explanation((type(effect),))
     starts = type(effect).starts(fitter.context)
     episodes = range(len(recording.episodes))
-    # as the search does where the nominal model goes far astray: from the beginnings of the episodes
-    short = fitter.up_to(max(float(np.ptp(e.t_s)) for e in recording.episodes) / 3)
-    near = short.fit(NONE, episodes)
+    # as the search does where the nominal model goes far astray: from pieces of the episodes
+    spans = fitter.pieces(1.0, episodes)
+    short, pieces = fitter.parts(spans), range(len(spans))
+    near = short.fit(NONE, pieces)
     scale = np.array([p.scale for p in explanation.parameters(fitter.context)])
     candidates = starts if len(starts) else [0.05 * scale]
     rough = [
-        short.fit(explanation, episodes, x=x, near=near, iterations=6) for x in candidates[:: max(len(starts) // 8, 1)]
+        short.fit(explanation, pieces, x=x, near=near, iterations=6) for x in candidates[:: max(len(starts) // 8, 1)]
     ]
-    best = min(rough, key=lambda f: f.total)
-    fits = [fitter.fit(explanation, episodes, x=best.x, starts=best.starts, iterations=25)]
+    best, nominal = min(rough, key=lambda f: f.total), fitter.fit(NONE, episodes)
+    fits = [fitter.fit(explanation, episodes, x=best.x, starts=begun(best, spans, nominal), iterations=25)]
     if not len(starts):
-        fits.append(fitter.fit(explanation, episodes, x=0.05 * scale, near=fitter.fit(NONE, episodes), iterations=25))
+        fits.append(fitter.fit(explanation, episodes, x=0.05 * scale, near=nominal, iterations=25))
     fit = min(fits, key=lambda f: f.total)
     found = explanation.make(fit.x, fitter.context)[0].report()
     for key, true in effect.report().items():

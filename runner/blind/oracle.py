@@ -12,12 +12,14 @@ from runner.diagnose.diagnosis import close, split
 from runner.diagnose.evidence import clip, directions, joined, promise, surroundings, survey
 from runner.diagnose.fit import NONE, Fit, Fitter
 from runner.diagnose.measured import Measured, materially_different, measure, refine
+from runner.diagnose.pieces import begun
 from runner.effects.base import EFFECTS, AbstractEffect
 from runner.errors import ResultError
 from runner.recording import Recording
 from runner.simulate import Effects, Run, Simulator, context_of
 
-STUCK, SHORTEST_S = 1.5, 1.5  # mean square in noises that the true effects should not leave; of episodes so long
+# Mean square in noises that the true effects should not leave, of episodes so long; and the length of their pieces.
+STUCK, SHORTEST_S, PIECE_S = 1.5, 1.5, 0.75
 FILM = "film"  # of the variants of viscous drag
 
 
@@ -72,11 +74,12 @@ def _fit(fitter: Fitter, kinds: Sequence[type[AbstractEffect]], episodes: Sequen
         left.remove(kind)
         explanation, x = joined(fit, kind, clip(kind, offers[kind][1], fitter.context))
         fit = fitter.fit(explanation, episodes, x=x, near=fit, iterations=40)
-    length_s = max(float(np.ptp(fitter.simulator.recording.episodes[e].t_s)) for e in episodes)
+    length_s = max(len(fitter.measured.values[e]) for e in episodes) / fitter.simulator.recording.nominal.rate_hz
     if fit.total > STUCK * fitter.measured.count(episodes) and length_s > SHORTEST_S:
-        # in a hollow, as a descent over a long time may end: from the beginnings
-        short = _fit(fitter.up_to(length_s / 3), kinds, episodes)
-        again = fitter.fit(short.explanation, episodes, x=short.x, starts=short.starts, iterations=40)
+        # in a hollow, as a descent over a long time may end: from pieces
+        spans = fitter.pieces(PIECE_S, episodes)
+        short = _fit(fitter.parts(spans), kinds, range(len(spans)))
+        again = fitter.fit(short.explanation, episodes, x=short.x, starts=begun(short, spans, fit), iterations=40)
         fit = min(fit, again, key=lambda f: f.total)
     return fit
 

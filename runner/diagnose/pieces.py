@@ -65,15 +65,11 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
             cut, chosen.tolist(), most=TOGETHER, starts=found.nominal.starts, beginning=resumed(found), pieces=True
         )
     fitter.simulator.simulated_s += cut.simulator.simulated_s
-    begins = [(row, episodes.index(spans[i].episode)) for row, i in enumerate(chosen) if first[i]]
     late = _earliest(hung, spans)
     whole = replace(fitter, measured=fitter.measured.without(late))
 
     def seed(fit: Fit) -> Seed:
-        starts = nominal.starts.copy()
-        for piece, row in begins:
-            starts[row] = fit.starts[piece]
-        return _seed(whole, fit.explanation, fit.x, starts, episodes)
+        return _seed(whole, fit.explanation, fit.x, begun(fit, spans, nominal), episodes)
 
     seeds, near = {}, found.best.log_posterior - NEAR
     for c in found.contenders:
@@ -87,6 +83,15 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
             seeds[key] = _carried(whole, seeds[key], episodes, longest_s)
     explained = min((s.total for s in seeds.values()), default=np.inf) < LEFT * whole.measured.count(episodes)
     return Look(Beginning(seeds, SINGLES - set(seeds) if explained else frozenset[Kinds]()), late)
+
+
+def begun(fit: Fit, spans: Sequence[Span], whole: Fit) -> np.ndarray:
+    """Return start states of whole episodes, (E, 6): of their first pieces where those were fitted, else of a fit."""
+    starts = whole.starts.copy()
+    for piece, start in zip(fit.episodes, fit.starts, strict=True):
+        if spans[piece].begin == 0:
+            starts[whole.episodes.index(spans[piece].episode)] = start
+    return starts
 
 
 def _earliest(hung: dict[int, int], spans: Sequence[Span]) -> dict[int, int]:

@@ -1,0 +1,165 @@
+"""Parts of episodes, each with a start state of its own: simulated exactly, searched first, and cut at breakaways."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runner import effects as fx
+from runner.diagnose.breakaway import hanging
+from runner.diagnose.fit import NONE, Explanation, Fitter
+from runner.diagnose.measured import measure
+from runner.diagnose.pieces import look
+from runner.recording import Episode, Form, Noise, Nominal, Recording, Span
+from runner.simulate import Effects, Run, Simulator, context_of
+
+RATE = 60.0
+SIGMA = np.array([0.002, 0.002, 0.003, 0.01, 0.01, 0.015])
+NOMINAL = Nominal((0.5, 0.5, 0.5), 3.0, 0.3, 9.81, RATE, noise=Noise(0.002, 0.003, 0.01, 0.015))
+FRICTION_N = 0.3 * 3.0 * 9.81
+
+
+def pushed(forces: Sequence[np.ndarray], effects: Sequence[Effects], seed: int = 5) -> Recording:
+    """Episodes under forces (T, 2) off the centre, from rest, each with effects of its own, with noise."""
+    rng = np.random.default_rng(seed)
+    made = []
+    for i, force in enumerate(forces):
+        n = len(force)
+        blank, push, point = np.zeros((n, 3)), np.zeros((n, 3)), np.full((n, 3), [0.1, 0.05, 0.0])
+        push[:, :2] = force
+        made.append(Episode(i, np.arange(n) / RATE, blank, blank, push, point))
+    recording = Recording(Path("made"), Form.PLANAR, NOMINAL, tuple(made))
+    simulator = Simulator(recording, grid=8, threads=1)
+    out = []
+    for i, episode in enumerate(made):
+        start = np.array([*rng.uniform(-1, 1, 2), rng.uniform(-3, 3), 0, 0, 0])
+        state = simulator.predict(i, [Run(effects[i], start)])[0]
+        state += SIGMA * rng.normal(size=state.shape)
+        out.append(dataclasses.replace(episode, pose=state[:, :3], twist=state[:, 3:]))
+    return dataclasses.replace(recording, episodes=tuple(out))
+
+
+def random_pushes(count: int, seconds: float, seed: int = 1) -> list[np.ndarray]:
+    """Pushes of half a second with pauses, in all directions."""
+    rng = np.random.default_rng(seed)
+    out = []
+    for _ in range(count):
+        force = np.zeros((int(seconds * RATE) + 1, 2))
+        for begin in range(10, len(force) - 40, 60):
+            angle = rng.uniform(-math.pi, math.pi)
+            force[begin : begin + 30] = rng.uniform(13, 20) * np.array([math.cos(angle), math.sin(angle)])
+        out.append(force)
+    return out
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        (),
+        (fx.ActuatorLag(0.2), fx.MassLeak(0.1)),
+        # whole steps, so that what is shown is the state itself
+        (fx.ActuatorDelay(8 / RATE), fx.Wind(2.0, 0.3)),
+        (fx.ObservationDelay(3 / RATE), fx.ActuatorGain(1.2)),
+    ],
+)
+def test_a_part_moves_as_the_whole_does_there(effects: Effects) -> None:
+    """From the whole's state at its first sample; what was commanded before still acts, and the mass leaks on."""
+    recording = pushed(random_pushes(2, 3.0), [()] * 2)
+    whole = Simulator(recording, grid=8, threads=1)
+    parts = whole.parts([Span(1, 0, 50), Span(1, 70, 150)]).parts([Span(1, 5, 80), Span(0, 0, 50)])
+    run = Run((), np.array([0.2, -0.1, 0.4, 0.3, -0.2, 0.5]))
+    one = whole.predict(1, [Run(effects, run.start)])[0]
+    assert np.array_equal(parts.predict(1, [Run(effects, run.start)])[0], one[:50])
+    assert parts.predict(0, [Run(effects, one[75])])[0] == pytest.approx(one[75:150], abs=1e-9)
+
+
+def test_measured_parts_keep_what_hangs() -> None:
+    """The first sample that hangs on a breakaway is counted from where a part begins; the earliest counts."""
+    recording = pushed(random_pushes(2, 2.0), [()] * 2)
+    measured = measure(recording).without({1: 60}).without({1: 80, 0: 100})
+    assert measured.hung == {1: 60, 0: 100}
+    assert measured.counted(1)[:60].all()
+    assert not measured.counted(1)[60:].any()
+    assert measured.count([1]) == 60 * 6
+    parts = measured.parts([Span(1, 0, 50), Span(1, 50, 121), Span(1, 70, 121), Span(0, 0, 50)])
+    assert [parts.count([i]) for i in range(4)] == [300, 60, 0, 300]
+    white = measured.whiten(1, np.ones((121, 6)))
+    assert not white[60:].any()
+    assert white[:60].all()
+
+
+def test_a_look_at_pieces_finds_what_acts_late() -> None:
+    """A slack tether that stiffens far from the start: the nominal model is metres off, and the look comes near it."""
+    tether = fx.Tether(6.0, 0.3, -0.2, 0.8)
+    recording = pushed(random_pushes(5, 5.0), [(tether,)] * 5)
+    fitter = Fitter(Simulator(recording, grid=8, threads=1), measure(recording), context_of(recording))
+    nominal = fitter.fit(NONE, range(5))
+    assert nominal.total > 10 * fitter.measured.count(range(5))
+    seen = look(fitter, nominal)
+    assert seen is not None
+    seed = seen.beginning.seeds[(fx.Tether,)]
+    assert seed.total < 2 * fitter.measured.count(range(5))
+    found = seed.explanation.make(seed.x, fitter.context)[0].report()
+    for key, true in tether.report().items():
+        assert found[key] == pytest.approx(true, rel=0.2, abs=0.1), key
+    assert not seen.hung
+    # another is not worth a fit of its own any more
+    assert (fx.Inertia,) in seen.beginning.ruled_out
+
+
+def test_no_look_where_the_nominal_model_holds() -> None:
+    """Nor where the episodes are too short to be cut."""
+    for recording in (
+        pushed(random_pushes(3, 3.0), [()] * 3),
+        pushed(random_pushes(3, 0.8), [(fx.ActuatorGain(1.5),)] * 3),
+    ):
+        fitter = Fitter(Simulator(recording, grid=8, threads=1), measure(recording), context_of(recording))
+        assert look(fitter, fitter.fit(NONE, range(3))) is None
+
+
+def on_the_edge(measured_excess: float) -> tuple[Fitter, int]:
+    """Three episodes with static friction; the last has a push of 1.3 times friction that starts there, or doesn't."""
+    strong, edge = random_pushes(2, 4.0), np.zeros((241, 2))
+    edge[10:60, 0] = 16.0
+    edge[150:200, 0] = 1.3 * FRICTION_N
+    excesses = [(fx.Stiction(e),) for e in (0.29, 0.29, measured_excess)]
+    recording = pushed([*strong, edge], excesses)
+    return Fitter(Simulator(recording, grid=8, threads=1), measure(recording), context_of(recording)), 150
+
+
+def starting_excess() -> float:
+    """The static friction above which the push of `on_the_edge` does not start the body, by bisection."""
+    low, high = 0.05, 0.6
+
+    def starts(excess: float) -> bool:
+        fitter, begin = on_the_edge(excess)
+        return bool(np.abs(fitter.measured.values[2][begin + 45 : begin + 50, 3:5]).max() > 0.2)
+
+    assert starts(low)
+    assert not starts(high)
+    while high - low > 1e-3:
+        low, high = (mid, high) if starts(mid := (low + high) / 2) else (low, mid)
+    return (low + high) / 2
+
+
+def test_what_hangs_on_a_breakaway_is_told_from_what_is_wrong() -> None:
+    """A push that a floor 1 % less even would not have let start is not fitted from there on; a wrong model is."""
+    edge = starting_excess()
+    fitter, begin = on_the_edge(edge - 0.004)
+    explanation = Explanation((fx.Stiction,))
+    held = dataclasses.replace(fitter, held=(fx.Stiction(edge + 0.004),))
+    starts = held.fit(NONE, range(3)).starts
+    stuck = fitter.fit(explanation, range(3), x=np.array([edge + 0.004]), starts=starts, iterations=0)
+    hung = hanging(fitter, stuck)
+    assert list(hung) == [2]
+    assert begin - 2 <= hung[2] < begin + 30
+    # far from the edge it is the model that is wrong
+    far = fitter.fit(explanation, range(3), x=np.array([edge + 0.15]), starts=starts, iterations=0)
+    assert not hanging(fitter, far)
+    # and no other effect has a breakaway to hang on
+    assert not hanging(fitter, fitter.fit(Explanation((fx.Friction,)), range(3), iterations=2))
