@@ -58,12 +58,12 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     lacks = rough.loss - [cut.measured.count([i]) for i in rough.episodes]
     first = np.array([s.begin == 0 for s in spans])
     chosen = np.flatnonzero(first | (lacks > np.quantile(lacks, 1.0 - TOLD)))
-    found = search(cut, chosen.tolist(), most=TOGETHER, starts=rough.starts[chosen], pieces=True)
-    if hung := hanging(cut, found.best.fit):
-        cut = replace(cut, measured=cut.measured.without(hung))
-        found = search(
-            cut, chosen.tolist(), most=TOGETHER, starts=found.nominal.starts, beginning=resumed(found), pieces=True
-        )
+    found = search(cut, chosen.tolist(), most=1, starts=rough.starts[chosen], pieces=True)
+    # before a second effect makes up for what hangs on a breakaway
+    hung = hanging(cut, found.best.fit)
+    cut = replace(cut, measured=cut.measured.without(hung))
+    begin, starts = resumed(found), found.nominal.starts
+    found = search(cut, chosen.tolist(), most=TOGETHER, starts=starts, beginning=begin, pieces=True)
     fitter.simulator.simulated_s += cut.simulator.simulated_s
     late = _earliest(hung, spans)
     whole = replace(fitter, measured=fitter.measured.without(late))
