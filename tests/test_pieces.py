@@ -163,3 +163,17 @@ def test_what_hangs_on_a_breakaway_is_told_from_what_is_wrong() -> None:
     assert not hanging(fitter, far)
     # and no other effect has a breakaway to hang on
     assert not hanging(fitter, fitter.fit(Explanation((fx.Friction,)), range(3), iterations=2))
+
+
+def test_a_channel_that_is_never_measured_does_not_forbid_pieces() -> None:
+    """One that is missing from a piece alone does: its start could not be told."""
+    recording = pushed(random_pushes(2, 2.0), [()] * 2)
+    fitter = Fitter(Simulator(recording, grid=8, threads=1), measure(recording), context_of(recording))
+    valid = [v.copy() for v in fitter.measured.valid]
+    for v in valid:
+        v[:, 5] = False
+    without = dataclasses.replace(fitter, measured=dataclasses.replace(fitter.measured, valid=tuple(valid)))
+    assert without.pieces(0.5, range(2)) == fitter.pieces(0.5, range(2))
+    valid[0][:40, 0] = False
+    gap = dataclasses.replace(fitter, measured=dataclasses.replace(fitter.measured, valid=tuple(valid)))
+    assert gap.pieces(0.5, range(2)) == [s for s in fitter.pieces(0.5, range(2)) if (s.episode, s.begin) != (0, 0)]

@@ -21,7 +21,7 @@ from runner.recording import Span
 from runner.simulate import Effects, Run, Simulator
 
 START_STEP = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])  # m, rad, m/s, rad/s
-FEWEST = 5  # samples of each channel that a piece of an episode must have
+FEWEST = 5  # samples of each channel that is measured at all that a piece of an episode must have
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,10 @@ class Fitter:
             count = max(1, round((n - 1) / self.simulator.recording.nominal.rate_hz / seconds))
             edges = np.linspace(0, n, count + 1).round().astype(int)
             spans += [Span(e, int(a), int(b)) for a, b in pairwise(edges)]
-        return [s for s in spans if self.measured.counted(s.episode)[s.begin : s.end].sum(axis=0).min() >= FEWEST]
+        there = np.any([self.measured.valid[e].any(axis=0) for e in episodes], axis=0)
+        return [
+            s for s in spans if (self.measured.counted(s.episode)[s.begin : s.end, there].sum(axis=0) >= FEWEST).all()
+        ]
 
     def first_starts(self, episodes: Sequence[int]) -> np.ndarray:
         """Return rough start states from the first samples, (E, 6)."""

@@ -49,6 +49,8 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
         return None
     while True:
         spans = fitter.pieces(piece_s, episodes)
+        if not spans:
+            return None
         cut = fitter.parts(spans)
         rough = cut.fit(NONE, range(len(spans)), iterations=RESTED)
         if piece_s < 2 * SHORTEST_S or rough.total < ASTRAY * cut.measured.count(rough.episodes):
