@@ -27,7 +27,7 @@ Effects = tuple[AbstractEffect, ...]
 
 OBJECT = "object"
 STEP_RATE_HZ = 120.0  # at least so many physics steps a second: pose errors are then below 0.1 mm (second order)
-MODELS = 128  # kept for the next span
+MODELS, PUSHED_BYTES = 128, 100e6  # kept for the next span: models, and commands
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS.value
 USERDATA = mujoco.mjtState.mjSTATE_USERDATA.value
 
@@ -119,7 +119,8 @@ class Simulator:
         self._models: dict[Effects, mujoco.MjModel] = {}  # the latest, as many spans are simulated with the same
         self._pushed: dict[tuple[Effects, int], np.ndarray] = {}
         self._commands = [self._columns(e) for e in self.recording.episodes]
-        self._spans = self.spans or tuple(Span(i, 0, len(e)) for i, e in enumerate(self.recording.episodes))
+        whole = tuple(Span(i, 0, len(e)) for i, e in enumerate(self.recording.episodes))
+        self._spans = whole if self.spans is None else self.spans
 
     def mjcf(self, effects: Effects) -> mjcf.RootElement:
         """Return the MJCF of the believed body with the elements that structural effects add."""
@@ -162,6 +163,8 @@ class Simulator:
         key = effects, episode
         if key not in self._pushed:
             columns = self._commands[episode]
+            if len(self._pushed) * columns.nbytes > PUSHED_BYTES:
+                self._pushed.clear()
             for effect in effects:
                 columns = effect.edit_command(columns, self.step_s)
             self._pushed[key] = columns

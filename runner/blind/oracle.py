@@ -78,6 +78,8 @@ def _fit(fitter: Fitter, kinds: Sequence[type[AbstractEffect]], episodes: Sequen
     if fit.total > STUCK * fitter.measured.count(episodes) and length_s > SHORTEST_S:
         # in a hollow, as a descent over a long time may end: from pieces
         spans = fitter.pieces(PIECE_S, episodes)
+        if not spans:
+            return fit
         short = _fit(fitter.parts(spans), kinds, range(len(spans)))
         again = fitter.fit(short.explanation, episodes, x=short.x, starts=begun(short, spans, fit), iterations=40)
         fit = min(fit, again, key=lambda f: f.total)

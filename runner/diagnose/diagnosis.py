@@ -207,13 +207,14 @@ def _explained(
     if seen is not None:
         fitter = replace(fitter, measured=measured.without(seen.hung))
     found = search(fitter, fitted, starts=nominal.starts, beginning=seen and seen.beginning)
-    hung = hanging(fitter, found.best.fit)
-    measured = fitter.measured.without(hung)
     best = found.best.fit
+    if any(kind.jumps for kind in best.explanation.kinds):
+        measured = fitter.measured.without(hanging(fitter, best))
+    # without static friction nothing hangs on a breakaway, whatever the pieces suggested
     again = refine(measured, recording, _left(best, best.explanation.make(best.x, context), simulator, measured))
-    if hung or materially_different(measured, again):
+    if again.hung != fitter.measured.hung or materially_different(measured, again):
         fitter = replace(fitter, measured=again)
-        found = search(fitter, fitted, starts=found.nominal.starts, beginning=resumed(found))
+        found = search(fitter, fitted, starts=found.nominal.starts, beginning=resumed(found, fitter))
     there = hanging(fitter, unseen(found.best, fitter, held_out, None))
     return fitter.measured.without(there), found
 
@@ -459,8 +460,8 @@ def notes(
     for e, sample in measured.hung.items():
         episode = recording.episodes[e]
         out.append(
-            f"Episode {episode.index} was not fitted from {episode.t_s[sample]:.2f} s on: whether a push there starts "
-            "the body hangs on less static friction than a floor is even in."
+            f"What episode {episode.index} shows from {episode.t_s[sample]:.2f} s on counts for the closure alone: "
+            "whether a push there starts the body hangs on less friction than floors are even in."
         )
     if measured.colour.lag_one.any():
         out.append("The noise is correlated from sample to sample; this was taken into account.")

@@ -21,6 +21,7 @@ from runner.recording import Span
 from runner.simulate import Effects, Run, Simulator
 
 START_STEP = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])  # m, rad, m/s, rad/s
+BEHIND = 0.05  # squared noises by which a fit may be behind what others have reached, and is finished all the same
 FEWEST = 5  # samples of each channel that is measured at all that a piece of an episode must have
 
 
@@ -236,7 +237,8 @@ class Fitter:
             dx, ds, promised = self._step(point, parameters, damping)
             excess = max(point.total - count, 0.0)
             enough = tolerance + 2e-3 * excess
-            if iteration > patience and point.total - 3 * promised > target + 0.5 * (target - count) + 100.0:
+            hopeless = target + 0.5 * max(target - count, 0.0) + BEHIND * count + 100.0
+            if iteration > patience and point.total - 3 * promised > hopeless:
                 behind = True
                 break
             if promised < enough:

@@ -23,8 +23,8 @@ TOLD = 0.5  # share of the pieces that is searched
 TOGETHER = 2  # effects that are sought in pieces: what acts less than those comes in on the whole
 LIKELIEST = 2  # of several effects, of each size, that fits begin with; and of all that are carried over to the whole
 # Shares of the episodes that those are fitted to on the way to the whole, where they leave such a mean square there,
-# and steps of the fit to the whole; one that then leaves less is what has to be beaten.
-RUNGS, LEFT, CARRIED = (0.5, 0.75), 2.0, 4
+# and steps of the fit to the whole; one that then leaves less than the last is what has to be beaten.
+RUNGS, ASTRAY_THERE, CARRIED, EXPLAINED = (0.5, 0.75), 2.0, 6, 1.5
 
 
 @dataclass(frozen=True)
@@ -47,15 +47,17 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     piece_s = max(longest_s / PIECES, SHORTEST_S)
     if nominal.total <= ASTRAY * count or longest_s < 2 * piece_s:
         return None
+    spans = fitter.pieces(piece_s, episodes)
+    if not spans:
+        return None
     while True:
-        spans = fitter.pieces(piece_s, episodes)
-        if not spans:
-            return None
         cut = fitter.parts(spans)
         rough = cut.fit(NONE, range(len(spans)), iterations=RESTED)
-        if piece_s < 2 * SHORTEST_S or rough.total < ASTRAY * cut.measured.count(rough.episodes):
-            break
         piece_s /= 2
+        shorter = fitter.pieces(piece_s, episodes) if piece_s >= SHORTEST_S else []
+        if not shorter or rough.total < ASTRAY * cut.measured.count(rough.episodes):
+            break
+        spans = shorter
     # where the nominal model is good, little is to be learnt about what it lacks
     lacks = rough.loss - [cut.measured.count([i]) for i in rough.episodes]
     first = np.array([s.begin == 0 for s in spans])
@@ -64,7 +66,7 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     # before a second effect makes up for what hangs on a breakaway
     hung = hanging(cut, found.best.fit)
     cut = replace(cut, measured=cut.measured.without(hung))
-    begin, starts = resumed(found), found.nominal.starts
+    begin, starts = resumed(found, cut), found.nominal.starts
     found = search(cut, chosen.tolist(), most=TOGETHER, starts=starts, beginning=begin, pieces=True)
     fitter.simulator.simulated_s += cut.simulator.simulated_s
     late = _earliest(hung, spans)
@@ -83,7 +85,7 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
         key = key_of(c.fit.explanation)
         if key in seeds:
             seeds[key] = _carried(whole, seeds[key], episodes, longest_s)
-    explained = min((s.total for s in seeds.values()), default=np.inf) < LEFT * whole.measured.count(episodes)
+    explained = min((s.total for s in seeds.values()), default=np.inf) < EXPLAINED * whole.measured.count(episodes)
     return Look(Beginning(seeds, SINGLES - set(seeds) if explained else frozenset[Kinds]()), late)
 
 
@@ -101,7 +103,8 @@ def _earliest(hung: dict[int, int], spans: Sequence[Span]) -> dict[int, int]:
     out: dict[int, int] = {}
     for piece, sample in hung.items():
         span = spans[piece]
-        out[span.episode] = min(out.get(span.episode, span.end), span.begin + sample)
+        if span.begin + sample < span.end:
+            out[span.episode] = min(out.get(span.episode, span.end), span.begin + sample)
     return out
 
 
@@ -113,7 +116,7 @@ def _carried(fitter: Fitter, seed: Seed, episodes: Sequence[int], longest_s: flo
     """Fit what was found in pieces of the episodes to longer parts, as long as it goes astray, and to the whole."""
     count = fitter.measured.count(episodes)
     for share in RUNGS:
-        if seed.total < LEFT * count:
+        if seed.total < ASTRAY_THERE * count:
             break
         longer = fitter.up_to(longest_s * share)
         fit = longer.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=12, polish=False)

@@ -225,12 +225,15 @@ def search(
     return Search(tuple(contenders), nominal)
 
 
-def resumed(before: Search) -> Beginning:
+def resumed(before: Search, fitter: Fitter) -> Beginning:
     """Return where a search of the same episodes with another account of the noise begins: where the last one ended."""
     near = [c for c in before.contenders if c.log_posterior > before.best.log_posterior - NEAR]
     fits = [c.fit for c in near if c.fit.explanation.kinds]
     tried = {key_of(f.explanation) for f in fits}
-    seeds = {key_of(f.explanation): Seed(f.explanation, f.x, f.starts, f.total) for f in fits}
+    seeds = {
+        key_of(f.explanation): Seed(f.explanation, f.x, f.starts, fitter.loss(f.explanation, f.x, f.starts, f.episodes))
+        for f in fits
+    }
     return Beginning(seeds, SINGLES - tried)
 
 
@@ -330,6 +333,14 @@ def _without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], 
         if reached - whole.fit.total > WORTH * count:
             fit = fitter.fit(rest, episodes, x=x, near=whole.fit, target=whole.fit.total, patience=3, iterations=25)
             if reached - fit.total > WORTH * count:
+                out.append(fit)
+    for c in others:
+        # another variant of one of its effects may do what several do, as a film drags and damps rotation
+        fewer, kinds = c.fit.explanation, whole.fit.explanation.kinds
+        variant = 0 < len(fewer.kinds) < len(kinds) and set(fewer.names) <= {k.name for k in kinds}
+        if variant and not set(fewer.kinds) <= set(kinds) and c.fit.total - whole.fit.total > WORTH * count:
+            fit = fitter.fit(fewer, episodes, x=c.fit.x, near=whole.fit, patience=3, iterations=25)
+            if c.fit.total - fit.total > WORTH * count:
                 out.append(fit)
     return out
 
