@@ -171,7 +171,7 @@ def search(
                 )
                 if kind.jumps and fit.total - count > CLOSE * count:
                     fit = _over_edges(fitter, fit, contender.fit)
-                if size == 1 or contender.fit.total - fit.total > worth:
+                if size == 1 or _gain(fit, contenders) > worth:
                     fits = _with(fits, fit)
                     target = min(target, fit.total)
         for key in [k for k in seeds if len(k) == size]:
@@ -181,8 +181,7 @@ def search(
             fit = fitter.fit(
                 seed.explanation, episodes, **begin, target=target, patience=3, iterations=12, polish=False
             )
-            simpler = min(c.fit.total for c in contenders if set(c.fit.explanation.kinds) < set(key))
-            if size > 1 and simpler - fit.total <= worth:
+            if size > 1 and _gain(fit, contenders) <= worth:
                 continue
             fits = _with(fits, fit)
             target = min(target, fit.total)
@@ -295,6 +294,15 @@ def _in_order(seed: Seed, explanation: Explanation, fitter: Fitter) -> np.ndarra
     return np.concatenate([seed.x[parts[kind]] for kind in explanation.kinds])
 
 
+def _gain(fit: Fit, contenders: Sequence[Contender]) -> float:
+    """Return by how much a fit leaves less than those of fewer of its effects, whichever their variants."""
+    names, size = set(fit.explanation.names), len(fit.explanation.kinds)
+    simpler = [
+        c.fit for c in contenders if set(c.fit.explanation.names) <= names and len(c.fit.explanation.kinds) < size
+    ]
+    return min(f.total for f in simpler) - fit.total
+
+
 def _with(fits: list[Fit], new: Fit) -> list[Fit]:
     """Add a fit; of one explanation only the fit that leaves least is kept."""
     key = key_of(new.explanation)
@@ -333,14 +341,6 @@ def _without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], 
         if reached - whole.fit.total > WORTH * count:
             fit = fitter.fit(rest, episodes, x=x, near=whole.fit, target=whole.fit.total, patience=3, iterations=25)
             if reached - fit.total > WORTH * count:
-                out.append(fit)
-    for c in others:
-        # another variant of one of its effects may do what several do, as a film drags and damps rotation
-        fewer, kinds = c.fit.explanation, whole.fit.explanation.kinds
-        variant = 0 < len(fewer.kinds) < len(kinds) and set(fewer.names) <= {k.name for k in kinds}
-        if variant and not set(fewer.kinds) <= set(kinds) and c.fit.total - whole.fit.total > WORTH * count:
-            fit = fitter.fit(fewer, episodes, x=c.fit.x, near=whole.fit, patience=3, iterations=25)
-            if c.fit.total - fit.total > WORTH * count:
                 out.append(fit)
     return out
 
