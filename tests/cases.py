@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -45,10 +46,33 @@ def made(
         arm = np.column_stack([point * (size > 0)[:, None], 0 * t])
         blank.append(Episode(e, t, np.zeros((count, 3)), np.zeros((count, 3)), force, arm))
     empty = Recording(Path("made"), Form.PLANAR, NOMINAL, tuple(blank))
-    simulator = Simulator(empty, threads=1)
+    return measured_as(empty, [effects] * episodes, rng, starts=starts, sigma=noise * SIGMA), starts
+
+
+def measured_as(
+    commanded: Recording,
+    effects: Sequence[Effects],
+    rng: np.random.Generator,
+    *,
+    starts: np.ndarray | None = None,
+    sigma: np.ndarray = SIGMA,
+    grid: int = 6,
+) -> Recording:
+    """Return a recording with what would be measured under its commands.
+
+    Args:
+        commanded: Episodes with their commands; poses and twists are replaced.
+        effects: What differs from the nominal model, of each episode.
+        rng: Of the noise, and of the starts where none are given.
+        starts: Start states, (E, 6); None: at rest, within a metre, at any yaw.
+        sigma: White noise of each channel, (6,).
+        grid: Base points along each edge.
+    """
+    simulator = Simulator(commanded, grid=grid, threads=1)
     full = []
-    for e, episode in enumerate(blank):
-        motion = simulator.predict(e, [Run(effects, starts[e])])[0]
-        motion = motion + noise * SIGMA * rng.normal(size=motion.shape)
+    for e, episode in enumerate(commanded.episodes):
+        start = np.array([*rng.uniform(-1, 1, 2), rng.uniform(-3, 3), 0, 0, 0]) if starts is None else starts[e]
+        motion = simulator.predict(e, [Run(effects[e], start)])[0]
+        motion += sigma * rng.normal(size=motion.shape)
         full.append(replace(episode, pose=motion[:, :3], twist=motion[:, 3:]))
-    return replace(empty, episodes=tuple(full)), starts
+    return replace(commanded, episodes=tuple(full))

@@ -22,7 +22,8 @@ from runner.diagnose.search import Contender, Search
 from runner.diagnose.verdict import read_verdicts, verdict, write_verdict
 from runner.errors import RecordingError, ResultError
 from runner.recording import Episode, Form, Noise, Nominal, Recording
-from runner.simulate import Effects, Run, Simulator, context_of
+from runner.simulate import Effects, Simulator, context_of
+from tests.cases import measured_as
 
 RATE, SECONDS = 60.0, 3.0
 SIGMA = np.array([0.003, 0.003, 0.004, 0.015, 0.015, 0.02])
@@ -42,14 +43,8 @@ def recorded(effects: Effects, *, episodes: int = 6, seed: int = 3) -> Recording
             force[begin : begin + 45, :2] = rng.uniform(11, 18) * np.array([math.cos(angle), math.sin(angle)])
             point[begin : begin + 45, :2] = rng.uniform(-0.3, 0.3, 2)
         made.append(Episode(i, np.arange(n) / RATE, blank, blank, force, point))
-    recording = Recording(Path("made"), Form.PLANAR, NOMINAL, tuple(made))
-    simulator = Simulator(recording, grid=8, threads=1)
-    out = []
-    for i, episode in enumerate(made):
-        start = np.array([*rng.uniform(-1, 1, 2), rng.uniform(-3, 3), 0, 0, 0])
-        state = simulator.predict(i, [Run(effects, start)])[0] + SIGMA * rng.normal(size=(n, 6))
-        out.append(dataclasses.replace(episode, pose=state[:, :3], twist=state[:, 3:]))
-    return dataclasses.replace(recording, episodes=tuple(out))
+    commanded = Recording(Path("made"), Form.PLANAR, NOMINAL, tuple(made))
+    return measured_as(commanded, [effects] * episodes, rng, sigma=SIGMA, grid=8)
 
 
 @pytest.fixture(scope="module")

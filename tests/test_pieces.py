@@ -15,12 +15,10 @@ from runner.diagnose.breakaway import hanging
 from runner.diagnose.fit import NONE, Explanation, Fitter
 from runner.diagnose.measured import measure
 from runner.diagnose.pieces import look
-from runner.recording import Episode, Form, Noise, Nominal, Recording, Span
+from runner.recording import Episode, Form, Recording, Span
 from runner.simulate import Effects, Run, Simulator, context_of
+from tests.cases import NOMINAL, RATE_HZ, measured_as
 
-RATE = 60.0
-SIGMA = np.array([0.002, 0.002, 0.003, 0.01, 0.01, 0.015])
-NOMINAL = Nominal((0.5, 0.5, 0.5), 3.0, 0.3, 9.81, RATE, noise=Noise(0.002, 0.003, 0.01, 0.015))
 FRICTION_N = 0.3 * 3.0 * 9.81
 
 
@@ -32,16 +30,8 @@ def pushed(forces: Sequence[np.ndarray], effects: Sequence[Effects], seed: int =
         n = len(force)
         blank, push, point = np.zeros((n, 3)), np.zeros((n, 3)), np.full((n, 3), [0.1, 0.05, 0.0])
         push[:, :2] = force
-        made.append(Episode(i, np.arange(n) / RATE, blank, blank, push, point))
-    recording = Recording(Path("made"), Form.PLANAR, NOMINAL, tuple(made))
-    simulator = Simulator(recording, grid=8, threads=1)
-    out = []
-    for i, episode in enumerate(made):
-        start = np.array([*rng.uniform(-1, 1, 2), rng.uniform(-3, 3), 0, 0, 0])
-        state = simulator.predict(i, [Run(effects[i], start)])[0]
-        state += SIGMA * rng.normal(size=state.shape)
-        out.append(dataclasses.replace(episode, pose=state[:, :3], twist=state[:, 3:]))
-    return dataclasses.replace(recording, episodes=tuple(out))
+        made.append(Episode(i, np.arange(n) / RATE_HZ, blank, blank, push, point))
+    return measured_as(Recording(Path("made"), Form.PLANAR, NOMINAL, tuple(made)), effects, rng, grid=8)
 
 
 def random_pushes(count: int, seconds: float, seed: int = 1) -> list[np.ndarray]:
@@ -49,7 +39,7 @@ def random_pushes(count: int, seconds: float, seed: int = 1) -> list[np.ndarray]
     rng = np.random.default_rng(seed)
     out = []
     for _ in range(count):
-        force = np.zeros((int(seconds * RATE) + 1, 2))
+        force = np.zeros((int(seconds * RATE_HZ) + 1, 2))
         for begin in range(10, len(force) - 40, 60):
             angle = rng.uniform(-math.pi, math.pi)
             force[begin : begin + 30] = rng.uniform(13, 20) * np.array([math.cos(angle), math.sin(angle)])
@@ -63,8 +53,8 @@ def random_pushes(count: int, seconds: float, seed: int = 1) -> list[np.ndarray]
         (),
         (fx.ActuatorLag(0.2), fx.MassLeak(0.1)),
         # whole steps, so that what is shown is the state itself
-        (fx.ActuatorDelay(8 / RATE), fx.Wind(2.0, 0.3)),
-        (fx.ObservationDelay(3 / RATE), fx.ActuatorGain(1.2)),
+        (fx.ActuatorDelay(8 / RATE_HZ), fx.Wind(2.0, 0.3)),
+        (fx.ObservationDelay(3 / RATE_HZ), fx.ActuatorGain(1.2)),
     ],
 )
 def test_a_part_moves_as_the_whole_does_there(effects: Effects) -> None:

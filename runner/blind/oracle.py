@@ -74,8 +74,7 @@ def _fit(fitter: Fitter, kinds: Sequence[type[AbstractEffect]], episodes: Sequen
         left.remove(kind)
         explanation, x = joined(fit, kind, clip(kind, offers[kind][1], fitter.context))
         fit = fitter.fit(explanation, episodes, x=x, near=fit, iterations=40)
-    length_s = max(len(fitter.measured.values[e]) for e in episodes) / fitter.simulator.recording.nominal.rate_hz
-    if fit.total > STUCK * fitter.measured.count(episodes) and length_s > SHORTEST_S:
+    if fit.total > STUCK * fitter.measured.count(episodes) and fitter.longest_s(episodes) > SHORTEST_S:
         # in a hollow, as a descent over a long time may end: from pieces
         spans = fitter.pieces(PIECE_S, episodes)
         if not spans:

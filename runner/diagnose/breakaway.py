@@ -30,17 +30,19 @@ MOST = 0.5  # share of what is fitted that may hang on breakaways; more of it is
 
 def hanging(fitter: Fitter, fit: Fit) -> dict[int, int]:
     """Return the episodes of a fit with static friction that hang on a breakaway, and from which sample on they do."""
-    places = [part.start for kind, part in fit.explanation.parts(fitter.context) if kind.jumps]
+    if not fit.explanation.jumps:
+        return {}
+    place = next(part.start for kind, part in fit.explanation.parts(fitter.context) if kind.jumps)
     low, high = bounds(fit.explanation.parameters(fitter.context))
     out: dict[int, int] = {}
-    for k, e in enumerate(fit.episodes if places else ()):
+    for k, e in enumerate(fit.episodes):
         count = fitter.measured.count([e])
         # the fit may have been one to less than the whole episode
         if fitter.loss(fit.explanation, fit.x, fit.starts[k : k + 1], [e]) - count < LEFT * count:
             continue
         x = np.array([fit.x] * (1 + len(UNEVEN)))
-        excess = x[1:, places[0]]
-        x[1:, places[0]] = np.clip(excess + UNEVEN * (1.0 + excess), low[places[0]], high[places[0]])
+        excess = x[1:, place]
+        x[1:, place] = np.clip(excess + UNEVEN * (1.0 + excess), low[place], high[place])
         effects = [fit.explanation.make(row, fitter.context) for row in x]
         told, start = _foretold(fitter, effects[0], e, fit.starts[k])
         rows = fitter.whitened(e, [Run(each, start) for each in effects])

@@ -91,8 +91,8 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
         loss[id(c.fit)] = evidence(there, fitter.context, c.evidence.covariance).loss
     fits = {id(c.fit): there_by[id(c)] for c in leaders}
     weighed = _with_what_is_left(weighed, fits, fitter)
-    seen = fitter.measured.count((*nominal.fit.episodes, *held_out))
-    against_none = odds_against_none((nominal.fit.total + before.total) / seen - 1.0)
+    everything = (*nominal.fit.episodes, *held_out)
+    against_none = odds_against_none(fitter.measured.excess(nominal.fit.total + before.total, everything))
     weighed = [c if c.fit.x.size else replace(c, log_posterior=c.log_posterior - against_none) for c in weighed]
     weighed.sort(key=lambda c: -c.log_posterior)
     # those that were not weighed keep their distance to the first of the leaders, and don't pass the last of them
@@ -101,9 +101,9 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     others = [replace(c, log_posterior=min(c.log_posterior + moved, last)) for c in finite if id(c) not in there_by]
     contenders = sorted((*weighed, *others), key=lambda c: -c.log_posterior)
     top = weighed[0]
-    fitted = top.evidence.loss / fitter.measured.count(top.fit.episodes) - 1.0
-    there = loss[id(top.fit)] / fitter.measured.count(held_out) - 1.0
-    gap, left = (_excess(f, fitter) for f in (before, fits[id(top.fit)]))
+    fitted = fitter.measured.excess(top.evidence.loss, top.fit.episodes)
+    there = fitter.measured.excess(loss[id(top.fit)], held_out)
+    gap, left = (fitter.measured.excess(f.total, held_out) for f in (before, fits[id(top.fit)]))
     return Confirmed(Search(tuple(contenders), found.nominal), before, fits, float(fitted), float(there), gap, left)
 
 
@@ -146,10 +146,6 @@ def doubt(contender: Contender, context: Context) -> float:
 def odds_against_none(excess: float) -> float:
     """Return the log odds against `none` from what the nominal model leaves of all episodes, in squared noises."""
     return RULED_OUT if excess > VISIBLE else BY_GAP * float(np.log(max(excess, 0.01) / BARELY))
-
-
-def _excess(fit: Fit, fitter: Fitter) -> float:
-    return fit.total / fitter.measured.count(fit.episodes) - 1.0
 
 
 def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nominal: Fit | None) -> Fit:

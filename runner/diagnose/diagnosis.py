@@ -145,13 +145,13 @@ def diagnose(recording: Recording, *, threads: int | None = None, advise: bool =
     measured, found = _explained(recording, simulator, fitted, held_out)
     fitter = Fitter(simulator, measured, context_of(recording))
     confirmed = confirm(found, fitter, held_out)
-    nominal_excess = found.nominal.total / measured.count(fitted) - 1.0
+    nominal_excess = measured.excess(found.nominal.total, fitted)
     if turned := _unseen_only(confirmed, nominal_excess) and len(fitted) > len(held_out):
         fitted, held_out = (*fitted[len(held_out) :], *held_out), fitted[: len(held_out)]
         measured, found = _explained(recording, simulator, fitted, held_out)
         fitter = replace(fitter, measured=measured)
         confirmed = confirm(found, fitter, held_out)
-        nominal_excess = found.nominal.total / measured.count(fitted) - 1.0
+        nominal_excess = measured.excess(found.nominal.total, fitted)
     found, before, excess = confirmed.search, confirmed.before, confirmed.excess
     unknown = max(_unknown(excess, nominal_excess), FAILED if confirmed.fails and found.best.fit.x.size else 0.0)
     known = (1.0 - unknown) * (1.0 - strained(found.best, found.nominal, measured))
@@ -208,13 +208,15 @@ def _explained(
         fitter = replace(fitter, measured=measured.without(seen.hung))
     found = search(fitter, fitted, starts=nominal.starts, beginning=seen and seen.beginning)
     best = found.best.fit
-    if any(kind.jumps for kind in best.explanation.kinds):
+    if best.explanation.jumps:
         measured = fitter.measured.without(hanging(fitter, best))
     # without static friction nothing hangs on a breakaway, whatever the pieces suggested
     again = refine(measured, recording, _left(best, best.explanation.make(best.x, context), simulator, measured))
     if again.hung != fitter.measured.hung or materially_different(measured, again):
         fitter = replace(fitter, measured=again)
         found = search(fitter, fitted, starts=found.nominal.starts, beginning=resumed(found, fitter))
+    if not found.best.fit.explanation.jumps:
+        return fitter.measured, found
     there = hanging(fitter, unseen(found.best, fitter, held_out, None))
     return fitter.measured.without(there), found
 
@@ -309,7 +311,7 @@ def strained(best: Contender, nominal: Fit, measured: Measured) -> float:
     """
     if not best.fit.x.size:
         return 0.0  # nothing is claimed
-    left, gap = (max(f.total / measured.count(f.episodes) - 1.0, 1e-4) for f in (best.fit, nominal))
+    left, gap = (max(measured.excess(f.total, f.episodes), 1e-4) for f in (best.fit, nominal))
     asked = float(softmax(best.evidence.level) @ np.log2(LEVELS))
     allowed = STRAINED_LEFT + STRAINED_SHARE * gap
     return float(expit((asked - STRAINED) / STRAINED_WIDTH) * expit(np.log(left / allowed) / STRAINED_LEFT_WIDTH))

@@ -7,7 +7,7 @@ what is left is a small bounded least-squares problem: Levenberg-Marquardt steps
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -46,6 +46,11 @@ class Explanation:
         return tuple(
             (kind, slice(int(a), int(b))) for kind, a, b in zip(self.kinds, counts[:-1], counts[1:], strict=True)
         )
+
+    @property
+    def jumps(self) -> bool:
+        """Whether a push fails to move the body at some values of it, so that the motion hangs on breakaways."""
+        return any(kind.jumps for kind in self.kinds)
 
     def make(self, x: np.ndarray, context: Context) -> Effects:
         """Make the effects from a vector, in the order in which they act."""
@@ -140,6 +145,10 @@ class Fitter:
     def parts(self, spans: Sequence[Span]) -> Fitter:
         """Return a fitter of parts of the episodes; to it each is an episode, with a start state of its own."""
         return replace(self, simulator=self.simulator.parts(spans), measured=self.measured.parts(spans))
+
+    def longest_s(self, episodes: Iterable[int]) -> float:
+        """Return how long the longest of some episodes is, in seconds."""
+        return max(len(self.measured.values[e]) for e in episodes) / self.simulator.recording.nominal.rate_hz
 
     def up_to(self, seconds: float) -> Fitter:
         """Return a fitter of the first so many seconds of every episode, at least two samples."""

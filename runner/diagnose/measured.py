@@ -67,6 +67,10 @@ class Measured:
         """Number of values of these episodes that count."""
         return int(sum(self.counted(e).sum() for e in episodes))
 
+    def excess(self, loss: float, episodes: Iterable[int]) -> float:
+        """Return what a sum of squared whitened residuals of these episodes leaves beyond the noise, as a share."""
+        return loss / self.count(episodes) - 1.0
+
 
 def measure(recording: Recording) -> Measured:
     """Prepare a planar recording: the noise where it isn't stated, and its colour, from its rests; outliers."""

@@ -43,7 +43,7 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     """
     episodes = nominal.episodes
     count = fitter.measured.count(episodes)
-    longest_s = max(len(fitter.measured.values[e]) for e in episodes) / fitter.simulator.recording.nominal.rate_hz
+    longest_s = fitter.longest_s(episodes)
     piece_s = max(longest_s / PIECES, SHORTEST_S)
     if nominal.total <= ASTRAY * count or longest_s < 2 * piece_s:
         return None
