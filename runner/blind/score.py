@@ -13,7 +13,7 @@ import hashlib
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
@@ -153,9 +153,8 @@ def blind_score(
     Raises:
         ResultError: If no case has both, or a case is missing.
     """
-    missing = score(verdicts, answers).unanswered
-    verdicts = verdicts | dict.fromkeys(missing, NO_VERDICT)
-    basic = replace(score(verdicts, answers), unanswered=missing)
+    basic = score(verdicts, answers, otherwise=NO_VERDICT)
+    verdicts = verdicts | dict.fromkeys(basic.unanswered, NO_VERDICT)
     names = list(basic.cases["case"])
     nominal = {} if cases is None else {name: read_case(cases / name).nominal for name in names}
     parameters = pd.DataFrame(

@@ -29,7 +29,7 @@ FIRST = 3  # answers that are looked at beside the first one
 
 @dataclass(frozen=True)
 class Score:
-    """Figures of the cases that have both a verdict and an answer.
+    """Figures of the cases that are scored.
 
     Args:
         cases: One row per case: what was planted, what was named, whether that is right.
@@ -68,8 +68,13 @@ def read_answers(path: Path) -> dict[str, dict[str, Any]]:
     return content
 
 
-def score(verdicts: dict[str, dict[str, Any]], answers: dict[str, dict[str, Any]]) -> Score:
-    """Score the cases that have both a verdict and an answer.
+def score(
+    verdicts: dict[str, dict[str, Any]],
+    answers: dict[str, dict[str, Any]],
+    *,
+    otherwise: dict[str, Any] | None = None,
+) -> Score:
+    """Score the cases that have both a verdict and an answer; with `otherwise`, a verdict, that for those without too.
 
     The first answer is right if it names what was planted, each effect by its own name or by an accepted equivalent,
     and nothing else.
@@ -80,7 +85,8 @@ def score(verdicts: dict[str, dict[str, Any]], answers: dict[str, dict[str, Any]
     shared = [c for c in answers if c in verdicts]
     if not shared:
         raise ResultError("no case has both a verdict and an answer; the names of the cases must be the same in both.")
-    cases = pd.DataFrame([_marked(case, verdicts[case], answers[case]) for case in shared])
+    scored = {c: verdicts[c] for c in shared} if otherwise is None else dict.fromkeys(answers, otherwise) | verdicts
+    cases = pd.DataFrame([_marked(case, scored[case], answers[case]) for case in answers if case in scored])
     confusion = cases.groupby(["truth", "first", "right"]).size().rename("cases").reset_index()
     p, right = cases["probability"].to_numpy(float), cases["right"].to_numpy(float)
     summary = {
