@@ -43,6 +43,7 @@ from numba.extending import intrinsic
 MAGIC = 271828.1828
 PLANAR, UPRIGHT, FREE = 3, 4, 6
 SLIP_EPS = 1e-7  # m/s, regularises the norm of the slip
+AT_REST = 1e-5  # m/s, a slip that has no direction of its own
 EDGE = 0.999  # the load's centre stays within this share of the outermost base points
 PUSH_SIZE = 12
 OUT_SIZE = 10
@@ -68,10 +69,12 @@ class LawBody:
     points: float = 0  # base points; 0: pushes only
     base_z: float = 0.0  # height of the base in the body frame (negative)
     mu: float = 0.0
-    # mu * along on the body axis at aniso_angle, mu * across at right angles to it (elliptic, associated flow)
+    # mu * along on the body axis at aniso_angle, mu * across at right angles to it: friction lies on that ellipse.
+    # normality 1: slip is at right angles to it (associated); 0: every axis by itself, mu (along p, across q) / u
     along: float = 1.0
     across: float = 1.0
     aniso_angle: float = 0.0
+    normality: float = 1.0
     # mu * (1 + stribeck * exp(-(u / stribeck_speed)^2))
     stribeck: float = 0.0
     stribeck_speed: float = 0.1
@@ -102,8 +105,8 @@ COLUMN = {name: i for i, name in enumerate(FIELDS)}
 POINT_STRIDE = 4  # x, y, weight, pressure shape
 
 (
-    _MAGIC, _JOINTS, _PUSH, _PNUM, _BASEZ, _MU, _ALONG, _ACROSS, _ANGLE, _STRIBECK, _STRIBECK_V, _STICTION, _STICTION_V,
-    _PATCH, _PATCH_X, _PATCH_Y, _PATCH_R, _FILM, _AIR, _LEAK, _PRESSURE, _HALF_X, _HALF_Y,
+    _MAGIC, _JOINTS, _PUSH, _PNUM, _BASEZ, _MU, _ALONG, _ACROSS, _ANGLE, _NORMALITY, _STRIBECK, _STRIBECK_V, _STICTION,
+    _STICTION_V, _PATCH, _PATCH_X, _PATCH_Y, _PATCH_R, _FILM, _AIR, _LEAK, _PRESSURE, _HALF_X, _HALF_Y,
 ) = range(STRIDE)  # fmt: skip
 
 
@@ -419,6 +422,26 @@ def _coefficients(num, r, n, rx, ry, v, place, mu):
 
 
 @njit(cache=True, error_model="numpy")
+def _flow(num, r, n, rx, ry, v, ahead, mu, sign):
+    """Multiply `mu` (`sign` 1, or divide it: -1) by what makes the flow one of less normality than the potential's.
+
+    f = -N mu (a^(1+g) p, b^(1+g) q) / sqrt((a^g p)^2 + (b^g q)^2), a and b along and across, g the normality, is the
+    friction of the potential in sqrt(a^(1+g) p^2 + b^(1+g) q^2) but for a factor by the direction of the slip (p, q).
+    A point at rest would slip where `ahead` points.
+    """
+    along, across, normality = num[r + _ALONG], num[r + _ACROSS], num[r + _NORMALITY]
+    a, b = along ** (2.0 * normality), across ** (2.0 * normality)
+    c, d = along ** (1.0 + normality), across ** (1.0 + normality)
+    for i in range(n):
+        p, q = v[0] - v[2] * ry[i], v[1] + v[2] * rx[i]
+        if p * p + q * q < AT_REST * AT_REST:
+            p, q = ahead[0] - ahead[2] * ry[i], ahead[1] + ahead[2] * rx[i]
+        if p != 0.0 or q != 0.0:
+            factor = math.sqrt((c * p * p + d * q * q) / (a * p * p + b * q * q))
+            mu[i] *= factor if sign > 0 else 1.0 / factor
+
+
+@njit(cache=True, error_model="numpy")
 def _mean_bump(ux, uy, dx, dy, width):
     """Average exp(-(u / width)^2) on the straight way of the slip from u to u + d."""
     d2 = dx * dx + dy * dy
@@ -527,7 +550,15 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, heights, free, pla
     films = (f0, 0.0, f2, f0, f4, f5)
     reach = (reach_x, reach_y)
     along, across = num[r + _ALONG], num[r + _ACROSS]
-    speed_counts = _coefficients(num, r, n, rx, ry, v, place, mu)
+    turns = along != across and num[r + _NORMALITY] != 1.0
+    speed_counts = _coefficients(num, r, n, rx, ry, v, place, mu) or turns
+    ahead = v
+    if turns:
+        along, across = along ** (0.5 + 0.5 * num[r + _NORMALITY]), across ** (0.5 + 0.5 * num[r + _NORMALITY])
+        # a slip that friction answers with what opposes the force
+        ahead = _solve3(*m, *force)
+        ahead = ahead[0] / (along * along), ahead[1] / (across * across), ahead[2]
+        _flow(num, r, n, rx, ry, v, ahead, mu, 1)
 
     # forces and friction at the start of the step, for a first look ahead
     air = num[r + _AIR] * math.sqrt(v[0] * v[0] + v[1] * v[1])
@@ -582,6 +613,8 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, heights, free, pla
     p = _along(v, (1.0 - theta) * h, acceleration)
     if speed_counts:
         _coefficients(num, r, n, rx, ry, p, place, mu)
+        if turns:
+            _flow(num, r, n, rx, ry, p, ahead, mu, 1)
 
     # drag, linear around p, belongs to the matrix
     h *= theta
@@ -654,6 +687,9 @@ def _advance(num, r, n, h, v, force, m, damping, com, weight, heights, free, pla
                 break
             to_average = False
             _average_speed_effects(num, r, n, rx, ry, v, x, mu)
+            if turns:
+                _flow(num, r, n, rx, ry, v, ahead, mu, -1)
+                _flow(num, r, n, rx, ry, x, ahead, mu, 1)
             continue
         if outer >= 8 and outer % 8 > 1:
             # Newton can go round in a circle where parts of the base lift and settle: step towards the wanted centre

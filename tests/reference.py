@@ -72,6 +72,7 @@ class Box:
         friction_of: Coefficient from slip speed (n,) and world place (n, 2) instead of `friction`.
         axes: Friction along and across the body axis at `axis_rad`, as multiples; slip at right angles to the limit.
         axis_rad: See `axes`.
+        normality: 0: slip is not at right angles to the limit, each axis has its own coefficient; see the effect.
         film_n_s_m: Viscous film under the base, in all.
         air_n_s2_m2: Drag on the geometric centre, by speed squared.
         leak_per_s: Share of mass and inertia lost per second.
@@ -90,6 +91,7 @@ class Box:
     friction_of: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
     axes: tuple[float, float] = (1.0, 1.0)
     axis_rad: float = 0.0
+    normality: float = 1.0
     film_n_s_m: float = 0.0
     air_n_s2_m2: float = 0.0
     leak_per_s: float = 0.0
@@ -145,7 +147,7 @@ class Box:
         c, s = np.cos(self.axis_rad), np.sin(self.axis_rad)
         rotate = turn @ np.array([[c, -s], [s, c]])
         stretch = np.array(self.axes)
-        local = slip @ rotate * stretch
+        local = slip @ rotate * stretch**self.normality
         local /= np.sqrt((local**2).sum(axis=1) + self.slip_eps_m_s**2)[:, None]
         return -mu * (local * stretch) @ rotate.T
 

@@ -20,7 +20,7 @@ from runner.blind.score import Bar, blind_score, check_hash, difference, if_cali
 from runner.blind.score_page import headline
 from runner.blind.score_words import notes, outcome
 from runner.diagnose.score import calibration_error, is_right, share
-from runner.effects import Mass, ViscousDrag, ViscousFilm
+from runner.effects import AnisotropicFriction, AxisFriction, Mass, ViscousDrag, ViscousFilm
 from runner.errors import ResultError
 from runner.recording import Nominal
 
@@ -190,6 +190,8 @@ def test_the_oracle_takes_the_variant_that_was_planted() -> None:
     """A film is fitted as a film, a drag of the body as a drag; no effect outside the vocabulary."""
     assert kinds_of([{"name": "viscous_drag", "true": {"acts": "film"}}, {"name": "mass"}]) == [ViscousFilm, Mass]
     assert kinds_of([{"name": "viscous_drag", "true": {"acts": "body"}}]) == [ViscousDrag]
+    for flow, variant in (("associated", AnisotropicFriction), ("scaled", AxisFriction)):
+        assert kinds_of([{"name": "anisotropic_friction", "true": {"friction_1": 0.3, "flow": flow}}]) == [variant]
     with pytest.raises(ResultError, match="no effect 'wear'"):
         kinds_of([{"name": "wear"}])
 

@@ -34,6 +34,11 @@ PLANTED = {
         {"anisotropy": (1.15, 0.85), "anisotropy_angle": 0.4},
         0.05,
     ),
+    "anisotropic_friction of axes": (
+        fx.AxisFriction(1.3 / 0.7, 0.4),
+        {"anisotropy": (1.3, 0.7), "anisotropy_angle": 0.4, "anisotropy_flow": "scaled"},
+        0.05,
+    ),
     "viscous_drag": (fx.ViscousDrag(0.8), {"viscous_drag": 0.8}, 0.05),
     "viscous_drag film": (fx.ViscousFilm(0.8), {"film": 0.8}, 0.05),
     "air_drag": (fx.AirDrag(0.8), {"air_drag": 0.8}, 0.05),

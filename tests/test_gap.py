@@ -16,6 +16,7 @@ from runner.diagnose.corrected import MODEL, read_corrected, unit, write_correct
 from runner.diagnose.measured import measure
 from runner.effects import (
     ActuatorDelay,
+    AnisotropicFriction,
     ComOffset,
     FloorTilt,
     Friction,
@@ -153,6 +154,7 @@ MANY: Effects = (
     FrictionPatch(0.3, 0.1, 0.2, 0.5),
     FloorTilt(0.02, 1.0),
     ViscousFilm(0.3),
+    AnisotropicFriction(1.2, 0.4, normality=0.0),
     Tether(1.2345678901234, 1.0, 2.0, 0.5),
     ActuatorDelay(0.03),
 )

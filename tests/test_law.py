@@ -61,6 +61,7 @@ def situations(draw: st.DrawFn) -> tuple[BodyConfig, dict[str, Any], np.ndarray,
     record: dict[str, Any] = {}
     if draw(st.booleans()):
         record |= {"along": number(0.5, 1.5), "across": number(0.5, 1.5), "aniso_angle": number(-3, 3)}
+        record |= {"normality": number(0.0, 1.0)}
     if draw(st.booleans()):
         record |= {"stribeck": number(-0.5, 1.0), "stribeck_speed": number(0.2, 1.0)}
     if draw(st.booleans()):
@@ -121,6 +122,7 @@ def test_law_agrees_with_independent_equations(
         friction_of=coefficient,
         axes=(view["along"], view["across"]),
         axis_rad=view["aniso_angle"],
+        normality=view["normality"],
         film_n_s_m=view["film"],
         air_n_s2_m2=view["air_drag"],
         leak_per_s=view["mass_leak"],
@@ -432,18 +434,22 @@ def test_any_situation_stays_finite(
 
 @angles((0.0, 0.5, math.pi / 2, 2.2))
 @pytest.mark.parametrize("axis_rad", [0.0, 0.6])
-def test_anisotropic_friction(angle_rad: float, axis_rad: float) -> None:
-    """Friction is mu_1 along its axis, mu_2 across it, and its flow is associated with the ellipse in between.
+@pytest.mark.parametrize("normality", [1.0, 0.0])
+def test_anisotropic_friction(angle_rad: float, axis_rad: float, normality: float) -> None:
+    """Friction is mu_1 along its axis, mu_2 across it, on the ellipse in between, where the flow says.
 
     The axes turn with the body; slip at `angle_rad` from the axis.
     """
     along, across, yaw = 1.3, 0.7, 0.4
-    scene = make(CUBE, along=along, across=across, aniso_angle=axis_rad)
+    scene = make(CUBE, along=along, across=across, aniso_angle=axis_rad, normality=normality)
     slip = towards(angle_rad + axis_rad + yaw)
     track = play(scene, STEP_S, start=(0, 0, yaw, *(2 * slip[:2]), 0))
     c, s = math.cos(angle_rad), math.sin(angle_rad)
-    size = math.hypot(along * c, across * s)
-    local = -0.5 * 3 * G * np.array([along**2 * c, across**2 * s]) / size
+    if normality == 1.0:
+        local = np.array([along**2 * c, across**2 * s]) / math.hypot(along * c, across * s)
+    else:
+        local = np.array([along * c, across * s])
+    local *= -0.5 * 3 * G
     turn = axis_rad + yaw
     want = [
         math.cos(turn) * local[0] - math.sin(turn) * local[1],
@@ -453,11 +459,13 @@ def test_anisotropic_friction(angle_rad: float, axis_rad: float) -> None:
     np.testing.assert_allclose((track.raw[1] - track.raw[0])[3:5] / STEP_S, np.array(want) / 3, rtol=2e-3, atol=0.01)
 
 
-def test_anisotropic_threshold() -> None:
-    """A body at rest yields at mu_1 along the axis and at mu_2 across it."""
-    for angle, factor in ((0.3, 1.3), (0.3 + math.pi / 2, 0.7)):
+@pytest.mark.parametrize("normality", [1.0, 0.0])
+def test_anisotropic_threshold(normality: float) -> None:
+    """A body at rest yields at mu_1 along the axis, at mu_2 across it, and on the ellipse in between."""
+    between = 1 / math.hypot(math.cos(0.6) / 1.3, math.sin(0.6) / 0.7)
+    for angle, factor in ((0.3, 1.3), (0.3 + math.pi / 2, 0.7), (0.3 + 0.6, between)):
         for share in (0.99, 1.01):
-            scene = make(CUBE, along=1.3, across=0.7, aniso_angle=0.3)
+            scene = make(CUBE, along=1.3, across=0.7, aniso_angle=0.3, normality=normality)
             set_push(scene, towards(angle, share * factor * 0.5 * 3 * G))
             speed = np.hypot(*play(scene, 0.5).raw[-1, 3:5])
             assert (speed > 1e-4) == (share > 1)

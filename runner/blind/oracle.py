@@ -13,14 +13,18 @@ from runner.diagnose.evidence import clip, directions, joined, promise, surround
 from runner.diagnose.fit import NONE, Fit, Fitter
 from runner.diagnose.measured import Measured, materially_different, measure, refine
 from runner.diagnose.pieces import begun
-from runner.effects.base import EFFECTS, AbstractEffect
+from runner.effects import EFFECTS, AbstractEffect, AxisFriction, ViscousFilm
 from runner.errors import ResultError
 from runner.recording import Recording
 from runner.simulate import Effects, Run, Simulator, context_of
 
 # Mean square in noises that the true effects should not leave, of episodes so long; and the length of their pieces.
 STUCK, SHORTEST_S, PIECE_S = 1.5, 1.5, 0.75
-FILM = "film"  # of the variants of viscous drag
+# Variants of an effect that an answer's `true` speaks of; where it doesn't, another is meant.
+SPECIAL: dict[tuple[str, str], type[AbstractEffect]] = {
+    ("acts", "film"): ViscousFilm,
+    ("flow", "scaled"): AxisFriction,
+}
 
 
 def kinds_of(effects: Sequence[Mapping[str, Any]]) -> list[type[AbstractEffect]]:
@@ -34,9 +38,9 @@ def kinds_of(effects: Sequence[Mapping[str, Any]]) -> list[type[AbstractEffect]]
         variants = EFFECTS.get(effect["name"])
         if not variants:
             raise ResultError(f"answers: no effect '{effect['name']}' in the vocabulary.")
-        film = effect.get("true", {}).get("acts") == FILM
-        fitting = [k for k in variants if (FILM in k.__name__.lower()) == film]
-        out.append((fitting or variants)[0])
+        told = [SPECIAL[said] for said in effect.get("true", {}).items() if SPECIAL.get(said) in variants]
+        plain = [k for k in variants if k not in SPECIAL.values()]
+        out.append((told or plain)[0])
     return out
 
 

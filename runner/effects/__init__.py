@@ -11,6 +11,7 @@ from runner.effects.actuation import (
 from runner.effects.base import EFFECTS, AbstractEffect, Context, Motion, Parameter, Target
 from runner.effects.friction import (
     AnisotropicFriction,
+    AxisFriction,
     ContactPressure,
     Friction,
     FrictionPatch,
@@ -32,6 +33,7 @@ __all__ = [
     "AirDrag",
     "AnisotropicFriction",
     "ApplicationPointOffset",
+    "AxisFriction",
     "ComOffset",
     "ContactPressure",
     "Context",
