@@ -14,7 +14,8 @@ from runner import effects as fx
 from runner.diagnose.breakaway import hanging
 from runner.diagnose.fit import NONE, Explanation, Fitter
 from runner.diagnose.measured import measure
-from runner.diagnose.pieces import look
+from runner.diagnose.pieces import carried, look
+from runner.diagnose.search import Seed
 from runner.recording import Episode, Form, Recording, Span
 from runner.simulate import Effects, Run, Simulator, context_of
 from tests.cases import NOMINAL, RATE_HZ, measured_as
@@ -100,6 +101,23 @@ def test_a_look_at_pieces_finds_what_acts_late() -> None:
     assert not seen.hung
     # another is not worth a fit of its own any more
     assert (fx.Inertia,) in seen.beginning.ruled_out
+
+
+def test_what_does_not_show_in_pieces_is_sought_on_the_way_to_the_whole() -> None:
+    """A Stribeck effect that was found without the inertia beside it goes astray in longer parts, and not with it."""
+    recording = pushed(random_pushes(5, 7.0), [(fx.Stribeck(-0.3, 0.3), fx.Inertia(0.95))] * 5)
+    fitter = Fitter(Simulator(recording, grid=8, threads=1), measure(recording), context_of(recording))
+    starts, count = fitter.fit(NONE, range(5)).starts, fitter.measured.count(range(5))
+    alone, x = Explanation((fx.Stribeck,)), np.array([-0.42, 0.16])
+    seed = Seed(alone, x, starts, fitter.loss(alone, x, starts, range(5)))
+    assert seed.total > 10 * count
+    first, last = carried(fitter, seed, range(5), fitter.longest_s(range(5)))
+    assert first.explanation == alone
+    assert first.total > 2 * count
+    assert set(last.explanation.names) == {"stribeck", "inertia"}
+    assert last.total < 1.1 * count
+    inertia = next(e for e in last.explanation.make(last.x, fitter.context) if e.name == "inertia")
+    assert inertia.report()["ratio"] == pytest.approx(0.95, abs=0.01)
 
 
 def test_no_look_where_the_nominal_model_holds() -> None:

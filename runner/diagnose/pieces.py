@@ -84,7 +84,9 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     for c in found.contenders[:LIKELIEST]:
         key = key_of(c.fit.explanation)
         if key in seeds:
-            seeds[key] = _carried(whole, seeds[key], episodes, longest_s)
+            for further in carried(whole, seeds[key], episodes, longest_s):
+                at = key_of(further.explanation)
+                seeds[at] = min(further, seeds.get(at, further), key=lambda s: s.total)
     explained = min((s.total for s in seeds.values()), default=np.inf) < EXPLAINED * whole.measured.count(episodes)
     return Look(Beginning(seeds, SINGLES - set(seeds) if explained else frozenset[Kinds]()), late)
 
@@ -112,15 +114,30 @@ def _seed(fitter: Fitter, explanation: Explanation, x: np.ndarray, starts: np.nd
     return Seed(explanation, x, starts, fitter.loss(explanation, x, starts, episodes))
 
 
-def _carried(fitter: Fitter, seed: Seed, episodes: Sequence[int], longest_s: float) -> Seed:
-    """Fit what was found in pieces of the episodes to longer parts, as long as it goes astray, and to the whole."""
-    count = fitter.measured.count(episodes)
+def carried(fitter: Fitter, seed: Seed, episodes: Sequence[int], longest_s: float) -> list[Seed]:
+    """Fit what was found in pieces of the episodes to longer parts, as long as it goes astray, and to the whole.
+
+    Where it goes astray in a longer part already, it lacks something that does not show in pieces; with that, if there
+    is one, it goes on.
+    """
+    count, left_behind = fitter.measured.count(episodes), []
     for share in RUNGS:
         if seed.total < ASTRAY_THERE * count:
             break
         longer = fitter.up_to(longest_s * share)
         fit = longer.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=12, polish=False)
+        if fit.total > ASTRAY_THERE * longer.measured.count(episodes) and len(fit.x) and not left_behind:
+            left_behind.append(_seed(fitter, fit.explanation, fit.x, fit.starts, episodes))
+            fit = _with_another(longer, fit)
         fitter.simulator.simulated_s += longer.simulator.simulated_s
         seed = _seed(fitter, fit.explanation, fit.x, fit.starts, episodes)
     fit = fitter.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=CARRIED, polish=False)
-    return Seed(fit.explanation, fit.x, fit.starts, fit.total)
+    return [*left_behind, Seed(fit.explanation, fit.x, fit.starts, fit.total)]
+
+
+def _with_another(fitter: Fitter, fit: Fit) -> Fit:
+    """Return the likeliest explanation of the same episodes that has the effects of a fit and another one."""
+    known, kinds = _seed(fitter, fit.explanation, fit.x, fit.starts, fit.episodes), fit.explanation.kinds
+    others = SINGLES - ({kinds} if len(kinds) == 1 else set())
+    beginning = Beginning({key_of(fit.explanation): known}, others)
+    return search(fitter, fit.episodes, most=len(kinds) + 1, starts=fit.starts, beginning=beginning).best.fit

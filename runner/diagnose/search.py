@@ -49,7 +49,8 @@ CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, p
 # taken over the edges of its hollow, once it has explained such a share.
 SIZES, OVER, CLIMBS, PART = np.geomspace(0.15, 4.0, 14), (0.85, 1.1, 1.3), 3, 0.2
 CLIMBED, CLIMB_STEPS = 0.02, 5  # share that a climb has to take off to be followed by another; steps of its fits
-LINEAR = 0.1  # of the nominal model's excess: where a fit leaves less, the promises of further effects hold
+# Of the nominal model's excess: where a fit leaves less, and no more than the noise, promises of further effects hold.
+LINEAR = 0.1
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
 Kinds = tuple[type[AbstractEffect], ...]
 SINGLES = frozenset((kind,) for kinds in EFFECTS.values() for kind in kinds)
@@ -146,7 +147,7 @@ def search(
             elif size > 1:
                 if left < worth:
                     continue  # nothing is left that would be worth an effect
-                if left < LINEAR * (nominal.total - count):
+                if left < min(LINEAR * (nominal.total - count), count):
                     offers = [o for o in offers[:candidates] if o[0] > OFFERED * worth]
                 else:
                     # far from a good fit the linear promise misleads: the commonest effects are always tried
