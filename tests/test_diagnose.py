@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from runner import effects as fx
-from runner.diagnose.confirm import confirm, doubt
+from runner.diagnose.confirm import confirm, doubt, further
 from runner.diagnose.diagnosis import Diagnosis, diagnose, split, strained
 from runner.diagnose.evidence import Surroundings, directions, evidence, surroundings, survey
 from runner.diagnose.fit import NONE, Explanation, Fitter
@@ -234,6 +234,30 @@ def test_a_patch_as_faint_as_texture_is_doubted(tilted: Recording) -> None:
     assert doubt(plain, fitter.context) == 0.0
     _, sticky = contended(tilted, fx.Stiction, [0.02])
     assert doubt(sticky, fitter.context) > 100.0
+
+
+@pytest.mark.parametrize(("share", "least", "most"), [(0.02, 900, 1100), (0.3, 500, 550), (0.8, 4, 6), (1.1, 0, 0)])
+def test_an_effect_within_its_own_standard_error_is_doubted(
+    tilted: Recording, share: float, least: float, most: float
+) -> None:
+    """By how much of its error it is away from nothing."""
+    fitter, some = contended(tilted, fx.MassLeak, [0.03])
+    error = math.sqrt(some.evidence.covariance[0, 0])
+    moved = dataclasses.replace(some, fit=dataclasses.replace(some.fit, x=np.array([share * error])))
+    assert least <= doubt(moved, fitter.context) <= most
+
+
+def test_what_takes_the_simulator_further_away_is_doubted(tilted: Recording) -> None:
+    """In episodes that were not fitted, and only where the gap is not plain: elsewhere the evidence decides."""
+    fitter = Fitter(Simulator(tilted, grid=8, threads=1), measure(tilted), context_of(tilted))
+    before, held = fitter.fit(NONE, (4, 5)), dataclasses.replace(fitter, held=(fx.FloorTilt(0.02, 0.6),))
+    there = held.fit(NONE, (4, 5))
+    assert further(there, before, fitter, 0.1) == 0.0
+    assert further(before, there, fitter, 0.1) == 100.0
+    assert further(before, there, fitter, 2.0) == 0.0
+    worse = dataclasses.replace(before, residual=tuple(r * math.sqrt(1.01) for r in before.residual))
+    expected = 1000 * 0.01 * before.total / fitter.measured.count((4, 5))
+    assert further(worse, before, fitter, 0.1) == pytest.approx(min(expected, 100.0))
 
 
 def test_what_strains_the_simulator_s_trust_is_not_explained(tilted: Recording) -> None:

@@ -24,12 +24,17 @@ CLOSE = 20.0  # and whatever is so near in log odds
 # errors of the model that what the best explanation leaves is the doing of: of the unseen episodes, and of the fitted
 # ones, where parameters may have taken up some of them
 INDEPENDENT_UNSEEN, INDEPENDENT_FITTED = 3.0, 1.0
-DOUBT = 25.0  # log odds against an effect that is nothing beside its own standard error; none from one of them on
+# Log odds against an effect that is nothing beside its own standard error; none from one of them on; and more where it
+# is less than such a share.
+DOUBT, LOST, LOST_BELOW = 25.0, 1000.0, 0.6
 FAINT = 200.0  # the same against one that is nothing beside the unevenness of any floor
 # A gap of this share of the noise's variance is as likely none; log odds by which each e-fold changes that; and the gap
 # from which on it is not none, whatever small errors of the simulator could do.
 BARELY, BY_GAP, VISIBLE = 0.3, 6.0, 1.5
 RULED_OUT = 1e4
+# Log odds against an effect where the gap is not as plain as that, for each squared noise by which the effect takes the
+# simulator further away in episodes that were not fitted; and the most of it.
+FURTHER, MOST_FURTHER = 1000.0, 100.0
 
 
 @dataclass(frozen=True)
@@ -92,8 +97,15 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     fits = {id(c.fit): there_by[id(c)] for c in leaders}
     weighed = _with_what_is_left(weighed, fits, fitter)
     everything = (*nominal.fit.episodes, *held_out)
-    against_none = odds_against_none(fitter.measured.excess(nominal.fit.total + before.total, everything))
-    weighed = [c if c.fit.x.size else replace(c, log_posterior=c.log_posterior - against_none) for c in weighed]
+    gap = fitter.measured.excess(nominal.fit.total + before.total, everything)
+    weighed = [
+        replace(
+            c,
+            log_posterior=c.log_posterior
+            - (further(fits[id(c.fit)], before, fitter, gap) if c.fit.x.size else odds_against_none(gap)),
+        )
+        for c in weighed
+    ]
     weighed.sort(key=lambda c: -c.log_posterior)
     # those that were not weighed keep their distance to the first of the leaders, and don't pass the last of them
     moved = next(w for w in weighed if w.fit is leaders[0].fit).log_posterior - leaders[0].log_posterior
@@ -137,7 +149,7 @@ def doubt(contender: Contender, context: Context) -> float:
     for kind, whole in contender.fit.explanation.parts(context):
         part = amplitudes(kind, whole, context)
         errors_off = float(np.sqrt(x[part] @ np.linalg.pinv(covariance[part, part], hermitian=True) @ x[part]))
-        found += DOUBT * max(1.0 - errors_off, 0.0)
+        found += DOUBT * max(1.0 - errors_off, 0.0) + LOST * max(1.0 - errors_off / LOST_BELOW, 0.0)
         if kind.faint_below > 0:
             found += FAINT * max(1.0 - abs(float(x[whole.start])) / kind.faint_below, 0.0)
     return found
@@ -146,6 +158,17 @@ def doubt(contender: Contender, context: Context) -> float:
 def odds_against_none(excess: float) -> float:
     """Return the log odds against `none` from what the nominal model leaves of all episodes, in squared noises."""
     return RULED_OUT if excess > VISIBLE else BY_GAP * float(np.log(max(excess, 0.01) / BARELY))
+
+
+def further(there: Fit, before: Fit, fitter: Fitter, gap: float) -> float:
+    """Return the log odds against an effect from what it, and what the nominal model, leaves of unseen episodes.
+
+    `gap` is what the nominal model leaves of all of them, in squared noises.
+    """
+    if gap > VISIBLE:
+        return 0.0
+    more = (there.total - before.total) / fitter.measured.count(before.episodes)
+    return float(np.clip(FURTHER * more, 0.0, MOST_FURTHER))
 
 
 def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nominal: Fit | None) -> Fit:
