@@ -436,7 +436,10 @@ def _flow(num, r, n, rx, ry, v, ahead, mu, sign):
         p, q = v[0] - v[2] * ry[i], v[1] + v[2] * rx[i]
         if p * p + q * q < AT_REST * AT_REST:
             p, q = ahead[0] - ahead[2] * ry[i], ahead[1] + ahead[2] * rx[i]
-        if p != 0.0 or q != 0.0:
+        largest = max(abs(p), abs(q))
+        if largest > 0.0:
+            # a force that has decayed may be so small that its square is none
+            p, q = p / largest, q / largest
             factor = math.sqrt((c * p * p + d * q * q) / (a * p * p + b * q * q))
             mu[i] *= factor if sign > 0 else 1.0 / factor
 

@@ -471,6 +471,16 @@ def test_anisotropic_threshold(normality: float) -> None:
             assert (speed > 1e-4) == (share > 1)
 
 
+def test_no_force_is_too_small_for_a_flow() -> None:
+    """One that has decayed to less than can be squared leaves a body at rest where it is."""
+    scene = make(CUBE, along=1.3, across=0.7, aniso_angle=0.3, normality=0.0)
+    start = (1.0, 2.0, 0.3, 0.0, 0.0, 0.0)
+    for size in (1e-150, 1e-200, 1e-310):
+        set_push(scene, towards(1.0, size))
+        # where something is not a number, MuJoCo begins anew at the origin
+        np.testing.assert_allclose(play(scene, 0.1, start=start).raw[-1, :6], start, atol=1e-6)
+
+
 @pytest.mark.parametrize("change", [-0.4, 0.8])
 def test_stribeck(change: float) -> None:
     """Coasting covers the integral of v / (mu(v) g), mu(v) = mu (1 + s exp(-(v / v_s)^2)), 0.1 %."""
