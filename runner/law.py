@@ -44,6 +44,8 @@ MAGIC = 271828.1828
 PLANAR, UPRIGHT, FREE = 3, 4, 6
 SLIP_EPS = 1e-7  # m/s, regularises the norm of the slip
 AT_REST = 1e-5  # m/s, a slip that has no direction of its own
+# A step is parted where no more than such a share of the motion goes on, from such a speed (m/s) on; its shortest part.
+TURNED, STANDING, SHORTEST_PART = 0.05, 1e-4, 0.02
 EDGE = 0.999  # the load's centre stays within this share of the outermost base points
 PUSH_SIZE = 12
 OUT_SIZE = 10
@@ -739,6 +741,35 @@ def _residual(q, x, b, out):
 
 
 @njit(cache=True, error_model="numpy")
+def _through(num, r, n, h, v, force, m, damping, com, weight, heights, free, place, turn):
+    """Advance by a step, in parts where the motion turns round within it; see `_advance`, which this returns as.
+
+    A body that stops under a push that is stronger than friction goes back at once. One implicit step would hold it
+    until the end of the step. So where the velocity at the end does not go on as it was, the step is halved until what
+    is held is a small part of it.
+    """
+    part, passed = h, 0.0
+    rub0 = rub1 = rub2 = 0.0
+    least = STANDING * STANDING * m[0]
+    end, rub, cop, lifted = _advance(num, r, n, h, v, force, m, damping, com, weight, heights, free, place, turn)
+    while True:
+        ahead = _times(m, v)
+        turned = _dot(v, ahead) > least and _dot(end, ahead) < TURNED * _dot(v, ahead)
+        if turned and n > 0 and part > SHORTEST_PART * h:
+            part *= 0.5
+        else:
+            rub0, rub1, rub2 = rub0 + part * rub[0], rub1 + part * rub[1], rub2 + part * rub[2]
+            v, passed = end, passed + part
+            part = h - passed
+            if part < 1e-9 * h:
+                break
+        end, rub, cop, lifted = _advance(
+            num, r, n, part, v, force, m, damping, com, weight, heights, free, place, turn
+        )  # fmt: skip
+    return end, (rub0 / h, rub1 / h, rub2 / h), cop, lifted
+
+
+@njit(cache=True, error_model="numpy")
 def _step_body(
     num, r, body, dof, qadr, gravity, h, t, mass_a, inertia_a, ipos_a, iquat_a, qpos, qvel, xfrc, user, applied,
     passive, damping,
@@ -789,7 +820,7 @@ def _step_body(
     cr, sr = math.cos(turn), math.sin(turn)
     ca, sa = math.cos(yaw + turn), math.sin(yaw + turn)
     px, py = cr * comx + sr * comy, cr * comy - sr * comx
-    end, rub, cop, lifted = _advance(
+    end, rub, cop, lifted = _through(
         num, r, n, h, (ca * v0 + sa * v1, ca * v1 - sa * v0, v2), (ca * e0 + sa * e1, ca * e1 - sa * e0, e2),
         (mass, 0.0, -mass * py, mass, mass * px, scale * i_origin),
         (k0 * ca * ca + k1 * sa * sa, ca * sa * (k1 - k0), 0.0, k0 * sa * sa + k1 * ca * ca, 0.0, k2),

@@ -471,6 +471,28 @@ def test_anisotropic_threshold(normality: float) -> None:
             assert (speed > 1e-4) == (share > 1)
 
 
+@pytest.mark.parametrize("speed", [0.1013, 0.5021, 1.0007, 1.4993])
+@pytest.mark.parametrize("share", [1.05, 1.5, 3.0])
+def test_a_body_that_is_pushed_back_turns_round_within_a_step(speed: float, share: float) -> None:
+    """It slides on at (F + mu N) / m until it stops, and goes back at (F - mu N) / m from that very moment."""
+    scene = make(CUBE)
+    set_push(scene, towards(math.pi, share * 0.5 * 3 * G))
+    last = play(scene, 1.0, start=(0, 0, 0, speed, 0, 0)).state[-1]
+    stop = speed / ((share + 1) * 0.5 * G)
+    back = (share - 1) * 0.5 * G * (1.0 - stop)
+    assert last[3] == pytest.approx(-back, abs=1e-3)
+    assert last[0] == pytest.approx(speed * stop / 2 - back * (1.0 - stop) / 2, abs=1e-3)
+
+
+def test_a_body_that_is_pushed_too_weakly_stops() -> None:
+    """At 95 % of friction it comes to rest, and stays."""
+    scene = make(CUBE)
+    set_push(scene, towards(math.pi, 0.95 * 0.5 * 3 * G))
+    track = play(scene, 0.5, start=(0, 0, 0, 1.0, 0, 0))
+    assert np.abs(track.raw[-1, 3:]).max() < 1e-6
+    assert track.state[-1, 0] == pytest.approx(1.0 / (2 * 1.95 * 0.5 * G), abs=2e-4)
+
+
 def test_no_force_is_too_small_for_a_flow() -> None:
     """One that has decayed to less than can be squared leaves a body at rest where it is."""
     scene = make(CUBE, along=1.3, across=0.7, aniso_angle=0.3, normality=0.0)
