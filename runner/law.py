@@ -44,8 +44,10 @@ MAGIC = 271828.1828
 PLANAR, UPRIGHT, FREE = 3, 4, 6
 SLIP_EPS = 1e-7  # m/s, regularises the norm of the slip
 AT_REST = 1e-5  # m/s, a slip that has no direction of its own
-# A step is parted where no more than such a share of the motion goes on, from such a speed (m/s) on; its shortest part.
-TURNED, STANDING, SHORTEST_PART = 0.05, 1e-4, 0.02
+# A step is parted where the motion turns by such an angle (rad), or no more than such a share of it is left, from such a
+# speed (m/s) on; its shortest part.
+TURNED, STOPPED, STANDING, SHORTEST_PART = 0.1, 0.05, 1e-3, 0.02
+CHANGED = 0.1  # the same where friction depends on speed and it changes by such a share
 EDGE = 0.999  # the load's centre stays within this share of the outermost base points
 PUSH_SIZE = 12
 OUT_SIZE = 10
@@ -744,25 +746,27 @@ def _residual(q, x, b, out):
 def _through(num, r, n, h, v, force, m, damping, com, weight, heights, free, place, turn):
     """Advance by a step, in parts where the motion turns round within it; see `_advance`, which this returns as.
 
-    A body that stops under a push that is stronger than friction goes back at once. One implicit step would hold it
-    until the end of the step. So where the velocity at the end does not go on as it was, the step is halved until what
-    is held is a small part of it.
+    A body that stops under a push that is stronger than friction goes back at once, and friction turns with the slip.
+    One implicit step would hold it until the end of the step, by friction of the direction that it has there.
     """
     part, passed = h, 0.0
     rub0 = rub1 = rub2 = 0.0
     least = STANDING * STANDING * m[0]
+    by_speed = num[r + _STRIBECK] != 0.0 or num[r + _STICTION] != 0.0
     end, rub, cop, lifted = _advance(num, r, n, h, v, force, m, damping, com, weight, heights, free, place, turn)
     while True:
-        ahead = _times(m, v)
-        turned = _dot(v, ahead) > least and _dot(end, ahead) < TURNED * _dot(v, ahead)
-        if turned and n > 0 and part > SHORTEST_PART * h:
+        motion, goes_on, after = _dot(v, _times(m, v)), _dot(end, _times(m, v)), _dot(end, _times(m, end))
+        turned = goes_on < STOPPED * motion or goes_on * goes_on < (1.0 - TURNED * TURNED) * motion * after
+        if by_speed:
+            turned = turned or motion - 2.0 * goes_on + after > CHANGED * CHANGED * motion
+        if turned and motion > least and n > 0 and part > SHORTEST_PART * h:
             part *= 0.5
         else:
             rub0, rub1, rub2 = rub0 + part * rub[0], rub1 + part * rub[1], rub2 + part * rub[2]
             v, passed = end, passed + part
-            part = h - passed
-            if part < 1e-9 * h:
+            if h - passed < 1e-9 * h:
                 break
+            part = min(2.0 * part, h - passed)
         end, rub, cop, lifted = _advance(
             num, r, n, part, v, force, m, damping, com, weight, heights, free, place, turn
         )  # fmt: skip
