@@ -18,7 +18,8 @@ velocity z at a fraction theta of the step h minimises
 with u_k the slip at point k (the theta method on the friction potential: Moreau 1988; Acary & Brogliato 2008), and
 the velocity at the end is v + (z - v) / theta. While the body slides, theta is 1/2, which is of second order. Where it
 may come to rest within the step, theta is 1 (backward Euler): stick is then a true minimum, and the only creep is that
-of the regularising speed `SLIP_EPS`. MuJoCo adds h times the velocity at the end to the position, so positions lead by
+of the regularising speed `SLIP_EPS`. Where the motion turns within a step, as when a push reverses it, the step is
+taken in parts. MuJoCo adds h times the velocity at the end to the position, so positions lead by
 h (v - v_start) / 2, which a reader may subtract; angles that lead by half a step are right for the midpoint rule.
 
 Load. N_k = w_k (a + b x_k + c y_k), clipped at zero, with a, b, c from the balance of the vertical force and of
@@ -44,8 +45,8 @@ MAGIC = 271828.1828
 PLANAR, UPRIGHT, FREE = 3, 4, 6
 SLIP_EPS = 1e-7  # m/s, regularises the norm of the slip
 AT_REST = 1e-5  # m/s, a slip that has no direction of its own
-# A step is parted where the motion turns by such an angle (rad), or no more than such a share of it is left, from such a
-# speed (m/s) on; its shortest part.
+# A step is parted where the motion turns by such an angle (rad), or no more than such a share of it is left, from
+# such a speed (m/s) on; its shortest part.
 TURNED, STOPPED, STANDING, SHORTEST_PART = 0.1, 0.05, 1e-3, 0.02
 CHANGED = 0.1  # the same where friction depends on speed and it changes by such a share
 EDGE = 0.999  # the load's centre stays within this share of the outermost base points
