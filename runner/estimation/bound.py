@@ -96,8 +96,9 @@ def batch_fit(
         states = trajectory(copies, u + steps, pushes, ends) / noise_sd
         return ((states[:UNKNOWNS] - states[UNKNOWNS:]) / (2 * _STEP)).reshape(UNKNOWNS, -1).T
 
-    # in units in which a first step of one goes a few standard deviations: further away there are other minima
-    scale = 10.0 / np.maximum(np.linalg.norm(jacobian(start), axis=0), 1e-6)
+    # in units in which a first step of one goes a few standard deviations: further away there are other minima; none is
+    # more than 1 (SI): what says nothing at the start, as the speed of a body that friction stops at once, may later
+    scale = 10.0 / np.maximum(np.linalg.norm(jacobian(start), axis=0), 10.0)
 
     def residuals(p: np.ndarray) -> np.ndarray:
         return ((trajectory(copies, (start + scale * p)[None], pushes, ends)[0] - measured) / noise_sd).ravel()
