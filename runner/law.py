@@ -754,23 +754,21 @@ def _through(num, r, n, h, v, force, m, damping, com, weight, heights, free, pla
     rub0 = rub1 = rub2 = 0.0
     least = STANDING * STANDING * m[0]
     by_speed = num[r + _STRIBECK] != 0.0 or num[r + _STICTION] != 0.0
-    end, rub, cop, lifted = _advance(num, r, n, h, v, force, m, damping, com, weight, heights, free, place, turn)
     while True:
-        motion, goes_on, after = _dot(v, _times(m, v)), _dot(end, _times(m, v)), _dot(end, _times(m, end))
+        end, rub, cop, lifted = _advance(num, r, n, part, v, force, m, damping, com, weight, heights, free, place, turn)
+        momentum = _times(m, v)
+        motion, goes_on, after = _dot(v, momentum), _dot(end, momentum), _dot(end, _times(m, end))
         turned = goes_on < STOPPED * motion or goes_on * goes_on < (1.0 - TURNED * TURNED) * motion * after
         if by_speed:
             turned = turned or motion - 2.0 * goes_on + after > CHANGED * CHANGED * motion
         if turned and motion > least and n > 0 and part > SHORTEST_PART * h:
             part *= 0.5
-        else:
-            rub0, rub1, rub2 = rub0 + part * rub[0], rub1 + part * rub[1], rub2 + part * rub[2]
-            v, passed = end, passed + part
-            if h - passed < 1e-9 * h:
-                break
-            part = min(2.0 * part, h - passed)
-        end, rub, cop, lifted = _advance(
-            num, r, n, part, v, force, m, damping, com, weight, heights, free, place, turn
-        )  # fmt: skip
+            continue
+        rub0, rub1, rub2 = rub0 + part * rub[0], rub1 + part * rub[1], rub2 + part * rub[2]
+        v, passed = end, passed + part
+        if h - passed < 1e-9 * h:
+            break
+        part = min(2.0 * part, h - passed)
     return end, (rub0 / h, rub1 / h, rub2 / h), cop, lifted
 
 

@@ -97,15 +97,12 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     fits = {id(c.fit): there_by[id(c)] for c in leaders}
     weighed = _with_what_is_left(weighed, fits, fitter)
     everything = (*nominal.fit.episodes, *held_out)
-    gap = fitter.measured.excess(nominal.fit.total + before.total, everything)
-    weighed = [
-        replace(
-            c,
-            log_posterior=c.log_posterior
-            - (further(fits[id(c.fit)], before, fitter, gap) if c.fit.x.size else odds_against_none(gap)),
-        )
+    whole_gap = fitter.measured.excess(nominal.fit.total + before.total, everything)
+    against = [
+        further(fits[id(c.fit)], before, fitter, whole_gap) if c.fit.x.size else odds_against_none(whole_gap)
         for c in weighed
     ]
+    weighed = [replace(c, log_posterior=c.log_posterior - a) for c, a in zip(weighed, against, strict=True)]
     weighed.sort(key=lambda c: -c.log_posterior)
     # those that were not weighed keep their distance to the first of the leaders, and don't pass the last of them
     moved = next(w for w in weighed if w.fit is leaders[0].fit).log_posterior - leaders[0].log_posterior

@@ -137,7 +137,6 @@ def carried(fitter: Fitter, seed: Seed, episodes: Sequence[int], longest_s: floa
 
 def _with_another(fitter: Fitter, fit: Fit) -> Fit:
     """Return the likeliest explanation of the same episodes that has the effects of a fit and another one."""
-    known, kinds = _seed(fitter, fit.explanation, fit.x, fit.starts, fit.episodes), fit.explanation.kinds
-    others = SINGLES - ({kinds} if len(kinds) == 1 else set())
-    beginning = Beginning({key_of(fit.explanation): known}, others)
+    kinds, known = fit.explanation.kinds, Seed(fit.explanation, fit.x, fit.starts, fit.total)
+    beginning = Beginning({key_of(fit.explanation): known}, SINGLES - {kinds})
     return search(fitter, fit.episodes, most=len(kinds) + 1, starts=fit.starts, beginning=beginning).best.fit
