@@ -11,18 +11,21 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from cases import made
 from scipy.stats import binomtest
 
 from runner.__main__ import main
+from runner.blind.ledger import Ledger
 from runner.blind.make import HASH_FILE
 from runner.blind.oracle import kinds_of
 from runner.blind.score import Bar, blind_score, check_hash, difference, if_calibrated, of_oracle, planted
+from runner.blind.score_figures import draw
 from runner.blind.score_page import headline
 from runner.blind.score_words import notes, outcome
 from runner.diagnose.score import calibration_error, is_right, share
 from runner.effects import AnisotropicFriction, AxisFriction, Mass, ViscousDrag, ViscousFilm
 from runner.errors import ResultError
-from runner.recording import Nominal
+from runner.recording import Nominal, write_case
 
 RANDOM = np.random.default_rng(5)
 Plain = dict[str, Any]
@@ -202,6 +205,10 @@ def test_no_case_makes_up_for_another_in_the_share_of_the_oracle_s_closure() -> 
     assert of_oracle(0.9, 0.05, 20.0) == 1.0
     assert of_oracle(-7.0, 0.9, 20.0) == -1.0
     assert math.isnan(of_oracle(0.9, 0.9, 0.05))
+    # effects that don't show in these episodes: shares of less than nothing
+    assert math.isnan(of_oracle(-3e7, -1e7, -0.02))
+    assert math.isnan(of_oracle(-1e7, -3e7, -0.02))
+    assert math.isnan(of_oracle(0.5, math.nan, 20.0))
 
 
 def test_a_case_without_a_verdict_is_wrong() -> None:
@@ -225,6 +232,19 @@ def test_a_value_without_an_error_holds_nothing() -> None:
     bar = bars_of(rows)["truth in 95 % intervals"]
     assert (bar.value, bar.cases) == (0.75, 4)
     assert bar.low < 0.75 < bar.high
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "held"), [((None, None), (2.0, 0.1), 1), ((1.1, None), (2.1, None), 0), ((1.1, 0.1), (2.1, 0.1), 2)]
+)
+def test_a_value_that_is_not_stated_holds_nothing(x: tuple, y: tuple, held: int) -> None:
+    """A number that did not exist counts as one that is off; a place without an error is not drawn."""
+    stated = {"friction_patch": {"x_m": x, "y_m": y}}
+    true = {"x_m": 1.0, "y_m": 2.0, "shape": "disc"}
+    row = verdict((("friction_patch",), 0.9, stated)), answer(("friction_patch", "strong", true))
+    found = blind_score(*both([row]))
+    assert (found.parameters["covered"].sum(), len(found.parameters)) == (held, 2)
+    assert ("places" in draw(found)) == (held == 2)
 
 
 def test_words_of_an_outcome() -> None:
@@ -283,6 +303,62 @@ def test_what_is_printed_and_kept(run: Path, capsys: pytest.CaptureFixture[str],
     assert {p.name for p in (run / "out" / "figures").glob("*.png")} >= {"bars.png", "confusion.png", "places.png"}
     assert len(pd.read_parquet(run / "out" / "score_cases.parquet")) == 32
     assert set(pd.read_parquet(run / "out" / "score_bars.parquet")["name"]) >= {"subtle: first"}
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "said"),
+    [
+        ("answers", '{"c0": {"effects": [{"severity": "strong"}], "accept": []}}', "case 'c0': each of `effects` must"),
+        ("answers", '{"c0": {"effects": []}}', "case 'c0': must have the lists `effects` and `accept`"),
+        ("answers", "[]", "must hold an object with `effects`"),
+        ("results/verdicts", '{"c0": {"ranked": []}}', "case 'c0': `ranked` must be a list of explanations"),
+        ("results/verdicts", '{"c0": {"ranked": [{"effects": ["mass"]}]}}', "`probability` from 0 to 1, got None"),
+        ("results/verdicts", '{"c0": {"ranked": [{"effects": [], "probability": 1}]}}', "`effects`, a list of names"),
+        ("results/verdicts", '{"c0": {"ranked": [{"effects": ["mass"], "probability": 1}]}}', "have `parameters` by"),
+        ("results/diagnosed_by", '[{"runner":', "diagnosed_by.json: not JSON"),
+    ],
+)
+def test_what_is_no_verdict_or_no_answer_is_said(
+    run: Path, file: str, content: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line that names the file and the case, and exit code 2."""
+    (run / f"{file}.json").write_text(content)
+    text = (run / "answers.json").read_bytes()
+    (run / "results" / HASH_FILE).write_text(hashlib.sha256(text).hexdigest() + "\n")
+    words = [f"verdicts={run / 'results'}", f"answers={run / 'answers.json'}", f"out={run / 'out'}"]
+    assert main(["blind", "score", *words]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+
+
+def test_the_oracle_is_asked_once_for_each_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Taken up again, the score fits only what is missing; other episodes left out are another fit."""
+    rows = [(verdict((("mass",), 0.9, {}), held_out=[h]), answer(("mass", "strong", {}))) for h in (4, 5, 6)]
+    verdicts, answers = both(rows)
+    for name in answers:
+        write_case(made(episodes=2, seconds=1.0)[0], tmp_path / "cases" / name)
+    asked = tmp_path / "asked"
+    asked.mkdir()
+
+    def told(name: str, case: Path, effects: object, unseen: list[int]) -> tuple[str, tuple[float, float]]:
+        (asked / f"{name}-{unseen[0]}").touch(exist_ok=False)
+        return name, (1.0, 20.0)
+
+    monkeypatch.setattr("runner.blind.score._told", told)
+    of = {"answers": "f" * 64}
+
+    def scored() -> tuple[list[float], set[str]]:
+        gap = blind_score(verdicts, answers, tmp_path / "cases", ledger=Ledger(tmp_path / "fits", of), workers=1).gap
+        assert gap is not None
+        return list(gap["ratio"]), {p.name for p in asked.iterdir()}
+
+    assert scored() == ([0.9] * 3, {"c0-4", "c1-5", "c2-6"})
+    lines = (tmp_path / "fits").read_text().splitlines(keepends=True)
+    (asked / "c2-6").unlink()
+    (tmp_path / "fits").write_text("".join(lines[:-1]) + lines[-1][:9])  # killed while it wrote
+    verdicts["c0"]["held_out"] = [0]
+    assert scored() == ([0.9] * 3, {"c0-0", "c0-4", "c1-5", "c2-6"})
 
 
 def test_other_answers_are_refused(run: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,7 +19,7 @@ from runner.diagnose.measured import measure
 from runner.diagnose.next_push import best_push, candidates
 from runner.diagnose.score import read_answers, score
 from runner.diagnose.search import Contender, Search
-from runner.diagnose.verdict import read_verdicts, verdict, write_verdict
+from runner.diagnose.verdict import read_verdicts, verdict, write_json
 from runner.errors import RecordingError, ResultError
 from runner.recording import Episode, Form, Noise, Nominal, Recording
 from runner.simulate import Effects, Simulator, context_of
@@ -131,7 +131,7 @@ def test_fitted_and_checked_episodes_do_not_overlap() -> None:
 
 def test_verdicts_are_written_and_scored(found: Diagnosis, tmp_path: Path) -> None:
     """A right answer scores right, another one wrong; what is missing is said."""
-    write_verdict(tmp_path / "verdicts.json", {"a": verdict(found), "b": verdict(found)})
+    write_json(tmp_path / "verdicts.json", {"a": verdict(found), "b": verdict(found)})
     (tmp_path / "answers.json").write_text(
         json.dumps(
             {

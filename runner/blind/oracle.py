@@ -44,14 +44,25 @@ def kinds_of(effects: Sequence[Mapping[str, Any]]) -> list[type[AbstractEffect]]
     return out
 
 
-def oracle_closed(recording: Recording, effects: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
+def oracle_closed(
+    recording: Recording, effects: Sequence[Mapping[str, Any]], unseen: Sequence[int] | None = None
+) -> tuple[float, float]:
     """Fit the effects that are known to be there and return how far that closes the gap on the held-out episodes.
+
+    Args:
+        recording: Of a case.
+        effects: What was planted in it.
+        unseen: Numbers of the episodes that the diagnosis held out; None: those that it does as a rule.
 
     Returns:
         The share of the closable mean square that is closed, and how much is closable, in squared noises.
     """
     kinds = kinds_of(effects)
-    fitted, held_out = split([e.index for e in recording.episodes])
+    numbers = [e.index for e in recording.episodes]
+    fitted, held_out = split(numbers)
+    if unseen is not None:
+        held_out = tuple(k for k, number in enumerate(numbers) if number in unseen)
+        fitted = tuple(k for k in range(len(numbers)) if k not in held_out)
     simulator, context = Simulator(recording, grid=8, threads=1), context_of(recording)
     measured = measure(recording)
     nominal = Fitter(simulator, measured, context).fit(NONE, fitted, iterations=8)

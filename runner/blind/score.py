@@ -21,6 +21,7 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 
+from runner.blind.ledger import Ledger
 from runner.blind.oracle import oracle_closed
 from runner.blind.run import read_hash
 from runner.diagnose.score import NONE, UNKNOWN, Score, accuracy, calibration_error, ordered_sizes, score, share
@@ -141,7 +142,12 @@ def check_hash(answers: Path, *folders: Path) -> str:
 
 
 def blind_score(
-    verdicts: dict[str, dict[str, Any]], answers: dict[str, dict[str, Any]], cases: Path | None = None
+    verdicts: dict[str, dict[str, Any]],
+    answers: dict[str, dict[str, Any]],
+    cases: Path | None = None,
+    *,
+    ledger: Ledger | None = None,
+    workers: int | None = None,
 ) -> BlindScore:
     """Score verdicts; a case that has an answer but no verdict counts as wrong.
 
@@ -149,6 +155,8 @@ def blind_score(
         verdicts: By case.
         answers: By case, with `true` values.
         cases: Folder of the cases, for the oracle and for what is relative to the nominal model; None: without these.
+        ledger: Where the oracle's fits are kept; those that are there are not done again.
+        workers: Processes for the oracle; None: one per core.
 
     Raises:
         ResultError: If no case has both, or a case is missing.
@@ -161,7 +169,11 @@ def blind_score(
         [row for name in names for row in _compared(name, answers[name], verdicts[name], nominal.get(name))],
         columns=["case", "effect", "parameter", "true", "value", "standard_error", "errors_off", "covered", "right"],
     )
-    gap = None if cases is None else _gap(basic.cases, answers, verdicts, cases)
+    gap = (
+        None
+        if cases is None
+        else _gap(basic.cases, answers, verdicts, _oracle(basic.cases, answers, verdicts, cases, ledger, workers))
+    )
     right = parameters[parameters["right"].astype(bool)].drop(columns="right").reset_index(drop=True)
     single = basic.cases[basic.cases["kind"] == "single"]
     rows = [row for name, part in single.groupby("truth") for row in _by_size(str(name), part)]
@@ -269,7 +281,7 @@ def _compared(
 ) -> list[dict[str, Any]]:
     """Return the parameters that the first answer states of effects that were planted, under their own names.
 
-    One without a standard error claims to hold exactly that value.
+    One without a standard error claims to hold exactly that value; one without a value holds nothing.
     """
     first = verdict["ranked"][0]
     right = set(first["effects"]) == {e["name"] for e in answer["effects"]}
@@ -279,7 +291,8 @@ def _compared(
         true = planted(effect, answer, nominal)
         for parameter, value in first["parameters"].get(name, {}).items():
             error = first["standard_errors"].get(name, {}).get(parameter) or 0.0
-            if parameter in true and value is not None:
+            if parameter in true:
+                value = math.nan if value is None else value
                 off = difference(name, parameter, value, true[parameter])
                 rows.append(
                     {"case": case, "effect": name, "parameter": parameter, "true": true[parameter], "value": value,
@@ -322,32 +335,57 @@ def _places(parameters: pd.DataFrame) -> pd.DataFrame:
             stated_m = float(np.linalg.norm(part.loc[["x_m", "y_m"], "standard_error"]))
             rows.append(
                 {"case": case, "effect": effect, "distance_m": distance_m, "stated_error_m": stated_m,
-                 "errors_off": distance_m / stated_m, "right": bool(part["right"].iloc[0])}
+                 "errors_off": distance_m / stated_m if stated_m > 0.0 else math.nan,
+                 "right": bool(part["right"].iloc[0])}
             )  # fmt: skip
     columns = ["case", "effect", "distance_m", "stated_error_m", "errors_off", "right"]
     return pd.DataFrame(rows, columns=columns).sort_values(["effect", "distance_m"], ignore_index=True)
 
 
-def _gap(cases: pd.DataFrame, answers: dict[str, Any], verdicts: dict[str, Any], folder: Path) -> pd.DataFrame:
-    """Return, per case with known effects, the share of the closable gap closed, own and the oracle's."""
-    known = cases[cases["kind"].isin(["single", "pair"])]
-    names = list(known["case"])
-    calls = (delayed(_told)(folder / name, answers[name]["effects"]) for name in names)
-    fits = cast("Iterable[tuple[float, float]]", Parallel(n_jobs=os.cpu_count() or 1, return_as="generator")(calls))
+def _oracle(
+    cases: pd.DataFrame,
+    answers: dict[str, Any],
+    verdicts: dict[str, Any],
+    folder: Path,
+    ledger: Ledger | None,
+    workers: int | None,
+) -> dict[str, tuple[float, float]]:
+    """Return what the oracle closes, and what can be closed, of each case with known effects."""
+    names = list(cases.loc[cases["kind"].isin(["single", "pair"]), "case"])
+    unseen = {name: verdicts[name].get("held_out") for name in names}
+    # a fit is of a case and of the episodes that were left out of it
+    keys = {name: f"{name} {unseen[name]}" for name in names}
+    fits: dict[str, Any] = {} if ledger is None else dict(ledger.done)
+    todo = [name for name in names if keys[name] not in fits]
+    calls = (delayed(_told)(name, folder / name, answers[name]["effects"], unseen[name]) for name in todo)
+    made = Parallel(n_jobs=workers or os.cpu_count() or 1, return_as="generator_unordered")(calls)
+    made = cast("Iterable[tuple[str, tuple[float, float]]]", made)
+    for name, fit in track(made, "Oracle", total=len(todo), unit="cases"):
+        fits[keys[name]] = fit
+        if ledger is not None:
+            ledger.add(keys[name], fit)
+    return {name: fits[keys[name]] for name in names}
+
+
+def _told(
+    name: str, case: Path, effects: list[dict[str, Any]], unseen: list[int] | None
+) -> tuple[str, tuple[float, float]]:
+    return name, oracle_closed(read_case(case), effects, unseen)
+
+
+def _gap(
+    cases: pd.DataFrame, answers: dict[str, Any], verdicts: dict[str, Any], fits: Mapping[str, tuple[float, float]]
+) -> pd.DataFrame:
+    """Return, per case that the oracle fitted, the share of the closable gap closed, own and the oracle's."""
     rows = []
-    for name, first, fit in zip(
-        names, known["first"], track(fits, "Oracle", total=len(names), unit="cases"), strict=True
-    ):
+    for name, first in cases.set_index("case").loc[list(fits), "first"].items():
         own = float(verdicts[name].get("closable_closed") or 0.0)
         as_planted = set(first.split("+")) == {e["name"] for e in answers[name]["effects"]}
         rows.append(
-            {"case": name, "own": own, "oracle": fit[0], "ratio": of_oracle(own, *fit), "as_planted": as_planted}
-        )
+            {"case": name, "own": own, "oracle": fits[name][0], "ratio": of_oracle(own, *fits[name]),
+             "as_planted": as_planted}
+        )  # fmt: skip
     return pd.DataFrame(rows, columns=["case", "own", "oracle", "ratio", "as_planted"])
-
-
-def _told(case: Path, effects: list[dict[str, Any]]) -> tuple[float, float]:
-    return oracle_closed(read_case(case), effects)
 
 
 def of_oracle(own: float, oracle: float, closable: float) -> float:
@@ -362,7 +400,9 @@ def of_oracle(own: float, oracle: float, closable: float) -> float:
         closable: In squared noises.
     """
     best = max(own, oracle)
-    return max(own / best, -1.0) if best * closable > LEAST_CLOSED else math.nan
+    # where the effects hardly show in these episodes both shares and what is closable may be below zero
+    told = math.isfinite(oracle) and closable > 0.0 and best * closable > LEAST_CLOSED
+    return float(np.clip(own / best, -1.0, 1.0)) if told else math.nan
 
 
 def _worst(cases: pd.DataFrame, answers: dict[str, Any]) -> pd.DataFrame:

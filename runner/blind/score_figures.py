@@ -27,14 +27,16 @@ SEVERAL = "several"
 
 def draw(found: BlindScore) -> dict[str, tuple[Figure, str]]:
     """Return the figures that there is something to draw for, by name, each with a description."""
+    placed = bool(found.places["errors_off"].notna().any())
+    closable = found.gap is not None and bool(found.gap["ratio"].notna().any())
     made: dict[str, tuple[Callable[[BlindScore], Figure], bool, str]] = {
         "bars": (_bars, True, "Every figure with its interval beside the bar that it is to reach"),
         "effects": (_effects, len(found.effects) > 0, "Share of first answers that are right, by effect and size"),
         "reliability": (_reliability, True, "Stated probability against how often the answer is right"),
         "confusion": (_confusion, True, "What was named for what was planted"),
         "coverage": (_coverage, len(found.parameters) > 0, "How the stated intervals hold what was planted"),
-        "places": (_places, len(found.places) > 0, "Distance of named places from the truth, and the stated error"),
-        "gap": (_gap, found.gap is not None and len(found.gap) > 0, "Gap closed, own against the oracle's"),
+        "places": (_places, placed, "Distance of named places from the truth, and the stated error"),
+        "gap": (_gap, closable, "Gap closed, own against the oracle's"),
     }
     with mpl.rc_context(STYLE):
         return {name: (of(found), text) for name, (of, there, text) in made.items() if there}
@@ -189,7 +191,7 @@ def _coverage(found: BlindScore) -> Figure:
     left.tick_params(axis="y", length=0)
     left.set_title("held by the 95 % interval")
     _percent(left)
-    off = np.clip(found.parameters["errors_off"].to_numpy(float), -5.99, 5.99)
+    off = np.clip(found.parameters["errors_off"].dropna().to_numpy(float), -5.99, 5.99)
     edges = np.arange(-6, 6.01, 0.5)
     right.hist(off, bins=list(edges), color=ACCENT, alpha=0.6)
     x = np.linspace(-6, 6, 200)
@@ -204,11 +206,12 @@ def _places(found: BlindScore) -> Figure:
     """Distance from the truth against the stated error, logarithmic; on the line they are equal."""
     figure = _new(5.4, 4.2, left=0.8)
     ax = figure.add_subplot()
-    for (effect, part), colour in zip(found.places.groupby("effect"), (ACCENT, ORANGE), strict=False):
+    known = found.places.dropna(subset="errors_off")  # a logarithmic axis has no room for an error of nothing
+    for (effect, part), colour in zip(known.groupby("effect"), (ACCENT, ORANGE), strict=False):
         ax.plot(
             part["stated_error_m"], part["distance_m"], "o", color=colour, ms=6, label=str(effect).replace("_", " ")
         )
-    both = found.places[["stated_error_m", "distance_m"]].to_numpy(float)
+    both = known[["stated_error_m", "distance_m"]].to_numpy(float)
     low, high = 0.6 * both.min(), 1.7 * both.max()
     ax.plot([low, high], [low, high], color=FAINT, lw=1.5)
     ax.set(xscale="log", yscale="log", xlim=(low, high), ylim=(low, high))
@@ -225,8 +228,9 @@ def _gap(found: BlindScore) -> Figure:
     assert found.gap is not None
     figure = _new(5.4, 4.6, left=0.8)
     ax = figure.add_subplot()
-    own, oracle = (np.clip(found.gap[c].to_numpy(float), -0.5, 1.1) for c in ("own", "oracle"))
-    same = found.gap["as_planted"].to_numpy(bool)
+    gap = found.gap.dropna(subset="ratio")  # without those in which there is nothing to close
+    own, oracle = (np.clip(gap[c].to_numpy(float), -0.5, 1.1) for c in ("own", "oracle"))
+    same = gap["as_planted"].to_numpy(bool)
     ax.plot([-0.5, 1.1], [-0.5, 1.1], color=FAINT, lw=1.5)
     ax.plot(oracle[same], own[same], "o", color=ACCENT, ms=5, alpha=0.7, label="named as planted")
     ax.plot(oracle[~same], own[~same], "o", color=ORANGE, ms=6, label="named otherwise")

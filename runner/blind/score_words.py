@@ -25,6 +25,11 @@ def share(value: float, low: float, high: float) -> str:
     return "–" if not math.isfinite(value) else f"{100 * value:.0f} % ({100 * low:.0f}–{100 * high:.0f})"
 
 
+def cases(count: int) -> str:
+    """Return so many cases in words."""
+    return f"{count} case" + "s" * (count != 1)
+
+
 def figure(bar: Bar) -> str:
     """Return what was measured with its interval."""
     if not math.isfinite(bar.value):
@@ -111,8 +116,9 @@ def places(found: BlindScore) -> tuple[tuple[str, ...], Rows]:
     """Return heading and rows of the places of patches and tethers."""
     rows: Rows = []
     for r in found.places.to_dict("records"):
-        numbers = f"{r['distance_m']:.3g}", f"{r['stated_error_m']:.2g}", f"{r['errors_off']:.1f}"
-        rows.append((r["case"], spaced(r["effect"]), *numbers))
+        numbers = (r["distance_m"], ".3g"), (r["stated_error_m"], ".2g"), (r["errors_off"], ".1f")
+        texts = [f"{value:{kind}}" if math.isfinite(value) else "–" for value, kind in numbers]
+        rows.append((r["case"], spaced(r["effect"]), *texts))
     return ("case", "effect", "off [m]", "stated [m]", "off / stated"), rows
 
 

@@ -3,18 +3,20 @@
 `runner blind score verdicts=RESULTS answers=FILE cases=DIR` first checks that the answers are those whose SHA-256 was
 set down beside the verdicts before the first diagnosis. With `cases` an oracle that is told the effects is fitted to
 see how much of the gap could have been closed. A case without a verdict counts as wrong. In the results:
-`score.html`, `figures/`, and the tables as Parquet.
+`score.html`, `figures/`, and the tables as Parquet. With `out=PATH` of an interrupted run, what the oracle has fitted
+is not fitted again.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from rich.console import Console
 
 from runner.blind import score_words as words
-from runner.blind.run import provenance
+from runner.blind.ledger import Ledger, header
+from runner.blind.run import own_provenance, provenance
 from runner.blind.score import blind_score, check_hash
 from runner.blind.score_figures import write_figures
 from runner.blind.score_page import FILE, headline, write_page
@@ -22,15 +24,26 @@ from runner.commands import Command, Job
 from runner.commands._print import print_table
 from runner.diagnose.score import read_answers
 from runner.diagnose.verdict import read_verdicts
+from runner.errors import check_range
+
+FITS = "oracle.jsonl"
 
 
 @dataclass(frozen=True)
 class BlindScoreConfig:
-    """Results of `runner blind run` (the folder or its `verdicts.json`), the answers, and the cases for the oracle."""
+    """Results of `runner blind run` (the folder or its `verdicts.json`), the answers, and the cases for the oracle.
+
+    `workers` of the oracle run at a time (None: one per core).
+    """
 
     verdicts: Path
     answers: Path
     cases: Path | None = None
+    workers: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.workers is not None:
+            check_range("workers", self.workers, 1, 1024)
 
 
 def main(config: BlindScoreConfig, job: Job) -> None:
@@ -39,7 +52,9 @@ def main(config: BlindScoreConfig, job: Job) -> None:
     beside = config.verdicts if config.verdicts.is_dir() else config.verdicts.parent
     folders = (beside,) if config.cases is None else (beside, config.cases)
     digest = check_hash(config.answers, *folders)
-    found = blind_score(verdicts, read_answers(config.answers), config.cases)
+    answers = read_answers(config.answers)
+    ledger = None if config.cases is None else _ledger(job.results / FITS, digest)
+    found = blind_score(verdicts, answers, config.cases, ledger=ledger, workers=config.workers)
     for name, table in found.tables.items():
         table.to_parquet(job.results / f"score_{name}.parquet", index=False)
     figures = write_figures(found, job.results / "figures")
@@ -60,6 +75,15 @@ def main(config: BlindScoreConfig, job: Job) -> None:
         console.print(f"Note: {note}", style="yellow", highlight=False)
     console.print(headline(found.bars), style="bold", highlight=False)
     console.print(f"{page}", highlight=False, soft_wrap=True)
+
+
+def _ledger(path: Path, digest: str) -> Ledger:
+    """Return the oracle's fits, those that another program or other answers left thrown away."""
+    own = {k: v for k, v in asdict(own_provenance()).items() if k != "begun"}
+    belongs = {"answers": digest, **own}
+    if header(path) != belongs or own["changed"]:
+        path.unlink(missing_ok=True)
+    return Ledger(path, belongs)
 
 
 COMMAND = Command(config=BlindScoreConfig, main=main, keeps="blind_score")

@@ -58,13 +58,18 @@ def read_answers(path: Path) -> dict[str, dict[str, Any]]:
         content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise ResultError(f"{path}: no such file.") from None
+    except OSError as error:
+        raise ResultError(f"{path}: can't be read: {error.strerror}.") from None
     except ValueError as error:
         raise ResultError(f"{path}: not JSON ({error}).") from None
-    if not isinstance(content, dict) or not all(
-        isinstance(a, dict) and isinstance(a.get("effects"), list) and isinstance(a.get("accept"), list)
-        for a in content.values()
-    ):
+    if not isinstance(content, dict):
         raise ResultError(f"{path}: must hold an object with `effects` and `accept` for each case.")
+    for case, answer in content.items():
+        lists = isinstance(answer, dict) and [answer.get(key) for key in ("effects", "accept")]
+        if not lists or not all(isinstance(v, list) for v in lists):
+            raise ResultError(f"{path}: case '{case}': must have the lists `effects` and `accept`.")
+        if not all(isinstance(e, dict) and isinstance(e.get("name"), str) for e in answer["effects"]):
+            raise ResultError(f"{path}: case '{case}': each of `effects` must have a `name`.")
     return content
 
 

@@ -36,6 +36,7 @@ def verdict(diagnosis: Diagnosis) -> dict[str, Any]:
         "gap_closed": diagnosis.gap_closed,
         "gap_closed_interval": [diagnosis.closure.gap_closed_low, diagnosis.closure.gap_closed_high],
         "closable_closed": diagnosis.closure.closable_closed,
+        "held_out": [diagnosis.recording.episodes[k].index for k in diagnosis.held_out],
         "residual_excess": diagnosis.excess,
         "nominal_excess": diagnosis.nominal_excess,
         "where": {
@@ -52,7 +53,7 @@ def verdict(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def write_verdict(path: Path, content: dict[str, Any]) -> None:
+def write_json(path: Path, content: Any) -> None:
     """Write JSON, numbers that don't exist as null; a reader never sees half a file."""
     part = path.with_suffix(".part")
     part.write_text(json.dumps(_finite(content), indent=1) + "\n", encoding="utf-8")
@@ -70,11 +71,34 @@ def read_verdicts(path: Path) -> dict[str, dict[str, Any]]:
         content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise ResultError(f"{path}: no such file; `runner diagnose recording=DIR_OF_CASES` writes one.") from None
+    except OSError as error:
+        raise ResultError(f"{path}: can't be read: {error.strerror}.") from None
     except ValueError as error:
         raise ResultError(f"{path}: not JSON ({error}).") from None
-    if not isinstance(content, dict) or not all(isinstance(v, dict) and "ranked" in v for v in content.values()):
+    if not isinstance(content, dict):
         raise ResultError(f"{path}: must hold an object with a verdict for each case, as `runner diagnose` writes it.")
+    for case, entry in content.items():
+        if problem := _lacking(entry):
+            raise ResultError(f"{path}: case '{case}': {problem}; `runner diagnose` writes what is wanted.")
     return content
+
+
+def _lacking(entry: Any) -> str | None:
+    """Return what a verdict lacks for being one."""
+    ranked = entry.get("ranked") if isinstance(entry, dict) else None
+    if not isinstance(ranked, list) or not ranked:
+        return "`ranked` must be a list of explanations"
+    for number, one in enumerate(ranked, 1):
+        names = one.get("effects") if isinstance(one, dict) else None
+        if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+            return f"explanation {number} must have `effects`, a list of names"
+        p = one.get("probability")
+        if not isinstance(p, int | float) or isinstance(p, bool) or not 0.0 <= p <= 1.0:
+            return f"explanation {number} must have a `probability` from 0 to 1, got {p!r}"
+        for key in ("parameters", "standard_errors"):
+            if not isinstance(one.get(key), dict) or not all(isinstance(v, dict) for v in one[key].values()):
+                return f"explanation {number} must have `{key}` by effect"
+    return None
 
 
 def _finite(value: Any) -> Any:
