@@ -7,6 +7,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any
 
 from runner.diagnose.corrected import write_corrected
 from runner.diagnose.diagnosis import Diagnosis, diagnose
-from runner.diagnose.verdict import ALL, FILE, verdict, write_verdict
+from runner.diagnose.verdict import ALL, FILE, verdict, write_json
 from runner.errors import RunnerError
 from runner.progress import progress
 from runner.recording import read_case
@@ -37,7 +38,7 @@ def write_all(diagnosis: Diagnosis, folder: Path, *, report: bool) -> None:
             table.to_parquet(folder / f"where_{name}.parquet", index=False)
         write_html(diagnosis, folder / "report.html")
         write_rrd(diagnosis, folder / "diagnosis.rrd")
-    write_verdict(folder / FILE, {"sentence": words.verdict(diagnosis), **verdict(diagnosis)})
+    write_json(folder / FILE, {"sentence": words.verdict(diagnosis), **verdict(diagnosis)})
 
 
 @dataclass(frozen=True)
@@ -87,9 +88,9 @@ def diagnose_many(
                 failed[name] = problem
             elif secluded is not None:
                 _take(target[name], results / name)
-            write_verdict(results / ALL, collect(results, cases))
+            write_json(results / ALL, collect(results, cases))
             advance()
-    write_verdict(results / ALL, collect(results, cases))
+    write_json(results / ALL, collect(results, cases))
     return failed
 
 
@@ -102,12 +103,32 @@ def collect(results: Path, names: Iterable[str]) -> dict[str, Any]:
 def _run(
     tasks: Mapping[str, tuple[Path, Path]], workers: int, report: bool, secluded: Seclusion | None
 ) -> Iterator[tuple[str, str | None]]:
+    """Yield each case with what was wrong with it, as they end.
+
+    Where a process is killed, as for want of memory, nobody knows which case it was: what was not done is done one at
+    a time, and one that is killed again by itself is given up.
+    """
     # fresh processes: MuJoCo's threads and a fork don't go together
     begin, arguments = (None, ()) if secluded is None else (secluded.begin, secluded.arguments)
-    with ProcessPoolExecutor(workers, get_context("spawn"), begin, arguments) as pool:
-        jobs = {pool.submit(_one, case, folder, report): name for name, (case, folder) in tasks.items()}
-        for job in as_completed(jobs):
-            yield jobs[job], job.result()
+    left = dict(tasks)
+    while left:
+        pool = ProcessPoolExecutor(workers, get_context("spawn"), begin, arguments)
+        try:
+            jobs = {pool.submit(_one, case, folder, report): name for name, (case, folder) in left.items()}
+            broken = False
+            for job in as_completed(jobs):
+                if isinstance(job.exception(), BrokenProcessPool):
+                    broken = True
+                    continue
+                del left[jobs[job]]
+                yield jobs[job], job.result()
+        finally:
+            pool.shutdown(cancel_futures=True)  # what waits is not begun after an interruption
+        if broken and workers == 1:
+            name = next(iter(left))
+            del left[name]
+            yield name, "its process was killed (the memory may not suffice)."
+        workers = 1
 
 
 def _one(path: Path, folder: Path, report: bool) -> str | None:

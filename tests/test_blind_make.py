@@ -19,7 +19,7 @@ from runner.blind import make, plants
 from runner.blind.excite import FAMILIES, Drive, draw_episodes
 from runner.blind.make import BANDS, Job, Mix, Reality, find_size, make_case, make_cases, plan_jobs
 from runner.blind.physics import World, simulate, simulate_all
-from runner.errors import ConfigError
+from runner.errors import ConfigError, ResultError
 from runner.recording import read_case
 
 CUBE = World(half_size=(0.5, 0.5, 0.5), mass=3.0, friction=0.3)
@@ -196,11 +196,47 @@ def test_pushes_at_a_height_do_not_tip_the_box() -> None:
         assert lever.max() <= 0.76 * 0.5 * CUBE.mass * CUBE.gravity
 
 
+def test_an_interrupted_set_is_taken_up_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cases that were made are kept with their answers, the rest is made; other settings are refused."""
+    mix, whole = Mix(singles=0.0, pairs=0.0, nulls=1.0, unknowns=0.0), tmp_path / "whole"
+    with_all = make_cases(3, 5, whole / "cases", whole / "answers.json", mix=mix, workers=1)
+    count = []
+
+    def interrupted(job: Job, reality: Reality, folder: Path) -> tuple[str, dict]:
+        count.append(folder.name)
+        if len(count) == 3:
+            (folder / "nominal.yaml").parent.mkdir(parents=True)
+            (folder / "nominal.yaml").write_text("half_size:")  # begun, not done
+            raise KeyboardInterrupt
+        return make_case(job, reality, folder)
+
+    part = tmp_path / "part"
+    arguments = (3, 5, part / "cases", part / "answers.json")
+    monkeypatch.setattr(make, "make_case", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        make_cases(*arguments, mix=mix, workers=1)
+    assert not (part / "answers.json").exists()
+    assert not (part / "cases" / make.HASH_FILE).exists()
+    with pytest.raises(ResultError, match="seed 5 instead of 6"):
+        make_cases(3, 6, *arguments[2:], mix=mix, workers=1)
+    again = make_cases(*arguments, mix=mix, workers=1)
+    assert count[3:] == [count[2]]
+    assert again.sha256 == with_all.sha256
+    for file in whole.rglob("*.*"):
+        if file.is_file():
+            assert file.read_bytes() == (part / file.relative_to(whole)).read_bytes(), file
+    assert {p.name for p in part.iterdir()} == {"cases", "answers.json"}
+
+
 def test_a_folder_in_use_and_answers_inside_are_refused(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(ConfigError, match=r"blind\.out: the folder .* is not empty"):
         make_cases(1, 0, tmp_path, tmp_path.parent / "answers.json")
     with pytest.raises(ConfigError, match=r"blind\.answers: must lie outside"):
         make_cases(1, 0, tmp_path / "new", tmp_path / "new" / "answers.json")
+    with pytest.raises(ConfigError, match=r"blind\.out: '.*file' is a file"):
+        make_cases(1, 0, tmp_path / "file", tmp_path.parent / "answers.json")
+    with pytest.raises(ConfigError, match=r"blind\.out: '.*' can't be made"):
+        make_cases(1, 0, tmp_path / "file" / "below", tmp_path.parent / "answers.json")
     with pytest.raises(ConfigError, match="Did you mean 'friction'"):
         plants.draw("fricton", scene_of(), np.random.default_rng(0))

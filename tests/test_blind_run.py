@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -17,9 +19,11 @@ from runner.blind.make import HASH_FILE
 from runner.blind.run import PROVENANCE, blind_run, copy_cases, read_hash
 from runner.commands import blind_run as command
 from runner.diagnose.verdict import ALL, FILE
+from runner.diagnose_many import diagnose_many
 from runner.errors import ResultError
 from runner.recording import write_case
 
+ANSWERS = "cases.answers.json"  # beside `cases`, as `runner blind make` names it
 FENCED = """
 import os, subprocess, sys, tempfile
 from pathlib import Path
@@ -70,30 +74,83 @@ def cases(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("blind") / "cases"
     write_case(made(episodes=2, seconds=1.0)[0], folder / "strong_mass")
     text = json.dumps({"strong_mass": {"effects": [], "accept": ["none"]}})
-    (folder.parent / "cases.answers.json").write_text(text)
+    (folder.parent / ANSWERS).write_text(text)
     (folder / HASH_FILE).write_text(hashlib.sha256(text.encode()).hexdigest() + "\n")
     return folder
 
 
 def test_answers_change_no_byte_of_a_verdict(cases: Path, tmp_path: Path) -> None:
-    """Right answers beside the cases, or none but false ones under other names: the same verdict, byte for byte."""
+    """Right answers beside the cases, false ones in their place or in the case, or none: the same, byte for byte."""
     lie = json.dumps({"effects": [{"name": "tether", "severity": "strong"}], "accept": ["tether"]})
     verdicts = []
-    for kind, name in (("right", "strong_mass"), ("falsified", "weak_tether")):
+    for kind, name in (("right", "strong_mass"), ("removed", "strong_mass"), ("falsified", "weak_tether")):
         place, results = tmp_path / kind / "cases", tmp_path / kind / "results"
         shutil.copytree(cases, place)
         results.mkdir()
         if kind == "right":
-            shutil.copy(cases.parent / "cases.answers.json", place.parent)
-        else:
+            shutil.copy(cases.parent / ANSWERS, place.parent)
+        if kind == "falsified":
             (place / "strong_mass").rename(place / name)
-            (place.parent / "truth.json").write_text(f'{{"{name}": {lie}}}')
+            (place.parent / ANSWERS).write_text(f'{{"{name}": {lie}}}')
             (place / name / "answers.json").write_text(lie)
         assert blind_run(place, results, workers=1) == (1, {})
         assert set(json.loads((results / ALL).read_text())) == {name}
         assert read_hash(results) == read_hash(cases)
         verdicts.append((results / name / FILE).read_bytes())
-    assert verdicts[0] == verdicts[1]
+    assert verdicts[0] == verdicts[1] == verdicts[2]
+
+
+class Peek:
+    """In place of a diagnosis, told as text, as a worker behind the fence may not even load this file: read another."""
+
+    def __init__(self, secret: Path) -> None:
+        self.secret = secret
+
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        return eval, (f"lambda *_: 'read: ' + open({str(self.secret)!r}).read()",)
+
+
+def test_workers_of_a_blind_run_are_behind_the_fence(
+    cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A worker that tries to read the answers can't, and could in a diagnosis that is not blind."""
+    monkeypatch.setattr("runner.diagnose_many._one", Peek(cases.parent / ANSWERS))
+    (tmp_path / "blind").mkdir()
+    with pytest.raises(PermissionError, match="not while cases are diagnosed blind"):
+        blind_run(cases, tmp_path / "blind", workers=1)
+    (tmp_path / "open").mkdir()
+    failed = diagnose_many({"strong_mass": cases / "strong_mass"}, tmp_path / "open", workers=1)
+    assert failed["strong_mass"] == "read: " + (cases.parent / ANSWERS).read_text()
+
+
+def killed(path: Path, folder: Path, report: bool) -> str | None:
+    """In place of a diagnosis: one case kills its process, as the kernel does where the memory is at its end."""
+    if path.name == "heavy":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return "light"
+
+
+def test_a_case_that_kills_its_process_takes_no_other_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is named as not diagnosed; all others are done."""
+    monkeypatch.setattr("runner.diagnose_many._one", killed)
+    names = ["a", "heavy", "c", "d"]
+    tmp_path.joinpath("out").mkdir()
+    failed = diagnose_many({name: tmp_path / name for name in names}, tmp_path / "out", workers=2)
+    assert failed.pop("heavy").startswith("its process was killed")
+    assert failed == dict.fromkeys(["a", "c", "d"], "light")
+
+
+def test_verdicts_from_before_the_hash_are_refused(
+    cases: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A folder with verdicts whose answers had not been sealed is not made blind by running over it."""
+    (tmp_path / "strong_mass").mkdir()
+    (tmp_path / "strong_mass" / FILE).write_text("{}")
+    assert main(["blind", "run", str(cases), f"out={tmp_path}"]) == 2
+    assert "is of a diagnosis that was not blind; name a new folder" in capsys.readouterr().err
+    assert not (tmp_path / HASH_FILE).exists()
+    assert main(["blind", "run", str(cases / HASH_FILE), f"out={tmp_path / 'new'}"]) == 2
+    assert "is no folder" in capsys.readouterr().err
 
 
 def test_names_of_copies_follow_from_their_content(cases: Path, tmp_path: Path) -> None:
@@ -148,6 +205,8 @@ def test_made_with_a_seed_that_was_drawn(tmp_path: Path, capsys: pytest.CaptureF
     digest = hashlib.sha256((tmp_path / "set.answers.json").read_bytes()).hexdigest()
     assert f"SHA-256 of the answers: {digest}" in out
     assert "drawn" in out
+    assert main(["blind", "make", "n=1", "out=/"]) == 2
+    assert "out: must be a new folder" in capsys.readouterr().err
     assert read_hash(tmp_path / "set") == digest
     assert main(["blind", "make", "n=1", f"out={tmp_path / 'set2'}", f"answers={tmp_path / 'set.answers.json'}"]) == 2
     assert "exists; name a new file" in capsys.readouterr().err

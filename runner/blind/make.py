@@ -14,9 +14,10 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pandas as pd
@@ -25,6 +26,7 @@ from joblib import Parallel, delayed
 from scipy.ndimage import map_coordinates
 
 from runner.blind.excite import Drive, draw_episodes
+from runner.blind.ledger import Ledger
 from runner.blind.physics import (
     TEXTURE_CELL_M,
     Episode,
@@ -135,38 +137,58 @@ def make_cases(
 ) -> MadeCases:
     """Make n cases; the same seed makes the same cases, whatever the number of workers.
 
+    What was made before an interruption is kept, and its answers in a file beside the one for all of them: called
+    again with the same arguments, this goes on from there.
+
     Args:
         n: Number of cases.
         seed: Of everything that is drawn.
-        out_dir: Folder for the cases: must not exist or be empty.
+        out_dir: Folder for the cases: must not exist, be empty, or be that of an interrupted call.
         answers_path: File for the answers, outside `out_dir`.
         mix: Shares of singles, pairs, nulls and unknowns.
         reality: Departures from the textbook.
         workers: Processes; none: one for each core.
 
     Raises:
-        ConfigError: If the folder is in use, or the answers would lie inside it.
+        ConfigError: If the folder is in use or can't be made, or the answers would lie inside it.
+        ResultError: If an interrupted call was for other cases, or the answers can't be written.
     """
     check_range("blind.n", n, 1, 100000)
     folder, answers = Path(out_dir), Path(answers_path)
     if folder.resolve() == answers.resolve().parent or folder.resolve() in answers.resolve().parents:
         raise ConfigError(f"blind.answers: must lie outside the folder of the cases '{folder}', got '{answers}'.")
-    if folder.exists() and any(folder.iterdir()):
+    kept = part_of(answers)
+    if folder.exists() and not folder.is_dir():
+        raise ConfigError(f"blind.out: '{folder}' is a file; give a folder.")
+    if folder.exists() and any(folder.iterdir()) and not kept.exists():
         raise ConfigError(f"blind.out: the folder '{folder}' is not empty; give one that is new.")
-    folder.mkdir(parents=True, exist_ok=True)
-    answers.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        answers.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"blind.out: '{error.filename}' can't be made: {error.strerror}.") from None
     begun = time.perf_counter()
-    jobs = plan_jobs(n, seed, mix or Mix())
+    mix, reality = mix or Mix(), reality or Reality()
+    belongs = {"n": n, "seed": seed, "out": str(folder.resolve()), "mix": asdict(mix), "reality": asdict(reality)}
+    ledger = Ledger(kept, json.loads(json.dumps(belongs)))
     names = _names(n, seed)
-    settings = reality or Reality()
-    calls = (delayed(make_case)(job, settings, folder / name) for job, name in zip(jobs, names, strict=True))
+    todo = [(job, name) for job, name in zip(plan_jobs(n, seed, mix), names, strict=True) if name not in ledger.done]
+    calls = (delayed(make_case)(job, reality, folder / name) for job, name in todo)
     results = Parallel(n_jobs=workers or os.cpu_count() or 1, return_as="generator_unordered")(calls)
-    found: dict[str, dict] = dict(track(results, "Making cases", total=n, unit="cases"))  # pyright: ignore
-    text = json.dumps({name: found[name] for name in sorted(found)}, indent=1) + "\n"
+    results = cast("Iterable[tuple[str, dict]]", results)
+    for name, answer in track(results, "Making cases", total=len(todo), unit="cases"):
+        ledger.add(name, answer)
+    text = json.dumps({name: ledger.done[name] for name in sorted(names)}, indent=1) + "\n"
     answers.write_text(text)
     digest = hashlib.sha256(text.encode()).hexdigest()
     (folder / HASH_FILE).write_text(f"{digest}  {answers.name}\n")
-    return MadeCases(folder, answers, digest, tuple(sorted(found)), time.perf_counter() - begun)
+    kept.unlink()
+    return MadeCases(folder, answers, digest, tuple(sorted(names)), time.perf_counter() - begun)
+
+
+def part_of(answers: Path) -> Path:
+    """Return the file that holds the answers of the cases made so far."""
+    return answers.with_name(f"{answers.name}.part")
 
 
 def _names(n: int, seed: int) -> list[str]:
@@ -225,7 +247,7 @@ def make_case(job: Job, reality: Reality, folder: Path) -> tuple[str, dict]:
         made = _try_case(job, reality, generator)
         if made is not None:
             nominal, table, answer = made
-            folder.mkdir(parents=True)
+            folder.mkdir(parents=True, exist_ok=True)
             (folder / "nominal.yaml").write_text(yaml.safe_dump(nominal, sort_keys=False))
             table.to_parquet(folder / "recording.parquet", index=False)
             return folder.name, answer

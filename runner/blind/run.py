@@ -20,6 +20,7 @@ from typing import Any
 
 from runner.blind.fence import PACKAGE, enter_fence
 from runner.blind.make import HASH_FILE
+from runner.diagnose.verdict import write_json
 from runner.diagnose_many import Seclusion, diagnose_many
 from runner.errors import ResultError
 from runner.recording import find_cases
@@ -50,8 +51,10 @@ def blind_run(folder: Path, results: Path, *, workers: int | None = None) -> tup
         The number of cases, and what was wrong with those that could not be diagnosed, by name.
 
     Raises:
-        ResultError: If the hash is missing, or the results are of other answers.
+        ResultError: If the hash is missing, or the results are of other answers, or hold verdicts of another kind.
     """
+    if not folder.is_dir():
+        raise ResultError(f"cases: '{folder}' is no folder; name the one that `runner blind make` made.")
     cases = {case.relative_to(folder).as_posix(): case for case in find_cases(folder)}
     _remember(read_hash(folder), results)
     with tempfile.TemporaryDirectory(prefix="runner-blind-") as name:
@@ -69,7 +72,7 @@ def read_hash(folder: Path) -> str:
         ResultError: If there is none.
     """
     try:
-        words = (folder / HASH_FILE).read_text(encoding="utf-8").split()
+        words = (folder / HASH_FILE).read_text(encoding="utf-8", errors="replace").split()
     except OSError:
         raise ResultError(f"{folder / HASH_FILE}: no such file; it holds the SHA-256 of the answers.") from None
     if not words or len(words[0]) != 64 or set(words[0]) - set("0123456789abcdef"):
@@ -83,23 +86,33 @@ def _remember(digest: str, results: Path) -> None:
         if read_hash(results) != digest:
             raise ResultError(f"out: '{results}' holds verdicts for other answers; name a new folder.")
     else:
+        # verdicts from before the hash was set down may have been made in sight of the answers
+        if there := next(results.rglob("verdict*.json"), None):
+            raise ResultError(f"out: '{there}' is of a diagnosis that was not blind; name a new folder.")
         (results / HASH_FILE).write_text(f"{digest}\n", encoding="utf-8")
-    text = json.dumps([*provenance(results), asdict(_own_provenance())], indent=1) + "\n"
-    (results / PROVENANCE).write_text(text, encoding="utf-8")
+    write_json(results / PROVENANCE, [*provenance(results), asdict(own_provenance())])
 
 
 def provenance(results: Path) -> list[dict[str, Any]]:
-    """Return what diagnosed, one entry for each time that the run was begun or taken up again."""
+    """Return what diagnosed, one entry for each time that the run was begun or taken up again.
+
+    Raises:
+        ResultError: If the file is spoilt.
+    """
     file = results / PROVENANCE
-    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else []
+    try:
+        return json.loads(file.read_text(encoding="utf-8")) if file.exists() else []
+    except ValueError as error:
+        raise ResultError(f"{file}: not JSON ({error}).") from None
 
 
-def _own_provenance() -> Provenance:
+def own_provenance() -> Provenance:
+    """Return what this program is."""
     commit = changed = None
     # a package that lies in somebody else's working tree is not described by that tree's commit
     if _git("ls-files", "--error-unmatch", "__init__.py") is not None:
         commit = _git("rev-parse", "HEAD")
-        changed = bool(_git("status", "--porcelain", "--untracked-files=no", "."))
+        changed = bool(_git("status", "--porcelain", "."))
     return Provenance(version("runner"), commit, changed, datetime.now(UTC).isoformat(timespec="seconds"))
 
 

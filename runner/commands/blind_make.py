@@ -2,7 +2,8 @@
 
 `runner blind make n=200 out=DIR` writes one folder per case, and the answers to `DIR.answers.json` beside it (or to
 `answers=FILE`, never inside DIR). The SHA-256 of the answers is printed and stands in `DIR/answers.sha256`, so that
-nobody can change them after a diagnosis. Without `seed` one is drawn, and printed.
+nobody can change them after a diagnosis. Without `seed` one is drawn, and printed. Called again with the same words
+after an interruption, it goes on with the cases that are missing.
 
     runner blind make n=200 out=blind
     runner blind run blind out=blind_verdicts
@@ -15,7 +16,8 @@ import secrets
 from dataclasses import dataclass
 from pathlib import Path
 
-from runner.blind.make import make_cases
+from runner.blind.ledger import header
+from runner.blind.make import make_cases, part_of
 from runner.commands import Command, Job
 from runner.errors import ConfigError, check_range
 
@@ -40,12 +42,18 @@ class BlindMakeConfig:
 
 def main(config: BlindMakeConfig, job: Job) -> None:
     """Make them and print the hash."""
-    answers = config.answers or config.out.with_name(f"{config.out.name}.answers.json")
+    if not config.out.resolve().name:
+        raise ConfigError(f"out: must be a new folder, got '{config.out}'.")
+    answers = config.answers or config.out.resolve().with_name(f"{config.out.resolve().name}.answers.json")
     if answers.exists():
         raise ConfigError(f"answers: '{answers}' exists; name a new file.")
-    seed = secrets.randbelow(2**32) if config.seed is None else config.seed
+    seed, drawn = config.seed, ""
+    if seed is None:
+        begun = header(part_of(answers)) or {}
+        # a small seed could be found again from the names that follow from it, and the answers with it
+        seed, drawn = begun.get("seed", secrets.randbelow(2**63)), ", drawn"
+    print(f"{config.n} cases: {config.out} (seed {seed}{drawn})", flush=True)
     made = make_cases(config.n, seed, config.out, answers, workers=config.workers)
-    print(f"{len(made.cases)} cases: {made.folder} (seed {seed}{', drawn' if config.seed is None else ''})")
     print(f"answers: {made.answers}")
     print(f"SHA-256 of the answers: {made.sha256}")
 
