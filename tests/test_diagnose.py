@@ -12,7 +12,7 @@ import pytest
 
 from runner import effects as fx
 from runner.diagnose.confirm import confirm, doubt, further
-from runner.diagnose.diagnosis import Diagnosis, diagnose, split, strained
+from runner.diagnose.diagnosis import Diagnosis, diagnose, not_none, split, strained
 from runner.diagnose.evidence import Surroundings, directions, evidence, surroundings, survey
 from runner.diagnose.fit import NONE, Explanation, Fitter
 from runner.diagnose.measured import measure
@@ -201,6 +201,28 @@ def test_a_hair_s_breadth_is_no_effect() -> None:
     """Friction off by 0.05 % explains some of the noise's whims and nothing that matters."""
     diagnosis = diagnose(recorded((fx.Friction(NOMINAL.friction * 1.0005),)), threads=1)
     assert diagnosis.ranked[0].effects == ("none",)
+
+
+def test_a_dead_band_is_unknown_and_is_said() -> None:
+    """It is not taken for the heavier body or the weaker push that it nearly is; a weaker push is not taken for it."""
+    lost = diagnose(recorded((fx.DeadBand(0.6),), episodes=8), threads=1, advise=False)
+    assert lost.ranked[0].effects == ("unknown",)
+    assert lost.abstain
+    said = next(n for n in lost.notes if "dead band" in n)
+    assert float(said.rstrip(".").split()[-1]) == pytest.approx(0.6, abs=0.1)
+    assert all("unknown" not in r.effects for r in lost.ranked[1:])
+    assert sum(r.probability for r in lost.ranked) == pytest.approx(1.0)
+    weaker = diagnose(recorded((fx.ActuatorGain(0.95),), episodes=8), threads=1, advise=False)
+    assert {weaker.ranked[0].effects, *weaker.ranked[0].equivalent} >= {("mass",), ("actuator_gain",)}
+    assert not weaker.abstain
+    assert not any("dead band" in n for n in weaker.notes)
+
+
+def test_a_gap_without_a_name_is_unknown() -> None:
+    """What small errors of a simulator leave is none; several times that is not, whoever could have made it."""
+    assert not_none(0.0) < 1e-3
+    assert not_none(0.3) < 0.1
+    assert 0.8 < not_none(0.6) < not_none(5.0) <= 1.0
 
 
 def contended(recording: Recording, kind: type[fx.AbstractEffect], vector: list[float]) -> tuple[Fitter, Contender]:

@@ -14,7 +14,7 @@ from runner import effects as fx
 from runner.diagnose.breakaway import hanging
 from runner.diagnose.fit import NONE, Explanation, Fitter
 from runner.diagnose.measured import measure
-from runner.diagnose.pieces import carried, look
+from runner.diagnose.pieces import carried, explains, look
 from runner.diagnose.search import Seed
 from runner.recording import Episode, Form, Recording, Span
 from runner.simulate import Effects, Run, Simulator, context_of
@@ -118,6 +118,23 @@ def test_what_does_not_show_in_pieces_is_sought_on_the_way_to_the_whole() -> Non
     assert last.total < 1.1 * count
     inertia = next(e for e in last.explanation.make(last.x, fitter.context) if e.name == "inertia")
     assert inertia.report()["ratio"] == pytest.approx(0.95, abs=0.01)
+
+
+def test_what_is_out_of_its_range_explains_nothing() -> None:
+    """A Stribeck effect of the least speed stands in for static friction, a tether without slack for nothing else."""
+    recording = pushed(random_pushes(2, 2.0), [()] * 2)
+    fitter = Fitter(Simulator(recording, grid=8, threads=1), measure(recording), context_of(recording))
+    starts, count = np.zeros((2, 6)), fitter.measured.count(range(2))
+    _, speed = fx.Stribeck.parameters(fitter.context)
+    stiffness, x, _, slack = fx.Tether.parameters(fitter.context)
+    for kind, vector, total, holds in (
+        (fx.Stribeck, [0.3, speed.lower], 0.9 * count, False),
+        (fx.Stribeck, [0.3, speed.lower + 0.1], 0.9 * count, True),
+        (fx.Stribeck, [0.3, speed.lower + 0.1], 1.6 * count, False),
+        (fx.Tether, [stiffness.scale, 0.5 * (x.lower + x.upper), 0.0, slack.lower], 0.9 * count, True),
+        (fx.Tether, [stiffness.scale, x.upper, 0.0, slack.lower], 0.9 * count, False),
+    ):
+        assert explains(Seed(Explanation((kind,)), np.array(vector), starts, total), fitter, range(2)) is holds
 
 
 def test_no_look_where_the_nominal_model_holds() -> None:

@@ -27,7 +27,7 @@ INDEPENDENT_UNSEEN, INDEPENDENT_FITTED = 3.0, 1.0
 # Log odds against an effect that is nothing beside its own standard error; none from one of them on; and more where it
 # is less than such a share.
 DOUBT, LOST, LOST_BELOW = 25.0, 1000.0, 0.6
-FAINT = 200.0  # the same against one that is nothing beside the unevenness of any floor
+FAINT = 1000.0  # the same against one that is nothing beside the unevenness of any floor
 # A gap of this share of the noise's variance is as likely none; log odds by which each e-fold changes that; and the gap
 # from which on it is not none, whatever small errors of the simulator could do.
 BARELY, BY_GAP, VISIBLE = 0.3, 6.0, 1.5
@@ -47,7 +47,8 @@ class Confirmed:
         after: The same with each explanation that was weighed, by the identity of its fit.
         excess_fitted: What the best explanation leaves, as a share: whitened mean square minus one, mismatch taken out.
         excess_unseen: The same of the episodes left out.
-        gap_unseen: What the nominal model leaves there, nothing taken out.
+        gap: What the nominal model leaves of all episodes, nothing taken out.
+        gap_unseen: The same of the episodes left out.
         left_unseen: What the best explanation does.
     """
 
@@ -56,6 +57,7 @@ class Confirmed:
     after: dict[int, Fit]
     excess_fitted: float
     excess_unseen: float
+    gap: float
     gap_unseen: float
     left_unseen: float
 
@@ -113,7 +115,8 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     fitted = fitter.measured.excess(top.evidence.loss, top.fit.episodes)
     there = fitter.measured.excess(loss[id(top.fit)], held_out)
     gap, left = (fitter.measured.excess(f.total, held_out) for f in (before, fits[id(top.fit)]))
-    return Confirmed(Search(tuple(contenders), found.nominal), before, fits, float(fitted), float(there), gap, left)
+    found = Search(tuple(contenders), found.nominal)
+    return Confirmed(found, before, fits, float(fitted), float(there), whole_gap, gap, left)
 
 
 def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], fitter: Fitter) -> list[Contender]:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from scipy.special import expit, logsumexp, softmax
+from scipy.special import expit, softmax
 
+from runner.diagnose.beyond import is_beyond, said_of_beyond, with_beyond
 from runner.diagnose.breakaway import hanging
 from runner.diagnose.confirm import Confirmed, confirm, unseen
 from runner.diagnose.evidence import LEVELS, directions, surroundings, survey
@@ -33,6 +34,7 @@ UNKNOWN_WIDTH = 0.4
 # see `strained`: level of mismatch (base 2 log), from which on, how sharply; what is left, of the noise and of the gap
 STRAINED, STRAINED_WIDTH = 2.5, 0.25
 STRAINED_LEFT, STRAINED_SHARE, STRAINED_LEFT_WIDTH = 0.05, 0.02, 0.3
+SOMETHING, SOMETHING_WIDTH = 0.45, 0.15  # see `not_none`; in null cases of tuning sets the gap was 0.40 at most
 FAILED = 0.7  # where the best explanation does not close half of a plain gap in episodes it has not seen
 MOST_UNKNOWN = 0.97
 LEAST_UNKNOWN = 0.03  # of unknown effects some look like known ones: dead band like mass, wear like friction
@@ -144,16 +146,19 @@ def diagnose(recording: Recording, *, threads: int | None = None, advise: bool =
     check_length(simulator)
     measured, found = _explained(recording, simulator, fitted, held_out)
     fitter = Fitter(simulator, measured, context_of(recording))
-    confirmed = confirm(found, fitter, held_out)
+    confirmed = confirm(with_beyond(found, fitter), fitter, held_out)
     nominal_excess = measured.excess(found.nominal.total, fitted)
     if turned := _unseen_only(confirmed, nominal_excess) and len(fitted) > len(held_out):
         fitted, held_out = (*fitted[len(held_out) :], *held_out), fitted[: len(held_out)]
         measured, found = _explained(recording, simulator, fitted, held_out)
         fitter = replace(fitter, measured=measured)
-        confirmed = confirm(found, fitter, held_out)
+        confirmed = confirm(with_beyond(found, fitter), fitter, held_out)
         nominal_excess = measured.excess(found.nominal.total, fitted)
     found, before, excess = confirmed.search, confirmed.before, confirmed.excess
-    unknown = max(_unknown(excess, nominal_excess), FAILED if confirmed.fails and found.best.fit.x.size else 0.0)
+    if found.best.fit.x.size:
+        unknown = max(_unknown(excess, nominal_excess), FAILED if confirmed.fails else 0.0)
+    else:
+        unknown = not_none(confirmed.gap)
     known = (1.0 - unknown) * (1.0 - strained(found.best, found.nominal, measured))
     unknown = float(np.clip(1.0 - known, LEAST_UNKNOWN, MOST_UNKNOWN))
     ranked = rank(found, fitter.context, unknown)
@@ -190,7 +195,9 @@ def diagnose(recording: Recording, *, threads: int | None = None, advise: bool =
         simulated_s=simulator.simulated_s,
         next_push=next_push(ranked, found, recording, fitter, threads) if advise else None,
         rivals=found_rivals(top, fitter) if advise else (),
-        notes=notes(recording, measured, top, excess, held_out, turned=turned),
+        notes=notes(
+            recording, measured, top, excess, held_out, turned=turned, beyond=said_of_beyond(found, fitter.context)
+        ),
     )
 
 
@@ -222,7 +229,9 @@ def _explained(
 
 
 def _unseen_only(confirmed: Confirmed, nominal_excess: float) -> bool:
-    """Whether the episodes left out show something that those which were fitted do not."""
+    """Whether the episodes left out show something that those which were fitted do not, or hardly."""
+    if confirmed.fails and confirmed.gap_unseen > SURPRISE * max(nominal_excess, 0.0):
+        return True
     seen, unseen = (_unknown(e, nominal_excess) for e in (confirmed.excess_fitted, confirmed.excess_unseen))
     return seen < 0.5 < unseen and confirmed.excess_unseen > SURPRISE * max(confirmed.excess_fitted, 0.0)
 
@@ -239,7 +248,11 @@ def rank(found: Search, context: Context, unknown: float) -> tuple[Ranked, ...]:
     """Turn log posteriors into probabilities, explanations that can't be told apart taken together."""
     contenders = [c for c in found.contenders if np.isfinite(c.log_posterior)]
     logs = np.array([c.log_posterior for c in contenders]) / TEMPER
-    share = np.exp(logs - logsumexp(logs))
+    nameless = np.array([is_beyond(c) for c in contenders])
+    known = float(softmax(logs)[~nameless].sum())
+    unknown = min(1.0 - (1.0 - unknown) * known, MOST_UNKNOWN)
+    contenders = [c for c in contenders if not is_beyond(c)]
+    share = softmax(logs[~nameless])
     groups: list[list[int]] = []
     for i, contender in enumerate(contenders):
         same = [g for g in groups if contender.fit.x.size and are_twins(contenders[g[0]].fit, contender.fit)]
@@ -271,7 +284,7 @@ def rank(found: Search, context: Context, unknown: float) -> tuple[Ranked, ...]:
                 parameters,
                 errors,
                 None if contender.fit.x.size else 0.0,
-                float(contender.log_posterior - found.best.log_posterior),
+                float(contender.log_posterior - contenders[0].log_posterior),
             )
         )
     # variants of one effect are one explanation to the reader
@@ -300,6 +313,15 @@ def _unknown(excess: float, nominal_excess: float) -> float:
     allowed = UNKNOWN_EXCESS + UNKNOWN_SHARE * max(nominal_excess, 0.0)
     score = (np.log(max(excess, 1e-4)) - np.log(allowed)) / UNKNOWN_WIDTH
     return float(np.clip(expit(score), LEAST_UNKNOWN, MOST_UNKNOWN))
+
+
+def not_none(gap: float) -> float:
+    """Probability that something is at work where no effect is named, from what the nominal model leaves.
+
+    In squared noises, of all episodes. How much of that small errors of the simulator could do says little: they could
+    do much of what anything does.
+    """
+    return float(expit(np.log(max(gap, 1e-4) / SOMETHING) / SOMETHING_WIDTH))
 
 
 def strained(best: Contender, nominal: Fit, measured: Measured) -> float:
@@ -454,9 +476,10 @@ def notes(
     held_out: Sequence[int],
     *,
     turned: bool = False,
+    beyond: Sequence[str] = (),
 ) -> tuple[str, ...]:
     """Say what a reader should know before believing the figures."""
-    out = list(recording.notes)
+    out = [*recording.notes, *beyond]
     if not measured.stated.all():
         out.append("The noise was not stated for every channel and was estimated from the recording.")
     for e, sample in measured.hung.items():
@@ -473,7 +496,9 @@ def notes(
     if not top.fit.converged:
         out.append("The fit of the best explanation had not fully come to rest; its errors may be too small.")
     if turned:
-        out.append("What the last episodes show the others do not: they were fitted, and the first ones held out.")
+        out.append(
+            "What the last episodes show the others do not, or hardly: they were fitted, and the first ones held out."
+        )
     if len(held_out) < HELD_OUT:
         out.append("Only one episode was left to check the explanation.")
     if excess > UNKNOWN_EXCESS / 2:

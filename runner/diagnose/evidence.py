@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from runner.diagnose.fit import Explanation, Fit, Fitter, bounds, difference_steps
+from runner.diagnose.fit import Explanation, Fit, Fitter, bounds, difference_steps, is_out_of_range
 from runner.effects.base import EFFECTS, AbstractEffect, Context
 from runner.effects.friction import FrictionPatch
 
@@ -176,9 +176,7 @@ def evidence(around: Surroundings, context: Context, known: np.ndarray | None = 
         known: Covariance of the parameters from elsewhere, (p, p): they may move so far only. None: their prior.
     """
     fit, whole = around.fit, len(around.fit.x)
-    may_rest = np.array([p.may_rest for p in fit.explanation.parameters(context)], dtype=bool)
-    if (fit.at_bound & ~may_rest).any():
-        # an effect that the data push out of its range is absent, or is not what is going on
+    if is_out_of_range(fit.explanation.parameters(context), fit.x):
         nothing = np.full((whole, whole), np.nan)
         return Evidence(-np.inf, np.full(len(LEVELS), -np.inf), float(fit.total), nothing)
     free = np.flatnonzero(~fit.at_bound)

@@ -272,7 +272,6 @@ class Fitter:
                     break
         if not point.fresh and not behind and polish:
             point = self._linearise(explanation, point.x, point.starts, episodes, None)
-        width = np.maximum(high - low, 1e-12)
         return Fit(
             explanation,
             point.x,
@@ -281,7 +280,7 @@ class Fitter:
             tuple(point.residual),
             tuple(_project(j, q) for j, q in zip(point.jacobian, point.basis.q, strict=True)),
             point.basis,
-            (point.x - low < 1e-6 * width) | (high - point.x < 1e-6 * width),
+            on_bound(parameters, point.x),
             converged,
         )
 
@@ -351,6 +350,18 @@ def _project(columns: np.ndarray, basis: np.ndarray) -> np.ndarray:
 def bounds(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
     """Return lower and upper bounds, each (p,)."""
     return np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
+
+
+def on_bound(parameters: Sequence[Parameter], x: np.ndarray) -> np.ndarray:
+    """Return which parameters are on one of their bounds, (p,)."""
+    low, high = bounds(parameters)
+    width = np.maximum(high - low, 1e-12)
+    return (x - low < 1e-6 * width) | (high - x < 1e-6 * width)
+
+
+def is_out_of_range(parameters: Sequence[Parameter], x: np.ndarray) -> bool:
+    """Whether the data push an effect out of its range: it is absent, or is not what is going on."""
+    return bool((on_bound(parameters, x) & ~np.array([p.may_rest for p in parameters], dtype=bool)).any())
 
 
 def difference_steps(parameters: Sequence[Parameter], x: np.ndarray, share: float = 0.02) -> np.ndarray:

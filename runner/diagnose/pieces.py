@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runner.diagnose.breakaway import hanging
-from runner.diagnose.fit import NONE, Explanation, Fit, Fitter
+from runner.diagnose.fit import NONE, Explanation, Fit, Fitter, is_out_of_range
 from runner.diagnose.search import NEAR, RESTED, SINGLES, Beginning, Kinds, Seed, key_of, resumed, search
 from runner.recording import Span
 
@@ -87,8 +87,18 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
             for further in carried(whole, seeds[key], episodes, longest_s):
                 at = key_of(further.explanation)
                 seeds[at] = min(further, seeds.get(at, further), key=lambda s: s.total)
-    explained = min((s.total for s in seeds.values()), default=np.inf) < EXPLAINED * whole.measured.count(episodes)
+    explained = any(explains(s, whole, episodes) for s in seeds.values())
     return Look(Beginning(seeds, SINGLES - set(seeds) if explained else frozenset[Kinds]()), late)
+
+
+def explains(seed: Seed, fitter: Fitter, episodes: Sequence[int]) -> bool:
+    """Whether a seed explains these episodes so well that no other single effect is worth a fit.
+
+    Out of its range an effect does another's work, as the Stribeck effect at no speed does that of static friction.
+    """
+    if is_out_of_range(seed.explanation.parameters(fitter.context), seed.x):
+        return False
+    return bool(seed.total < EXPLAINED * fitter.measured.count(episodes))
 
 
 def begun(fit: Fit, spans: Sequence[Span], whole: Fit) -> np.ndarray:
@@ -136,7 +146,11 @@ def carried(fitter: Fitter, seed: Seed, episodes: Sequence[int], longest_s: floa
 
 
 def _with_another(fitter: Fitter, fit: Fit) -> Fit:
-    """Return the likeliest explanation of the same episodes that has the effects of a fit and another one."""
+    """Return the likeliest explanation of the same episodes that has the effects of a fit and another one.
+
+    The fit itself, where there is none.
+    """
     kinds, known = fit.explanation.kinds, Seed(fit.explanation, fit.x, fit.starts, fit.total)
     beginning = Beginning({key_of(fit.explanation): known}, SINGLES - {kinds})
-    return search(fitter, fit.episodes, most=len(kinds) + 1, starts=fit.starts, beginning=beginning).best.fit
+    best = search(fitter, fit.episodes, most=len(kinds) + 1, starts=fit.starts, beginning=beginning).best.fit
+    return best if set(best.explanation.kinds) >= set(kinds) else fit

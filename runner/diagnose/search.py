@@ -122,11 +122,11 @@ def search(
     count = fitter.measured.count(episodes)
     seeds, ruled_out = ({}, frozenset()) if beginning is None else (dict(beginning.seeds), beginning.ruled_out)
     alone = survey(fitter, nominal, every)
-    contenders = [_contend(fitter, nominal, alone)]
+    contenders = [contend(fitter, nominal, alone)]
     worth = WORTH * count + WORTH_SHARE * max(nominal.total - count, 0.0)
 
-    def contend(fit: Fit, *known: Survey) -> Contender:
-        contender = _contend(fitter, fit, *known)
+    def worthy(fit: Fit, *known: Survey) -> Contender:
+        contender = contend(fitter, fit, *known)
         lacks = worth - (nominal.total - fit.total) if len(fit.explanation.kinds) == 1 else 0.0
         return replace(contender, log_posterior=contender.log_posterior - 0.5 * max(lacks, 0.0))
 
@@ -192,7 +192,7 @@ def search(
             break
         fits = _finished(fitter, sorted(fits, key=lambda f: f.total), count, BEAM if pieces else FINISHED)
         around_best = survey(fitter, fits[0], every)
-        new = [contend(fit, around_best, alone) for fit in fits[:SURVEYED]]
+        new = [worthy(fit, around_best, alone) for fit in fits[:SURVEYED]]
         best = max(c.log_posterior for c in contenders)
         left_before = min(c.fit.total for c in contenders) - count
         contenders += new
@@ -201,7 +201,7 @@ def search(
             least = min(new, key=lambda c: c.fit.total)
             for whole in () if pieces else {id(c): c for c in (least, new[0])}.values():
                 for fit in _without_one(fitter, whole, contenders, episodes):
-                    fewer, key = contend(fit, around_best, alone), key_of(fit.explanation)
+                    fewer, key = worthy(fit, around_best, alone), key_of(fit.explanation)
                     seen.add(key)
                     others = [c for c in contenders if key_of(c.fit.explanation) != key]
                     same = [c for c in contenders if key_of(c.fit.explanation) == key]
@@ -374,9 +374,10 @@ def _offers(contender: Contender, fitter: Fitter) -> list[tuple[float, type[Abst
     return sorted(out, key=lambda o: -o[0])
 
 
-def _contend(fitter: Fitter, fit: Fit, *known: Survey) -> Contender:
+def contend(fitter: Fitter, fit: Fit, *known: Survey, against: float = 0.0) -> Contender:
+    """Return a fit as a contender; `against` are prior log odds that it has against it beside those of its size."""
     around = surroundings(fit, *known)
     found = evidence(around, fitter.context)
     size = len(fit.explanation.kinds)
     # little mismatch: it must not take what the next effect could explain
-    return Contender(fit, around, found, found.log - ONE_MORE * size, promise(around, 1.0))
+    return Contender(fit, around, found, found.log - ONE_MORE * size - against, promise(around, 1.0))

@@ -6,6 +6,7 @@ from runner.effects.actuation import (
     ActuatorLag,
     ActuatorSaturation,
     ApplicationPointOffset,
+    DeadBand,
     ForceMisalignment,
 )
 from runner.effects.base import EFFECTS, AbstractEffect, Context, Motion, Parameter, Target
@@ -37,6 +38,7 @@ __all__ = [
     "ComOffset",
     "ContactPressure",
     "Context",
+    "DeadBand",
     "FloorTilt",
     "ForceMisalignment",
     "Friction",
