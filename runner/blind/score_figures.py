@@ -197,7 +197,7 @@ def _coverage(found: BlindScore) -> Figure:
     x = np.linspace(-6, 6, 200)
     right.plot(x, 0.5 * len(off) * norm.pdf(x), color=INK, lw=1.2)
     right.set_title("errors, in stated standard errors")
-    right.set_xlabel("value less truth (beyond ±6: in the last bins)")
+    right.set_xlabel("value less truth (clipped at ±6)")
     right.set_yticks([])
     return figure
 
