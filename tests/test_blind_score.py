@@ -254,6 +254,7 @@ def test_words_of_an_outcome() -> None:
     assert outcome(Bar("a", 0.91, 0.88, 0.96, 90, least=0.95)) == "missed by 4.0 ?"
     assert outcome(Bar("a", 0.10, 0.05, 0.2, 90, most=0.03)) == "missed by 7.0"
     assert outcome(Bar("a", 0.99, 0.985, 1.0, 900, least=0.9, most=0.98)) == "missed by 1.0"
+    assert outcome(Bar("a", 1.0, 1.0, 1.0, 6, least=0.9, most=0.98)) == "missed by 2.0 ?"
     assert outcome(Bar("a", math.nan, math.nan, math.nan, 0, least=0.9)) == "not measured"
     assert headline([Bar("a", 1, 1, 1, 3, least=0.5), Bar("b", 0, 0, 0, 3, least=0.5)]).endswith("missed: b.")
 

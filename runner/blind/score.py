@@ -74,7 +74,9 @@ class Bar:
 
     @property
     def certain(self) -> bool:
-        """Whether the interval lies wholly on the side of the bar on which the value is."""
+        """Whether the interval lies wholly on the side of the bar on which the value is; one without width never does."""
+        if self.low == self.high:  # a bootstrap of cases that are all alike
+            return False
         inside = self.least <= self.low and self.high <= self.most
         return inside if self.missed_by == 0.0 else self.high < self.least or self.low > self.most
 

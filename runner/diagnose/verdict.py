@@ -70,7 +70,8 @@ def read_verdicts(path: Path) -> dict[str, dict[str, Any]]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise ResultError(f"{path}: no such file; `runner diagnose recording=DIR_OF_CASES` writes one.") from None
+        wrote = "`runner diagnose recording=CASES` and `runner blind run CASES` write one"
+        raise ResultError(f"{path}: no such file; {wrote}.") from None
     except OSError as error:
         raise ResultError(f"{path}: can't be read: {error.strerror}.") from None
     except ValueError as error:
