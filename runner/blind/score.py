@@ -74,7 +74,7 @@ class Bar:
 
     @property
     def certain(self) -> bool:
-        """Whether the interval lies wholly on the side of the bar on which the value is; one without width never does."""
+        """Whether the interval lies wholly on the side of the bar on which the value is, and has a width."""
         if self.low == self.high:  # a bootstrap of cases that are all alike
             return False
         inside = self.least <= self.low and self.high <= self.most
