@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -15,7 +14,7 @@ from typing import Any
 
 from runner.diagnose.corrected import write_corrected
 from runner.diagnose.diagnosis import Diagnosis, diagnose
-from runner.diagnose.verdict import ALL, FILE, verdict, write_json
+from runner.diagnose.verdict import ALL, FILE, read_json, verdict, write_json
 from runner.errors import RunnerError
 from runner.progress import progress
 from runner.recording import read_case
@@ -97,7 +96,7 @@ def diagnose_many(
 def collect(results: Path, names: Iterable[str]) -> dict[str, Any]:
     """Return the verdicts that are there, by case."""
     files = {name: results / name / FILE for name in names}
-    return {name: json.loads(file.read_text(encoding="utf-8")) for name, file in files.items() if file.exists()}
+    return {name: read_json(file) for name, file in files.items() if file.exists()}
 
 
 def _run(

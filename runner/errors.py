@@ -54,6 +54,16 @@ def check_range(
     raise ConfigError(f"{key}: must be a finite number in {left}, {right}{' ' + unit if unit else ''}, got {value!r}.")
 
 
+def check_workers(workers: int | None) -> None:
+    """Refuse a number of processes that is none; None is one per core.
+
+    Raises:
+        ConfigError: Naming what is allowed.
+    """
+    if workers is not None:
+        check_range("workers", workers, 1, 1024)
+
+
 def check_vector(key: str, value: Iterable[float], length: int, *, unit: str = "", limit: float = math.inf) -> None:
     """Refuse anything but `length` finite numbers of absolute value at most `limit`.
 

@@ -126,6 +126,26 @@ def read_summary(file: Path) -> list[dict[str, Any]]:
         raise ResultError(f"paths: '{file}' can't be read: {str(error).splitlines()[0]}") from error
 
 
+def append_line(file: Path, item: Any) -> None:
+    """Add a line of JSON to a file; a line is there whole or not at all, see `whole_lines`."""
+    # begins with a line break: the line before may have been cut off by a kill
+    line = "\n" + json.dumps(item, default=lambda scalar: scalar.item()) + "\n"
+    handle = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    try:
+        os.write(handle, line.encode())
+    finally:
+        os.close(handle)
+
+
+def whole_lines(file: Path) -> Iterator[Any]:
+    """Yield the lines of JSON of a file, save for those that are empty or were cut off."""
+    for line in file.read_text(encoding="utf-8").splitlines():
+        try:
+            yield json.loads(line)
+        except json.JSONDecodeError:
+            continue
+
+
 class Ledger:
     """Where one task of a sweep notes the rows of its runs as they end; a line is there whole or not at all.
 
@@ -150,13 +170,7 @@ class Ledger:
 
     def write(self, job: int, rows: Sequence[Mapping[str, Any]]) -> None:
         """Note the rows of a run, most often one."""
-        # begins with a line break: the line before may have been cut off by a kill
-        line = "\n" + json.dumps({"job": job, "rows": list(rows)}, default=lambda scalar: scalar.item()) + "\n"
-        handle = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
-        try:
-            os.write(handle, line.encode())
-        finally:
-            os.close(handle)
+        append_line(self._path, {"job": job, "rows": list(rows)})
 
     def noted(self) -> dict[int, list[dict[str, Any]]]:
         """Return the rows that are noted here, by run."""
@@ -178,11 +192,7 @@ def still_held(folder: Path) -> bool:
 
 def _noted(file: Path) -> dict[int, list[dict[str, Any]]]:
     found: dict[int, list[dict[str, Any]]] = {}
-    for line in file.read_text(encoding="utf-8").splitlines():
-        try:
-            noted = json.loads(line)
-        except json.JSONDecodeError:  # empty, or cut off
-            continue
+    for noted in whole_lines(file):
         found[noted["job"]] = noted["rows"]
     return found
 

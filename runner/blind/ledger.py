@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from runner.errors import ResultError
+from runner.tables import append_line, whole_lines
 
 
 class Ledger:
@@ -27,6 +28,7 @@ class Ledger:
     def __init__(self, path: Path, belongs: Mapping[str, Any]) -> None:
         self.path = path
         self.done: dict[str, Any] = {}
+        belongs = json.loads(json.dumps(belongs))  # as it comes back: tuples are lists
         there = header(path)
         if there is not None and there != belongs:
             other = [f"{k} {there.get(k)} instead of {v}" for k, v in belongs.items() if there.get(k) != v]
@@ -40,20 +42,16 @@ class Ledger:
             raise ResultError(f"{path}: can't be written: {error.strerror}.") from None
 
     def _kept(self) -> list[tuple[str, Any]]:
-        """Return the items; a last line that is not whole, as a killed process leaves it, is cut off."""
-        lines = self.path.read_text(encoding="utf-8").splitlines(keepends=True)
-        whole = [line for line in lines if line.endswith("\n")]
-        if len(whole) < len(lines):
-            self.path.write_text("".join(whole), encoding="utf-8")
+        """Return the items; one that is not whole, as a killed process leaves it, is not done."""
+        _, *items = whole_lines(self.path)
         try:
-            return [(name, item) for name, item in map(json.loads, whole[1:])]
-        except ValueError as error:
+            return [(name, item) for name, item in items]
+        except (TypeError, ValueError) as error:
             raise ResultError(f"{self.path}: is spoilt ({error}); move it away.") from None
 
     def add(self, name: str, item: Any) -> None:
         """Set an item down as done."""
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps([name, item]) + "\n")
+        append_line(self.path, [name, item])
         self.done[name] = item
 
 

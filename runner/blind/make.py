@@ -170,7 +170,7 @@ def make_cases(
     begun = time.perf_counter()
     mix, reality = mix or Mix(), reality or Reality()
     belongs = {"n": n, "seed": seed, "out": str(folder.resolve()), "mix": asdict(mix), "reality": asdict(reality)}
-    ledger = Ledger(kept, json.loads(json.dumps(belongs)))
+    ledger = Ledger(kept, belongs)
     names = _names(n, seed)
     todo = [(job, name) for job, name in zip(plan_jobs(n, seed, mix), names, strict=True) if name not in ledger.done]
     calls = (delayed(make_case)(job, reality, folder / name) for job, name in todo)

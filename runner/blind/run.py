@@ -8,7 +8,6 @@ package, and start no program: see `runner.blind.fence`.
 from __future__ import annotations
 
 import hashlib
-import json
 import shutil
 import subprocess
 import tempfile
@@ -20,7 +19,7 @@ from typing import Any
 
 from runner.blind.fence import PACKAGE, enter_fence
 from runner.blind.make import HASH_FILE
-from runner.diagnose.verdict import write_json
+from runner.diagnose.verdict import read_json, write_json
 from runner.diagnose_many import Seclusion, diagnose_many
 from runner.errors import ResultError
 from runner.recording import find_cases
@@ -100,10 +99,7 @@ def provenance(results: Path) -> list[dict[str, Any]]:
         ResultError: If the file is spoilt.
     """
     file = results / PROVENANCE
-    try:
-        return json.loads(file.read_text(encoding="utf-8")) if file.exists() else []
-    except ValueError as error:
-        raise ResultError(f"{file}: not JSON ({error}).") from None
+    return read_json(file) if file.exists() else []
 
 
 def own_provenance() -> Provenance:

@@ -171,11 +171,10 @@ def blind_score(
         [row for name in names for row in _compared(name, answers[name], verdicts[name], nominal.get(name))],
         columns=["case", "effect", "parameter", "true", "value", "standard_error", "errors_off", "covered", "right"],
     )
-    gap = (
-        None
-        if cases is None
-        else _gap(basic.cases, answers, verdicts, _oracle(basic.cases, answers, verdicts, cases, ledger, workers))
-    )
+    gap = None
+    if cases is not None:
+        fits = _oracle(basic.cases, answers, verdicts, cases, ledger, workers)
+        gap = _gap(basic.cases, answers, verdicts, fits)
     right = parameters[parameters["right"].astype(bool)].drop(columns="right").reset_index(drop=True)
     single = basic.cases[basic.cases["kind"] == "single"]
     rows = [row for name, part in single.groupby("truth") for row in _by_size(str(name), part)]

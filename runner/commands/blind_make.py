@@ -19,7 +19,7 @@ from pathlib import Path
 from runner.blind.ledger import header
 from runner.blind.make import make_cases, part_of
 from runner.commands import Command, Job
-from runner.errors import ConfigError, check_range
+from runner.errors import ConfigError, check_range, check_workers
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,7 @@ class BlindMakeConfig:
         check_range("n", self.n, 1, 100000)
         if self.seed is not None:
             check_range("seed", self.seed, 0, 2**63 - 1)
-        if self.workers is not None:
-            check_range("workers", self.workers, 1, 1024)
+        check_workers(self.workers)
 
 
 def main(config: BlindMakeConfig, job: Job) -> None:

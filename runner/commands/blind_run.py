@@ -16,7 +16,7 @@ from rich.console import Console
 from runner.blind.run import blind_run
 from runner.commands import Command, Job
 from runner.commands.diagnose import say_how_many
-from runner.errors import check_range
+from runner.errors import check_workers
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,7 @@ class BlindRunConfig:
     workers: int | None = None
 
     def __post_init__(self) -> None:
-        if self.workers is not None:
-            check_range("workers", self.workers, 1, 1024)
+        check_workers(self.workers)
 
 
 def main(config: BlindRunConfig, job: Job) -> int | None:

@@ -24,7 +24,7 @@ from runner.commands import Command, Job
 from runner.commands._print import print_table
 from runner.diagnose.score import read_answers
 from runner.diagnose.verdict import read_verdicts
-from runner.errors import check_range
+from runner.errors import check_workers
 
 FITS = "oracle.jsonl"
 
@@ -42,8 +42,7 @@ class BlindScoreConfig:
     workers: int | None = None
 
     def __post_init__(self) -> None:
-        if self.workers is not None:
-            check_range("workers", self.workers, 1, 1024)
+        check_workers(self.workers)
 
 
 def main(config: BlindScoreConfig, job: Job) -> None:

@@ -18,7 +18,7 @@ from runner.commands import Command, Job
 from runner.diagnose.diagnosis import diagnose
 from runner.diagnose.verdict import ALL, FILE
 from runner.diagnose_many import diagnose_many, write_all
-from runner.errors import check_range
+from runner.errors import check_workers
 from runner.progress import progress
 from runner.recording import find_cases, read_case
 from runner.report.terminal import summary
@@ -36,8 +36,7 @@ class DiagnoseConfig:
     report: bool = True
 
     def __post_init__(self) -> None:
-        if self.workers is not None:
-            check_range("workers", self.workers, 1, 1024)
+        check_workers(self.workers)
 
 
 def main(config: DiagnoseConfig, job: Job) -> int | None:

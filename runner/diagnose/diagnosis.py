@@ -37,7 +37,7 @@ STRAINED_LEFT, STRAINED_SHARE, STRAINED_LEFT_WIDTH = 0.05, 0.02, 0.3
 SOMETHING, SOMETHING_WIDTH = 0.45, 0.15  # see `not_none`; in null cases of tuning sets the gap was 0.40 at most
 FAILED = 0.7  # where the best explanation does not close half of a plain gap in episodes it has not seen
 MOST_UNKNOWN = 0.97
-LEAST_UNKNOWN = 0.03  # of unknown effects some look like known ones: dead band like mass, wear like friction
+LEAST_UNKNOWN = 0.03  # of unknown effects some look like known ones, as wear does like a patch
 EQUAL = 0.05  # of the likeliest of a group: what is less likely is not its equal
 # By the plain theory 97 % of 235 planted values of two sets lay within 1.96 standard errors and half within 0.2 of
 # one: the mismatch is charged in full to every parameter. With so much of it, 95 % do.

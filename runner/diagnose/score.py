@@ -8,7 +8,6 @@ The answers are read here and nowhere else.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import permutations
@@ -20,6 +19,7 @@ import pandas as pd
 from scipy.stats import binomtest
 
 from runner.diagnose.search import TWINS
+from runner.diagnose.verdict import read_json
 from runner.errors import ResultError
 
 NONE, UNKNOWN = "none", "unknown"
@@ -54,19 +54,12 @@ def read_answers(path: Path) -> dict[str, dict[str, Any]]:
     Raises:
         ResultError: If there is no such file, or it holds something else.
     """
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ResultError(f"{path}: no such file.") from None
-    except OSError as error:
-        raise ResultError(f"{path}: can't be read: {error.strerror}.") from None
-    except ValueError as error:
-        raise ResultError(f"{path}: not JSON ({error}).") from None
+    content = read_json(path)
     if not isinstance(content, dict):
         raise ResultError(f"{path}: must hold an object with `effects` and `accept` for each case.")
     for case, answer in content.items():
-        lists = isinstance(answer, dict) and [answer.get(key) for key in ("effects", "accept")]
-        if not lists or not all(isinstance(v, list) for v in lists):
+        whole = isinstance(answer, dict) and all(isinstance(answer.get(key), list) for key in ("effects", "accept"))
+        if not whole:
             raise ResultError(f"{path}: case '{case}': must have the lists `effects` and `accept`.")
         if not all(isinstance(e, dict) and isinstance(e.get("name"), str) for e in answer["effects"]):
             raise ResultError(f"{path}: case '{case}': each of `effects` must have a `name`.")

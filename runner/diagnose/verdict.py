@@ -60,6 +60,22 @@ def write_json(path: Path, content: Any) -> None:
     part.replace(path)
 
 
+def read_json(path: Path, *, otherwise: str | None = None) -> Any:
+    """Read JSON; `otherwise` says what to do where there is no such file.
+
+    Raises:
+        ResultError: If it can't be read.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ResultError(f"{path}: no such file{'' if otherwise is None else f'; {otherwise}'}.") from None
+    except OSError as error:
+        raise ResultError(f"{path}: can't be read: {error.strerror}.") from None
+    except ValueError as error:
+        raise ResultError(f"{path}: not JSON ({error}).") from None
+
+
 def read_verdicts(path: Path) -> dict[str, dict[str, Any]]:
     """Read `verdicts.json`, or the one in a folder.
 
@@ -67,15 +83,7 @@ def read_verdicts(path: Path) -> dict[str, dict[str, Any]]:
         ResultError: If there is none, or it is something else.
     """
     path = path / ALL if path.is_dir() else path
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        wrote = "`runner diagnose recording=CASES` and `runner blind run CASES` write one"
-        raise ResultError(f"{path}: no such file; {wrote}.") from None
-    except OSError as error:
-        raise ResultError(f"{path}: can't be read: {error.strerror}.") from None
-    except ValueError as error:
-        raise ResultError(f"{path}: not JSON ({error}).") from None
+    content = read_json(path, otherwise="`runner diagnose recording=CASES` and `runner blind run CASES` write one")
     if not isinstance(content, dict):
         raise ResultError(f"{path}: must hold an object with a verdict for each case, as `runner diagnose` writes it.")
     for case, entry in content.items():
