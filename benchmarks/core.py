@@ -22,14 +22,15 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from runner import law, loop
-from runner.estimators import Linear
-from runner.experiment import Experiment, RemoteConfig, StartConfig, build_world, commands
-from runner.forces import PaperForces
-from runner.link import LinkConfig
-from runner.scene import SceneConfig, build
-from runner.sinks import FrameKind, LogConfig, RrdDetail
-from runner.tables import summary_row, write_summary
+from runner.physics import dry_friction
+from runner.physics.forces import PaperForces
+from runner.physics.scene import SceneConfig, build
+from runner.teleop import loop
+from runner.teleop.estimators import Linear
+from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig, build_world, commands
+from runner.teleop.link import LinkConfig
+from runner.teleop.sinks import FrameKind, LogConfig, RrdDetail
+from runner.teleop.tables import summary_row, write_summary
 
 EXPERIMENT = Experiment(
     seed=0,
@@ -51,11 +52,11 @@ def replay() -> Callable[[], None]:
     data = mujoco.MjData(model)
     start = np.empty((1, mujoco.mj_stateSize(model, FULL)))
     mujoco.mj_getState(model, data, start[0], FULL)
-    pushes = commands(EXPERIMENT).pushes[:-1].reshape(-1, 2, law.PUSH_SIZE)
+    pushes = commands(EXPERIMENT).pushes[:-1].reshape(-1, 2, dry_friction.PUSH_SIZE)
     control = np.zeros((1, len(pushes), model.nuserdata))
     for body in range(2):
-        at = body * law.USERDATA_SIZE
-        control[0, :, at : at + law.PUSH_SIZE] = pushes[:, body]
+        at = body * dry_friction.USERDATA_SIZE
+        control[0, :, at : at + dry_friction.PUSH_SIZE] = pushes[:, body]
     return lambda: rollout.rollout(model, data, start, control, control_spec=USERDATA) and None
 
 

@@ -19,11 +19,11 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from runner.diagnose.diagnosis import diagnose
+from runner.diagnosis.pipeline import diagnose
 from runner.effects import AbstractEffect, ActuatorDelay, Friction
 from runner.recording import Episode, Form, Nominal, Recording, find_cases, read_case
 from runner.recording.data import Noise
-from runner.simulate import Run, Simulator
+from runner.systems.planar_box.simulator import Run, Simulator
 
 RATE_HZ, EPISODES, LENGTH_S = 60.0, 8, 6.0
 NOISE = np.array([0.005, 0.005, 0.008, 0.02, 0.02, 0.03])

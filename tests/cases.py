@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from runner.recording import Episode, Form, Noise, Nominal, Recording
-from runner.simulate import Effects, Run, Simulator
+from runner.systems.planar_box.simulator import Effects, Run, Simulator
 
 RATE_HZ = 60.0
 NOISE = Noise(0.002, 0.003, 0.01, 0.015)

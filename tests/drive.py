@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from runner import law
-from runner.scene import BodyConfig, Contact, Dof, Scene, SceneConfig, compile_scene, push_columns
+from runner.physics import dry_friction
+from runner.physics.scene import BodyConfig, Contact, Dof, Scene, SceneConfig, compile_scene, push_columns
 
 G = 9.81
 STEP_S = SceneConfig().timestep_s
@@ -48,13 +48,13 @@ def make(
 def set_push(scene: Scene, force_n: ArrayLike, point_m: ArrayLike = (0, 0, 0), name: str = "b0") -> None:
     """Push a body until told otherwise."""
     adr = scene.body(name).push_adr
-    scene.data.userdata[adr : adr + law.PUSH_SIZE] = push_columns(force_n, point_m)
+    scene.data.userdata[adr : adr + dry_friction.PUSH_SIZE] = push_columns(force_n, point_m)
 
 
 def outputs(scene: Scene, name: str = "b0") -> np.ndarray:
     """Return what the law said of a body in the last step, (OUT_SIZE,)."""
-    adr = scene.body(name).push_adr + law.PUSH_SIZE
-    return scene.data.userdata[adr : adr + law.OUT_SIZE].copy()
+    adr = scene.body(name).push_adr + dry_friction.PUSH_SIZE
+    return scene.data.userdata[adr : adr + dry_friction.OUT_SIZE].copy()
 
 
 def wait(scene: Scene, time_s: float) -> None:
@@ -107,17 +107,17 @@ def play(scene: Scene, duration_s: float, push: Push | None = None, start: Array
     set_planar(scene, [*(place + 0.5 * h * speed), *speed])
     q, v = (list(c) for c in body.planar_columns())
     model, data = scene.model, scene.data
-    raw, out = np.empty((n + 1, 6)), np.empty((n, law.OUT_SIZE))
+    raw, out = np.empty((n + 1, 6)), np.empty((n, dry_friction.OUT_SIZE))
     raw[0] = np.r_[data.qpos[q], data.qvel[v]]
     if push is not None:
         pushes = [push((i + 0.5) * h) for i in range(n)]
         columns = push_columns(np.array([p[0] for p in pushes]), np.array([p[1] for p in pushes]))
     else:
-        columns = np.tile(data.userdata[body.push_adr : body.push_adr + law.PUSH_SIZE], (n, 1))
-    first = body.push_adr + law.PUSH_SIZE
+        columns = np.tile(data.userdata[body.push_adr : body.push_adr + dry_friction.PUSH_SIZE], (n, 1))
+    first = body.push_adr + dry_friction.PUSH_SIZE
     for i in range(n):
         data.userdata[body.push_adr : first] = columns[i]
         mujoco.mj_step(model, data)
         raw[i + 1] = np.r_[data.qpos[q], data.qvel[v]]
-        out[i] = data.userdata[first : first + law.OUT_SIZE]
+        out[i] = data.userdata[first : first + dry_friction.OUT_SIZE]
     return Track(np.arange(n + 1) * h, raw, out)

@@ -1,6 +1,6 @@
 """A second, independent way to move a box on a dry floor: `scipy.integrate.solve_ivp` on a fine grid of base points.
 
-It shares nothing with `runner.law`: the equations stand about the centre of mass in world axes, the base is a grid of
+It shares nothing with `dry_friction`: the equations stand about the centre of mass in world axes, the base is a grid of
 cells, time steps are chosen by an error bound, and friction is `-mu N u / sqrt(u^2 + eps^2)`. The load is affine
 over the base; as friction is linear in it, both follow from one 3 x 3 system, without iteration as long as all bears.
 """

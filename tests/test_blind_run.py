@@ -18,9 +18,9 @@ from runner.__main__ import main
 from runner.blind.make import HASH_FILE
 from runner.blind.run import PROVENANCE, blind_run, copy_cases, read_hash
 from runner.commands import blind_run as command
-from runner.diagnose.verdict import ALL, FILE
-from runner.diagnose_many import diagnose_many
+from runner.diagnosis.verdict import ALL, FILE
 from runner.errors import ResultError
+from runner.outputs.many import diagnose_many
 from runner.recording import write_case
 
 ANSWERS = "cases.answers.json"  # beside `cases`, as `runner blind make` names it
@@ -114,7 +114,7 @@ def test_workers_of_a_blind_run_are_behind_the_fence(
     cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A worker that tries to read the answers can't, and could in a diagnosis that is not blind."""
-    monkeypatch.setattr("runner.diagnose_many._one", Peek(cases.parent / ANSWERS))
+    monkeypatch.setattr("runner.outputs.many._one", Peek(cases.parent / ANSWERS))
     (tmp_path / "blind").mkdir()
     with pytest.raises(PermissionError, match="not while cases are diagnosed blind"):
         blind_run(cases, tmp_path / "blind", workers=1)
@@ -132,7 +132,7 @@ def killed(path: Path, folder: Path, report: bool) -> str | None:
 
 def test_a_case_that_kills_its_process_takes_no_other_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is named as not diagnosed; all others are done."""
-    monkeypatch.setattr("runner.diagnose_many._one", killed)
+    monkeypatch.setattr("runner.outputs.many._one", killed)
     names = ["a", "heavy", "c", "d"]
     tmp_path.joinpath("out").mkdir()
     failed = diagnose_many({name: tmp_path / name for name in names}, tmp_path / "out", workers=2)

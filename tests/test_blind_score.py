@@ -22,7 +22,7 @@ from runner.blind.score import Bar, blind_score, check_hash, difference, if_cali
 from runner.blind.score_figures import draw
 from runner.blind.score_page import headline
 from runner.blind.score_words import notes, outcome
-from runner.diagnose.score import calibration_error, is_right, share
+from runner.diagnosis.score import calibration_error, is_right, share
 from runner.effects import AnisotropicFriction, AxisFriction, Mass, ViscousDrag, ViscousFilm
 from runner.errors import ResultError
 from runner.recording import Nominal, write_case

@@ -12,14 +12,14 @@ from runner.__main__ import main
 from runner.estimation.averaged import Average, Averaged, AveragedMemory
 from runner.estimation.belief import Prior, Tracker
 from runner.estimation.calibration import Calibrated, LimitsConfig, Planner, Thing, calibrate
-from runner.estimation.calibration_study import in_turn, train
 from runner.estimation.copies import MASS, Copies, errors, to_vector
 from runner.estimation.data import measured_sd
 from runner.estimation.watch import Watch
-from runner.estimators import Linear, Outcome
-from runner.forces import PaperForces
-from runner.link import NoiseConfig
-from runner.scene import BodyConfig, SceneConfig, push_columns
+from runner.physics.forces import PaperForces
+from runner.physics.scene import BodyConfig, SceneConfig, push_columns
+from runner.studies.calibration import in_turn, train
+from runner.teleop.estimators import Linear, Outcome
+from runner.teleop.link import NoiseConfig
 from tests.test_estimators import Slide
 
 SCENE = SceneConfig(timestep_s=1 / 120)

@@ -13,12 +13,13 @@ from pathlib import Path
 import pytest
 from demo import CONF, PLAIN, SOURCE
 
-from runner import commands, tables
+from runner import commands
 from runner.__main__ import main
 from runner.commands import _compose
 from runner.commands._execute import composed_for
 from runner.commands._explain import built
 from runner.errors import ConfigError
+from runner.teleop import tables
 
 Cli = Callable[..., tuple[int, str, str]]
 

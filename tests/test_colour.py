@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import cholesky, solve_triangular, toeplitz
 
-from runner.colour import Colour, estimate
+from runner.noise.model import Colour, estimate
 
 
 def noise(n: int, k: int, share: float, memory: float, seed: int) -> np.ndarray:

@@ -10,7 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runner.compound import (
+from runner.errors import ConfigError
+from runner.physics.forces import Straight
+from runner.physics.scene import BodyConfig, Contact, Dof, SceneConfig, build
+from runner.studies.compound import (
     HUNG,
     NOISE,
     Compound,
@@ -28,12 +31,9 @@ from runner.compound import (
     with_noise,
     write_inertial,
 )
-from runner.errors import ConfigError
-from runner.estimators import Linear
-from runner.experiment import REMOTE, Experiment, RemoteConfig, StartConfig
-from runner.forces import Straight
-from runner.link import LinkConfig
-from runner.scene import BodyConfig, Contact, Dof, SceneConfig, build
+from runner.teleop.estimators import Linear
+from runner.teleop.experiment import REMOTE, Experiment, RemoteConfig, StartConfig
+from runner.teleop.link import LinkConfig
 
 SCENE = SceneConfig(dof=Dof.free, contact=Contact.corners)
 HALF = (0.5, 0.5, 0.5)

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 
 from runner import effects as fx
-from runner.diagnose.confirm import confirm, doubt, further
-from runner.diagnose.diagnosis import Diagnosis, diagnose, not_none, split, strained
-from runner.diagnose.evidence import Surroundings, directions, evidence, surroundings, survey
-from runner.diagnose.fit import NONE, Explanation, Fitter
-from runner.diagnose.measured import measure
-from runner.diagnose.next_push import best_push, candidates
-from runner.diagnose.score import read_answers, score
-from runner.diagnose.search import Contender, Search
-from runner.diagnose.verdict import read_verdicts, verdict, write_json
+from runner.diagnosis.next_experiment import best_push, candidates
+from runner.diagnosis.pipeline import Diagnosis, diagnose, not_none, split, strained
+from runner.diagnosis.score import read_answers, score
+from runner.diagnosis.verdict import read_verdicts, verdict, write_json
 from runner.errors import RecordingError, ResultError
+from runner.inference.evidence import Surroundings, directions, evidence, surroundings, survey
+from runner.inference.held_out import confirm, doubt, further
+from runner.inference.least_squares import NONE, Explanation, Fitter
+from runner.inference.search import Contender, Search
+from runner.noise.measured import measure
 from runner.recording import Episode, Form, Noise, Nominal, Recording
-from runner.simulate import Effects, Simulator, context_of
+from runner.systems.planar_box.simulator import Effects, Simulator, context_of
 from tests.cases import measured_as
 
 RATE, SECONDS = 60.0, 3.0

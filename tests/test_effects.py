@@ -11,13 +11,13 @@ import pytest
 from runner import effects as fx
 from runner.blind.physics import Episode as BlindEpisode
 from runner.blind.physics import World, simulate
-from runner.diagnose.fit import NONE, Explanation, Fitter
-from runner.diagnose.measured import measure
-from runner.diagnose.pieces import begun
 from runner.effects.base import Motion, ahead, late
-from runner.law import base_points
+from runner.inference.least_squares import NONE, Explanation, Fitter
+from runner.inference.multiple_shooting import begun
+from runner.noise.measured import measure
+from runner.physics.dry_friction import base_points
 from runner.recording import Episode, Form, Noise, Nominal, Recording
-from runner.simulate import Run, Simulator, context_of
+from runner.systems.planar_box.simulator import Run, Simulator, context_of
 
 HALF, MASS, MU, RATE = (0.3, 0.3, 0.3), 2.0, 0.25, 60.0
 NOISE = Noise(0.0005, 0.0008, 0.003, 0.005)

@@ -9,13 +9,13 @@ import pytest
 
 from runner.estimation.copies import Copies, to_vector
 from runner.estimation.eq6 import ComEq6, Factor, difference_factor
-from runner.estimators import Outcome
-from runner.experiment import Experiment, RemoteConfig, StartConfig
-from runner.forces import Straight
-from runner.frames import RunResult
-from runner.link import LinkConfig
-from runner.loop import run
-from runner.scene import BodyConfig, SceneConfig, push_columns
+from runner.physics.forces import Straight
+from runner.physics.scene import BodyConfig, SceneConfig, push_columns
+from runner.teleop.estimators import Outcome
+from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig
+from runner.teleop.frames import RunResult
+from runner.teleop.link import LinkConfig
+from runner.teleop.loop import run
 
 BODY = BodyConfig(3.0, 0.3)
 FORCE_N, T = 15.0, 1 / 60

@@ -13,12 +13,12 @@ from runner.estimation.bound import batch_fit, bound, information
 from runner.estimation.copies import COM_X, FRICTION, INERTIA, MASS, Copies, errors, from_values, to_values, to_vector
 from runner.estimation.data import LEAST_SD, Motion, measured_sd, motion_of
 from runner.estimation.joint import Joint
-from runner.estimators import Linear
-from runner.experiment import Experiment, RemoteConfig, StartConfig
-from runner.forces import PaperForces, Straight
-from runner.link import LinkConfig, NoiseConfig
-from runner.loop import run, run_batch
-from runner.scene import BodyConfig, Contact, SceneConfig
+from runner.physics.forces import PaperForces, Straight
+from runner.physics.scene import BodyConfig, Contact, SceneConfig
+from runner.teleop.estimators import Linear
+from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig
+from runner.teleop.link import LinkConfig, NoiseConfig
+from runner.teleop.loop import run, run_batch
 
 NOISE = NoiseConfig(position_m=5e-4, angle_rad=1e-3, velocity_m_s=5e-3, rate_rad_s=1e-2)
 SCENE = SceneConfig(timestep_s=1 / 120)

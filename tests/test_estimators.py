@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from runner.config import options
 from runner.errors import ConfigError
-from runner.estimators import Linear, LinearGuarded, Outcome, Rotational, Seen, Setup, compare
-from runner.scene import BodyConfig, SceneConfig
+from runner.physics.scene import BodyConfig, SceneConfig
+from runner.teleop.estimators import Linear, LinearGuarded, Outcome, Rotational, Seen, Setup, compare
 
 CUTS = (slice(0, 3), slice(0, 2), slice(2, 3))
 LOCAL_CUTS = (slice(3, 6), slice(3, 5), slice(5, 6))

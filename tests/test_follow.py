@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runner import loop
 from runner.errors import ConfigError
-from runner.estimators import Linear
-from runner.experiment import Experiment, RemoteConfig, StartConfig
-from runner.follow import ALL, NOTHING, Blended, DeadBand, Difference, FreeSpace, Immediate, RateLimited, Share
-from runner.forces import PaperForces, Straight
-from runner.link import LinkConfig, NoiseConfig
-from runner.model_jump import ModelJump, jumps
-from runner.scene import SceneConfig
+from runner.physics.forces import PaperForces, Straight
+from runner.physics.scene import SceneConfig
+from runner.studies.model_jump import ModelJump, jumps
+from runner.teleop import loop
+from runner.teleop.estimators import Linear
+from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig
+from runner.teleop.follow import ALL, NOTHING, Blended, DeadBand, Difference, FreeSpace, Immediate, RateLimited, Share
+from runner.teleop.link import LinkConfig, NoiseConfig
 
 HERE = Difference(0.1, 0.2, 0.5, 1.0, 0.5, 1.0, 2.0, True, 1 / 60)
 LINK = LinkConfig(delay_s=0.1, jitter_s=0.03, loss=0.2, noise=NoiseConfig(5e-4, 1e-3, 5e-3, 1e-2))

@@ -13,7 +13,7 @@ from scipy.integrate import quad
 
 from runner.config import options
 from runner.errors import ConfigError
-from runner.forces import (
+from runner.physics.forces import (
     AbstractForces,
     Chirp,
     CsvForces,

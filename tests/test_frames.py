@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from runner.errors import ResultError
-from runner.frames import Frames
+from runner.teleop.frames import Frames
 
 
 def frames() -> Frames:

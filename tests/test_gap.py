@@ -12,8 +12,7 @@ import pytest
 from cases import SIGMA, made
 
 from runner.__main__ import main
-from runner.diagnose.corrected import MODEL, read_corrected, unit, write_corrected
-from runner.diagnose.measured import measure
+from runner.diagnosis.corrected import MODEL, read_corrected, unit, write_corrected
 from runner.effects import (
     ActuatorDelay,
     AnisotropicFriction,
@@ -29,10 +28,11 @@ from runner.effects import (
     ViscousFilm,
 )
 from runner.errors import ConfigError, RecordingError, ResultError
-from runner.gap import WHOLE_EPISODE, measure_gap
+from runner.noise.measured import measure
 from runner.recording import write_case
-from runner.restarts import Restarts, Windows, windows_of
-from runner.simulate import OBJECT, Effects, Run, Simulator
+from runner.simulate.gap import WHOLE_EPISODE, measure_gap
+from runner.simulate.shooting import Restarts, Windows, windows_of
+from runner.systems.planar_box.simulator import OBJECT, Effects, Run, Simulator
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "cases"
 

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runner import loop
-from runner.estimators import Linear, Rotational
-from runner.experiment import Experiment, RemoteConfig, StartConfig
-from runner.follow import AbstractFollow, Blended, FreeSpace, Immediate, RateLimited, Unaware
-from runner.forces import PaperForces
-from runner.latency_study import NOISE, Latency, sent
-from runner.link import LinkConfig, NoiseConfig, arrivals, taken_in
-from runner.scene import Contact, Dof, SceneConfig
+from runner.physics.forces import PaperForces
+from runner.physics.scene import Contact, Dof, SceneConfig
+from runner.studies.latency import NOISE, Latency, sent
+from runner.teleop import loop
+from runner.teleop.estimators import Linear, Rotational
+from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig
+from runner.teleop.follow import AbstractFollow, Blended, FreeSpace, Immediate, RateLimited, Unaware
+from runner.teleop.link import LinkConfig, NoiseConfig, arrivals, taken_in
 
 RULES = {"linear": Linear(), "rotational": Rotational()}
 

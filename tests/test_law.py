@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from reference import Box
 from scipy.integrate import dblquad, quad
 
-from runner import law
-from runner.scene import Base, BodyConfig
+from runner.physics import dry_friction
+from runner.physics.scene import Base, BodyConfig
 
 CUBE = BodyConfig(mass_kg=3.0, friction=0.5)
 FRICTIONLESS = replace(CUBE, friction=0.0)
@@ -95,12 +95,12 @@ def test_law_agrees_with_independent_equations(
     wait(scene, STEP_S)  # one step
     got = (twist(scene) - before)[[0, 1, 5]] / h
     out = outputs(scene)
-    cop = out[law.OUT_COP : law.OUT_COP + 2]
+    cop = out[dry_friction.OUT_COP : dry_friction.OUT_COP + 2]
     assume(np.all(np.abs(cop) < 0.8 * np.array(body.half_size_m[:2])))  # or it would tip
 
     view = scene.law("b0")
-    numbers = scene.model.body_user[scene.body("b0").body_id][law.STRIDE :]
-    points = numbers[: int(view["points"]) * law.POINT_STRIDE].reshape(-1, law.POINT_STRIDE)
+    numbers = scene.model.body_user[scene.body("b0").body_id][dry_friction.STRIDE :]
+    points = numbers[: int(view["points"]) * dry_friction.POINT_STRIDE].reshape(-1, dry_friction.POINT_STRIDE)
 
     def coefficient(speed: np.ndarray, place: np.ndarray) -> np.ndarray:
         near = np.hypot(place[:, 0] - view["patch_x"], place[:, 1] - view["patch_y"]) - view["patch_radius"]
@@ -118,7 +118,7 @@ def test_law_agrees_with_independent_equations(
         points=points[:, :2],
         areas=points[:, 2],
         pressure=1 + view["pressure"] * points[:, 3],
-        slip_eps_m_s=law.SLIP_EPS,
+        slip_eps_m_s=dry_friction.SLIP_EPS,
         friction_of=coefficient,
         axes=(view["along"], view["across"]),
         axis_rad=view["aniso_angle"],
@@ -135,8 +135,10 @@ def test_law_agrees_with_independent_equations(
     lx, ly = c * body.com_m[0] - s * body.com_m[1], s * body.com_m[0] + c * body.com_m[1]
     linear = loads.force_n / (body.mass_kg * left) + turning * np.array([ly, -lx]) + state[5] ** 2 * np.array([lx, ly])
     np.testing.assert_allclose(got, [*linear, turning], atol=1e-5 * (G + np.abs(got).max()))
-    np.testing.assert_allclose(out[law.OUT_FORCE : law.OUT_FORCE + 2], loads.friction_n, atol=1e-5 * loads.carried_n)
-    assert out[law.OUT_LOAD] == pytest.approx(loads.carried_n, rel=1e-6)
+    np.testing.assert_allclose(
+        out[dry_friction.OUT_FORCE : dry_friction.OUT_FORCE + 2], loads.friction_n, atol=1e-5 * loads.carried_n
+    )
+    assert out[dry_friction.OUT_LOAD] == pytest.approx(loads.carried_n, rel=1e-6)
     np.testing.assert_allclose([c * cop[0] - s * cop[1], s * cop[0] + c * cop[1]], loads.centre_m, atol=1e-5)
 
 
@@ -277,7 +279,7 @@ def test_friction_work_is_the_energy_lost(body: BodyConfig) -> None:
     com = Box(body.mass_kg, 0, body.inertia[2], com_m=body.com_m).to_com(start[None])[0]
     energy = 0.5 * body.mass_kg * (com[3] ** 2 + com[4] ** 2) + 0.5 * body.inertia[2] * com[5] ** 2
     assert np.abs(track.raw[-1, 3:]).max() < 1e-12
-    assert -track.out[:, law.OUT_POWER].sum() * STEP_S == pytest.approx(energy, rel=1e-3)
+    assert -track.out[:, dry_friction.OUT_POWER].sum() * STEP_S == pytest.approx(energy, rel=1e-3)
 
 
 # The load over the base
@@ -320,8 +322,10 @@ def test_load_follows_statics(
     wait(scene, 4 * STEP_S)
     out = outputs(scene)
     want = statics(body, force, np.array(point), slides=share > 1)
-    np.testing.assert_allclose(out[law.OUT_COP : law.OUT_COP + 2], want, atol=5e-4 * np.abs(want).max() + 1e-6)
-    assert out[law.OUT_LOAD] == pytest.approx(body.mass_kg * G)
+    np.testing.assert_allclose(
+        out[dry_friction.OUT_COP : dry_friction.OUT_COP + 2], want, atol=5e-4 * np.abs(want).max() + 1e-6
+    )
+    assert out[dry_friction.OUT_LOAD] == pytest.approx(body.mass_kg * G)
 
 
 def test_vertical_push_moves_the_load() -> None:
@@ -332,9 +336,9 @@ def test_vertical_push_moves_the_load() -> None:
         set_push(scene, (0, 0, force_z), point)
         wait(scene, 2 * STEP_S)
         out = outputs(scene)
-        assert out[law.OUT_LOAD] == pytest.approx(3 * G - force_z)
+        assert out[dry_friction.OUT_LOAD] == pytest.approx(3 * G - force_z)
         want = statics(CUBE, np.array([0, 0, force_z]), point, slides=False)
-        np.testing.assert_allclose(out[law.OUT_COP : law.OUT_COP + 2], want, atol=1e-9)
+        np.testing.assert_allclose(out[dry_friction.OUT_COP : dry_friction.OUT_COP + 2], want, atol=1e-9)
         slowed = play(scene, 0.2, start=(0, 0, 0, 3.0, 0, 0)).raw[-1, 3]
         assert 3.0 - slowed == pytest.approx(0.2 * 0.5 * (3 * G - force_z) / 3, rel=0.01)
 
@@ -345,8 +349,8 @@ def test_weightless_body_slides_freely() -> None:
     set_push(scene, (0, 0, 40.0))
     track = play(scene, 0.5, start=(0, 0, 0, 1.0, 0.5, 2.0))
     np.testing.assert_allclose(track.raw[-1, 3:], (1.0, 0.5, 2.0), atol=1e-12)
-    assert track.out[-1, law.OUT_LIFTED] == 1.0
-    assert track.out[-1, law.OUT_LOAD] == 0.0
+    assert track.out[-1, dry_friction.OUT_LIFTED] == 1.0
+    assert track.out[-1, dry_friction.OUT_LOAD] == 0.0
 
 
 def test_forces_on_the_com_act_like_pushes_there() -> None:
@@ -387,7 +391,7 @@ def test_lift_is_seen_exactly_when_moments_say_so(angle_rad: float, height: floa
     scene = make(body)
     set_push(scene, push, point)
     wait(scene, 3 * STEP_S)
-    assert (outputs(scene)[law.OUT_LIFTED] > 0) == (share > 1)
+    assert (outputs(scene)[dry_friction.OUT_LIFTED] > 0) == (share > 1)
 
 
 def test_lifted_share_of_an_edge() -> None:
@@ -398,7 +402,7 @@ def test_lifted_share_of_an_edge() -> None:
         wait(scene, STEP_S)
         centre = 14.0 * (height + 0.5) / (3 * G)
         assert centre > 0.5 / 3
-        assert outputs(scene)[law.OUT_LIFTED] == pytest.approx(1 - 3 * (0.5 - centre), abs=0.02)
+        assert outputs(scene)[dry_friction.OUT_LIFTED] == pytest.approx(1 - 3 * (0.5 - centre), abs=0.02)
 
 
 def test_body_that_should_tip_slides_on() -> None:
@@ -408,10 +412,10 @@ def test_body_that_should_tip_slides_on() -> None:
     track = play(scene, 1.0)
     assert track.raw[-1, 3] == pytest.approx(22 / 3 - 0.5 * G, rel=1e-6)
     assert np.abs(track.raw[:, [1, 2]]).max() < 1e-9
-    cop = track.out[-1, law.OUT_COP]
+    cop = track.out[-1, dry_friction.OUT_COP]
     assert cop == pytest.approx((22 * 0.45 + 0.5 * 3 * G * 0.5) / (3 * G), rel=1e-6)
     assert cop > 0.5
-    assert track.out[-1, law.OUT_LIFTED] > 0.7
+    assert track.out[-1, dry_friction.OUT_LIFTED] > 0.7
 
 
 @given(situations(), st.floats(0.0, 10.0))
@@ -426,7 +430,7 @@ def test_any_situation_stays_finite(
     track = play(scene, 0.1, start=state)
     assert np.isfinite(track.raw).all()
     assert np.isfinite(track.out).all()
-    assert track.out[:, law.OUT_POWER].max() < 1e-3 * body.mass_kg * G
+    assert track.out[:, dry_friction.OUT_POWER].max() < 1e-3 * body.mass_kg * G
 
 
 # Options of the law
@@ -455,7 +459,9 @@ def test_anisotropic_friction(angle_rad: float, axis_rad: float, normality: floa
         math.cos(turn) * local[0] - math.sin(turn) * local[1],
         math.sin(turn) * local[0] + math.cos(turn) * local[1],
     ]
-    np.testing.assert_allclose(track.out[0, law.OUT_FORCE : law.OUT_FORCE + 2], want, rtol=2e-3, atol=0.02)
+    np.testing.assert_allclose(
+        track.out[0, dry_friction.OUT_FORCE : dry_friction.OUT_FORCE + 2], want, rtol=2e-3, atol=0.02
+    )
     np.testing.assert_allclose((track.raw[1] - track.raw[0])[3:5] / STEP_S, np.array(want) / 3, rtol=2e-3, atol=0.01)
 
 
@@ -608,7 +614,7 @@ def test_mass_leak() -> None:
         track = play(scene, 2.0)
         want = 12 / (3 * 0.3) * math.log(1 / (1 - 0.6)) - friction * G * 2
         assert track.raw[-1, 3] == pytest.approx(want, rel=1e-5)
-        assert track.out[-1, law.OUT_LOAD] == pytest.approx(3 * G * (1 - 0.3 * (2 - STEP_S / 2)), rel=1e-9)
+        assert track.out[-1, dry_friction.OUT_LOAD] == pytest.approx(3 * G * (1 - 0.3 * (2 - STEP_S / 2)), rel=1e-9)
     scene = make(FRICTIONLESS, mass_leak=0.3)
     scene.data.xfrc_applied[scene.body("b0").body_id, 5] = 1.0
     assert play(scene, 2.0).raw[-1, 5] == pytest.approx(1 / (0.5 * 0.3) * math.log(1 / 0.4), rel=1e-5)
@@ -624,7 +630,7 @@ def test_pressure(share: float) -> None:
     radius = dblquad(lambda y, x: load(y, x) * math.hypot(x, y), 0, 1, 0, lambda x: x)[0] * 2 * 0.5
     assert (radius > SQUARE_RADIUS) == (share > 0)
     track = play(make(CUBE, pressure=share), 10 * STEP_S, start=(0, 0, 0, 0, 0, 6.0))
-    torque = -track.out[:, law.OUT_FORCE + 2]
+    torque = -track.out[:, dry_friction.OUT_FORCE + 2]
     np.testing.assert_allclose(torque, 0.5 * 3 * G * radius, rtol=5e-3)
 
 
@@ -640,9 +646,9 @@ def test_tilted_gravity(angle_rad: float) -> None:
         track = play(scene, 1.0)
         want = max(math.sin(slope) - 0.5 * math.cos(slope), 0.0) * G
         np.testing.assert_allclose(track.raw[-1, 3:5], towards(angle_rad, want)[:2], atol=5e-5 * G)
-        assert track.out[-1, law.OUT_LOAD] == pytest.approx(3 * G * math.cos(slope))
+        assert track.out[-1, dry_friction.OUT_LOAD] == pytest.approx(3 * G * math.cos(slope))
         shift = 0.5 * min(math.tan(slope), 0.5)
-        cop = track.out[-1, law.OUT_COP : law.OUT_COP + 2]
+        cop = track.out[-1, dry_friction.OUT_COP : dry_friction.OUT_COP + 2]
         np.testing.assert_allclose(cop, towards(angle_rad, shift)[:2], atol=1e-4)
 
 
@@ -706,7 +712,7 @@ def test_record_is_read_and_written_by_name() -> None:
 @given(st.floats(0.01, 5), st.floats(0.01, 5), st.integers(2, 16))
 def test_base_points_have_the_moments_of_the_base(half_x: float, half_y: float, n: int) -> None:
     """Weights sum to 1, first moments vanish, second moments are those of the rectangle; pressures have mean 0."""
-    x, y, w, shape = law.base_points(half_x, half_y, n).T
+    x, y, w, shape = dry_friction.base_points(half_x, half_y, n).T
     assert w.sum() == pytest.approx(1)
     np.testing.assert_allclose([w @ x, w @ y, w @ (x * y), w @ shape], 0, atol=1e-12)
     np.testing.assert_allclose([w @ x**2, w @ y**2], [half_x**2 / 3, half_y**2 / 3])

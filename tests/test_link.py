@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runner.errors import ConfigError
-from runner.link import Clock, LinkConfig, received, schedule, update_steps
+from runner.teleop.link import Clock, LinkConfig, received, schedule, update_steps
 
 TIMES_S = np.arange(1, 601) / 60
 

@@ -10,16 +10,17 @@ import numpy as np
 import pytest
 from mujoco import rollout
 
-from runner import law, loop
 from runner.effects import ActuatorGain, FloorTilt, Mass, ObservationDelay, ViscousDrag
 from runner.errors import ConfigError
-from runner.estimators import Linear, LinearGuarded, Outcome, Rotational
-from runner.experiment import Experiment, RemoteConfig, StartConfig, build_world, commands
-from runner.follow import Unaware
-from runner.forces import Offcentre, PaperForces, Ramp, RandomForces, Straight
-from runner.frames import Frames, RunResult, Status
-from runner.link import LinkConfig
-from runner.scene import Contact, Dof, SceneConfig
+from runner.physics import dry_friction
+from runner.physics.forces import Offcentre, PaperForces, Ramp, RandomForces, Straight
+from runner.physics.scene import Contact, Dof, SceneConfig
+from runner.teleop import loop
+from runner.teleop.estimators import Linear, LinearGuarded, Outcome, Rotational
+from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig, build_world, commands
+from runner.teleop.follow import Unaware
+from runner.teleop.frames import Frames, RunResult, Status
+from runner.teleop.link import LinkConfig
 
 SHORT = PaperForces(pushes=3, rest_s=0.5)
 USERDATA = mujoco.mjtState.mjSTATE_USERDATA.value
@@ -161,8 +162,10 @@ def test_rollout_replays_the_remote_and_the_local_cube() -> None:
     pushes = commands(given).pushes
     control = np.zeros((result.step_count, model.nuserdata))
     for body in range(2):
-        at = body * law.USERDATA_SIZE
-        control[:, at : at + law.PUSH_SIZE] = pushes[:-1, body * law.PUSH_SIZE : (body + 1) * law.PUSH_SIZE]
+        at = body * dry_friction.USERDATA_SIZE
+        control[:, at : at + dry_friction.PUSH_SIZE] = pushes[
+            :-1, body * dry_friction.PUSH_SIZE : (body + 1) * dry_friction.PUSH_SIZE
+        ]
     names = ("x_m", "y_m", "yaw_rad", "vx_m_s", "vy_m_s", "wz_rad_s")
     states = {who: np.column_stack([result.steps.column(f"{who}_{n}") for n in names]) for who in ("remote", "linear")}
     full = np.zeros((result.step_count, mujoco.mj_stateSize(model, FULL)))

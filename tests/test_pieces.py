@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from runner import effects as fx
-from runner.diagnose.breakaway import hanging
-from runner.diagnose.fit import NONE, Explanation, Fitter
-from runner.diagnose.measured import measure
-from runner.diagnose.pieces import carried, explains, look
-from runner.diagnose.search import Seed
+from runner.inference.breakaway import hanging
+from runner.inference.least_squares import NONE, Explanation, Fitter
+from runner.inference.multiple_shooting import carried, explains, look
+from runner.inference.search import Seed
+from runner.noise.measured import measure
 from runner.recording import Episode, Form, Recording, Span
-from runner.simulate import Effects, Run, Simulator, context_of
+from runner.systems.planar_box.simulator import Effects, Run, Simulator, context_of
 from tests.cases import NOMINAL, RATE_HZ, measured_as
 
 FRICTION_N = 0.3 * 3.0 * 9.81

@@ -11,12 +11,12 @@ import pytest
 from runner.__main__ import main
 from runner.effects import ComOffset
 from runner.errors import ConfigError, ResultError
-from runner.estimators import Linear
-from runner.experiment import Experiment, RemoteConfig, StartConfig
-from runner.forces import Straight
-from runner.link import LinkConfig, NoiseConfig
-from runner.plumb_line import PlumbLine, crossing, hang, measured_plumb, plumb
-from runner.scene import SceneConfig
+from runner.physics.forces import Straight
+from runner.physics.scene import SceneConfig
+from runner.studies.plumb_line import PlumbLine, crossing, hang, measured_plumb, plumb
+from runner.teleop.estimators import Linear
+from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig
+from runner.teleop.link import LinkConfig, NoiseConfig
 
 POINTS = ((0.5, 0.0, 0.0), (0.0, 0.5, 0.0), (0.0, 0.0, 0.5))
 COM = (0.12, -0.08, 0.1)

@@ -22,10 +22,10 @@ import pytest
 import rerun as rr
 from rich.console import Console
 
-from runner.colour import Colour
-from runner.diagnose.measured import CHANNELS, UNITS, Measured
-from runner.diagnose.where import localise
 from runner.effects import EFFECTS, Friction
+from runner.localise.where import localise
+from runner.noise.measured import CHANNELS, UNITS, Measured
+from runner.noise.model import Colour
 from runner.recording import Episode, Form, Noise, Nominal, Recording
 from runner.report import html, words
 from runner.report.before_after import misses
@@ -34,7 +34,7 @@ from runner.report.motions import autocorrelation, replay
 from runner.report.record import write_rrd
 from runner.report.terminal import summary
 from runner.report.wrench import by_regime
-from runner.simulate import Run, Simulator
+from runner.systems.planar_box.simulator import Run, Simulator
 
 RATE_HZ, DURATION_S = 60.0, 3.0
 SIGMA = np.array([5e-4, 5e-4, 1e-3, 5e-3, 5e-3, 1e-2])

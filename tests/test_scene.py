@@ -14,9 +14,19 @@ from mujoco import rollout
 from mujoco.batch import Batch
 from reference import Box, corners
 
-from runner import law
 from runner.errors import ConfigError
-from runner.scene import BodyConfig, Contact, Dof, Scene, SceneConfig, box_inertia, check_inertia, push_columns, rotate
+from runner.physics import dry_friction
+from runner.physics.scene import (
+    BodyConfig,
+    Contact,
+    Dof,
+    Scene,
+    SceneConfig,
+    box_inertia,
+    check_inertia,
+    push_columns,
+    rotate,
+)
 
 CUBE = BodyConfig(mass_kg=3.0, friction=0.5)
 ODD = BodyConfig(2.0, 0.4, half_size_m=(0.5, 0.4, 0.3), com_m=(0.1, -0.07, 0.05), inertia_kg_m2=(0.3, 0.35, 0.45))
@@ -157,7 +167,7 @@ def track(scene: Scene, push: object, duration_s: float) -> np.ndarray:
     state = np.empty(mujoco.mj_stateSize(model, FULL))
     mujoco.mj_getState(model, data, state, FULL)
     control = np.zeros((1, len(columns), model.nuserdata))
-    control[0, :, body.push_adr : body.push_adr + law.PUSH_SIZE] = columns
+    control[0, :, body.push_adr : body.push_adr + dry_friction.PUSH_SIZE] = columns
     states, _ = rollout.rollout(model, data, state[None], control, control_spec=USERDATA)
     poses = body.pose(np.vstack([start, states[0, :, 1 : 1 + model.nq]]))[:: round(1 / 60 / STEP_S)]
     return np.column_stack([poses[:, :2], np.unwrap(yaw_of(poses[:, 3:]))])
@@ -205,7 +215,7 @@ def test_friction_work_on_native_contacts(dof: Dof, contact: Contact) -> None:
     for _ in range(round(1.0 / STEP_S)):
         before = scene.data.qvel[v].copy()
         wait(scene, STEP_S)
-        gravity = 3 * G * (before + scene.data.qvel[v])[2] if body.joints >= law.UPRIGHT else 0.0
+        gravity = 3 * G * (before + scene.data.qvel[v])[2] if body.joints >= dry_friction.UPRIGHT else 0.0
         middle = 0.5 * (before + scene.data.qvel[v])
         work += STEP_S * (scene.data.qfrc_constraint[v] @ middle - 0.5 * gravity)
     assert np.abs(twist(scene)).max() < 1e-4
@@ -409,7 +419,7 @@ def run_in_rollout(scene: Scene, columns: np.ndarray, threads: int = 1) -> np.nd
     state = np.empty(mujoco.mj_stateSize(model, FULL))
     mujoco.mj_getState(model, mujoco.MjData(model), state, FULL)
     control = np.zeros((threads, len(columns), model.nuserdata))
-    control[:, :, : law.PUSH_SIZE] = columns
+    control[:, :, : dry_friction.PUSH_SIZE] = columns
     states, _ = rollout.rollout(
         [model] * threads, data, np.tile(state, (threads, 1)), control, control_spec=USERDATA, chunk_size=1
     )
@@ -427,14 +437,14 @@ def test_all_ways_to_step_give_the_same_bits(dof: Dof, contact: Contact) -> None
     make_it = lambda: make(ODD, CUBE, dof=dof, contact=contact)  # noqa: E731
     loop = make_it()
     for push in pushes:
-        loop.data.userdata[: law.PUSH_SIZE] = push
+        loop.data.userdata[: dry_friction.PUSH_SIZE] = push
         mujoco.mj_step(loop.model, loop.data)
     want = np.r_[loop.data.time, loop.data.qpos, loop.data.qvel]
     assert np.abs(loop.data.qpos).max() > 0.02
 
     physics = make_it()
     for push in pushes[::40]:
-        physics.data.userdata[: law.PUSH_SIZE] = push
+        physics.data.userdata[: dry_friction.PUSH_SIZE] = push
         physics.physics.step(40)
     np.testing.assert_array_equal(np.r_[physics.data.time, physics.data.qpos, physics.data.qvel], want)
 
@@ -442,7 +452,7 @@ def test_all_ways_to_step_give_the_same_bits(dof: Dof, contact: Contact) -> None
 
     batch = Batch(make_it().model, 3, 2)
     for push in pushes[::40]:
-        batch.bind("userdata")[:, : law.PUSH_SIZE] = push
+        batch.bind("userdata")[:, : dry_friction.PUSH_SIZE] = push
         batch.step(nstep=40)
     for qpos, qvel in zip(batch.bind("qpos"), batch.bind("qvel"), strict=True):
         np.testing.assert_array_equal(np.r_[qpos, qvel], want[1:])
@@ -458,7 +468,7 @@ def test_batch_of_different_bodies(dof: Dof, contact: Contact) -> None:
         if getattr(models[0], name).size:
             batch.expand(name)[...] = [getattr(m, name) for m in models]
     batch.set_const()
-    batch.bind("userdata")[:, : law.PUSH_SIZE] = push_columns([20, 5, 0], [0, 0.2, -0.3])
+    batch.bind("userdata")[:, : dry_friction.PUSH_SIZE] = push_columns([20, 5, 0], [0, 0.2, -0.3])
     batch.step(nstep=200)
     for body, qpos in zip(bodies, batch.bind("qpos"), strict=True):
         alone = make(body, dof=dof, contact=contact)
@@ -521,7 +531,7 @@ def test_installing_twice_keeps_one_law() -> None:
     """The law is given to the engine once per process: a second scene does not compile or replace it."""
     make(CUBE)
     before = mujoco.get_mjcb_passive()
-    law.install()
+    dry_friction.install()
     make(ODD)
     assert mujoco.get_mjcb_passive() == before
 
@@ -545,7 +555,7 @@ def test_handles_say_where_a_body_is(dof: Dof, contact: Contact) -> None:
         np.testing.assert_allclose(pose(scene, name)[3:], data.xquat[body.body_id], atol=1e-12)
         mujoco.mj_objectVelocity(scene.model, data, mujoco.mjtObj.mjOBJ_XBODY, body.body_id, velocity, 0)
         np.testing.assert_allclose(twist(scene, name), [*velocity[3:], *velocity[:3]], atol=1e-12)
-    assert scene.body("b1").push_adr == law.USERDATA_SIZE
+    assert scene.body("b1").push_adr == dry_friction.USERDATA_SIZE
     assert (scene.body("b0").nq, scene.body("b0").nv) == ((7, 6) if dof is Dof.free else (scene.body("b0").joints,) * 2)
     many = np.stack([data.qpos, data.qpos * 0 + scene.model.qpos0])
     np.testing.assert_array_equal(scene.body("b0").pose(many)[0], pose(scene))

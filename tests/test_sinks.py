@@ -14,15 +14,15 @@ import pandas as pd
 import pytest
 import rerun as rr
 
-from runner import loop
 from runner.errors import ConfigError
-from runner.estimators import Linear, Rotational
-from runner.experiment import Experiment, RemoteConfig, StartConfig
-from runner.forces import PaperForces
-from runner.frames import RunResult
-from runner.link import LinkConfig
-from runner.scene import Contact, Dof, SceneConfig
-from runner.sinks import FrameKind, LogConfig, ParquetSink, RrdDetail, RrdSink
+from runner.physics.forces import PaperForces
+from runner.physics.scene import Contact, Dof, SceneConfig
+from runner.teleop import loop
+from runner.teleop.estimators import Linear, Rotational
+from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig
+from runner.teleop.frames import RunResult
+from runner.teleop.link import LinkConfig
+from runner.teleop.sinks import FrameKind, LogConfig, ParquetSink, RrdDetail, RrdSink
 
 CONFIG = {"seed": 3, "scene": {"dof": "planar", "timestep_s": 0.25}, "estimator": {"linear": {}}}
 

@@ -16,8 +16,8 @@ import pandas as pd
 import pytest
 import rerun as rr
 
-from runner import tables
 from runner.__main__ import main
+from runner.teleop import tables
 
 ELSEWHERE = ["wall_s", "steps_per_s", "log_s", "host"]  # depend on the machine and its load
 BRIEF = ("forces.pushes=2", "forces.rest_s=0.3", "log.rrd=off")

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runner.errors import ResultError
-from runner.frames import Frames, RunResult, Status, Truth
-from runner.tables import collect, failure_row, summary_row, time_within, write_summary
+from runner.teleop.frames import Frames, RunResult, Status, Truth
+from runner.teleop.tables import collect, failure_row, summary_row, time_within, write_summary
 
 
 def result(mass_kg: list[float], *, names: tuple[str, ...] = ("linear",), status: Status = Status.done) -> RunResult:

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from runner import law, tape
-from runner.scene import BodyConfig, SceneConfig, build, push_columns
+from runner.physics import dry_friction, player
+from runner.physics.scene import BodyConfig, SceneConfig, build, push_columns
 
 STEPS = 200
 
@@ -16,7 +16,7 @@ def compiled(with_tape: bool) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """Return two cubes on a patch, with room for a tape or without."""
     root = build(SceneConfig(grid=4), {"a": BodyConfig(3.0, 0.3), "b": BodyConfig(1.0, 0.2)})
     if with_tape:
-        tape.add(root, bodies=2)
+        player.add(root, bodies=2)
     model = mujoco.MjModel.from_xml_string(root.to_xml_string())
     return model, mujoco.MjData(model)
 
@@ -35,11 +35,13 @@ def one_by_one(given: np.ndarray) -> np.ndarray:
     out = []
     for k in range(STEPS):
         for body in range(2):
-            at = body * law.USERDATA_SIZE
-            data.userdata[at : at + law.PUSH_SIZE] = given[k, body * law.PUSH_SIZE : (body + 1) * law.PUSH_SIZE]
+            at = body * dry_friction.USERDATA_SIZE
+            data.userdata[at : at + dry_friction.PUSH_SIZE] = given[
+                k, body * dry_friction.PUSH_SIZE : (body + 1) * dry_friction.PUSH_SIZE
+            ]
         state = np.concatenate([data.qpos, data.qvel])
         mujoco.mj_step(model, data)
-        said = data.userdata.reshape(2, law.USERDATA_SIZE)[:, law.PUSH_SIZE :]
+        said = data.userdata.reshape(2, dry_friction.USERDATA_SIZE)[:, dry_friction.PUSH_SIZE :]
         out.append(np.concatenate([state, said.ravel()]))
     return np.array(out)
 
@@ -49,7 +51,7 @@ def test_a_tape_is_the_same_as_stepping_one_by_one(chunk: int) -> None:
     """However many steps go into a call, every step gets its own command, and every frame has the same bits."""
     given = np.ascontiguousarray(pushes())
     model, data = compiled(with_tape=True)
-    reel = tape.Tape(2, model.nq, model.nv).wind(data.userdata, given)
+    reel = player.Tape(2, model.nq, model.nv).wind(data.userdata, given)
     for start in range(0, STEPS, chunk):
         mujoco.mj_step(model, data, min(chunk, STEPS - start))
     assert np.array_equal(reel.frames, one_by_one(given))
@@ -60,18 +62,18 @@ def test_a_tape_stops_at_its_end() -> None:
     """Steps beyond the last command neither write nor read, and push nothing new."""
     given = np.ascontiguousarray(pushes()[:11])
     model, data = compiled(with_tape=True)
-    reel = tape.Tape(2, model.nq, model.nv).wind(data.userdata, given)
+    reel = player.Tape(2, model.nq, model.nv).wind(data.userdata, given)
     mujoco.mj_step(model, data, 10)
     before = reel.frames.copy()
     mujoco.mj_step(model, data, 50)
     assert np.array_equal(reel.frames, before)
     reel.unwind()
-    assert not data.userdata[-tape.SIZE :].any()
+    assert not data.userdata[-player.SIZE :].any()
 
 
 def test_models_without_a_tape_are_left_alone() -> None:
     """With the callback installed, a model without any userdata, and one without a tape, move as ever."""
-    tape.install()
+    player.install()
     model = mujoco.MjModel.from_xml_string(
         "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
     )
@@ -86,7 +88,7 @@ def test_models_without_a_tape_are_left_alone() -> None:
 def test_commands_of_the_wrong_shape_are_refused() -> None:
     """A tape reads memory as it finds it, so it takes arrays of its own layout only."""
     model, data = compiled(with_tape=True)
-    made = tape.Tape(2, model.nq, model.nv)
+    made = player.Tape(2, model.nq, model.nv)
     for wrong in (np.zeros((5, 12)), np.zeros((5, 24), dtype=np.float32), np.zeros((24, 5)).T):
         with pytest.raises(ValueError, match="C-contiguous float64 of width 24"):
             made.wind(data.userdata, wrong)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from cases import RATE_HZ, made
 
-from runner.colour import Colour
-from runner.diagnose.measured import measure
-from runner.diagnose.where import Where, localise, smoothed_states
 from runner.effects import ActuatorDelay, FrictionPatch, Inertia, Wind
 from runner.errors import RecordingError
-from runner.restarts import windows_of
-from runner.simulate import Effects, Simulator
+from runner.localise.where import Where, localise, smoothed_states
+from runner.noise.measured import measure
+from runner.noise.model import Colour
+from runner.simulate.shooting import windows_of
+from runner.systems.planar_box.simulator import Effects, Simulator
 
 PATCH = FrictionPatch(0.5, 0.8, 0.3, 0.5)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from runner.errors import ResultError
-from runner.tables import append_line, whole_lines
+from runner.teleop.tables import append_line, whole_lines
 
 
 class Ledger:

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from runner.diagnose.diagnosis import close, split
-from runner.diagnose.evidence import clip, directions, joined, promise, surroundings, survey
-from runner.diagnose.fit import NONE, Fit, Fitter
-from runner.diagnose.measured import Measured, materially_different, measure, refine
-from runner.diagnose.pieces import begun
+from runner.diagnosis.pipeline import close, split
 from runner.effects import EFFECTS, AbstractEffect, AxisFriction, ViscousFilm
 from runner.errors import ResultError
+from runner.inference.evidence import clip, directions, joined, promise, surroundings, survey
+from runner.inference.least_squares import NONE, Fit, Fitter
+from runner.inference.multiple_shooting import begun
+from runner.noise.measured import Measured, materially_different, measure, refine
 from runner.recording import Recording
-from runner.simulate import Effects, Run, Simulator, context_of
+from runner.systems.planar_box.simulator import Effects, Run, Simulator, context_of
 
 # Mean square in noises that the true effects should not leave, of episodes so long; and the length of their pieces.
 STUCK, SHORTEST_S, PIECE_S = 1.5, 1.5, 0.75

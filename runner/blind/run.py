@@ -19,9 +19,9 @@ from typing import Any
 
 from runner.blind.fence import PACKAGE, enter_fence
 from runner.blind.make import HASH_FILE
-from runner.diagnose.verdict import read_json, write_json
-from runner.diagnose_many import Seclusion, diagnose_many
+from runner.diagnosis.verdict import read_json, write_json
 from runner.errors import ResultError
+from runner.outputs.many import Seclusion, diagnose_many
 from runner.recording import find_cases
 
 PROVENANCE = "diagnosed_by.json"

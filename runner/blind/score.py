@@ -24,7 +24,7 @@ from joblib import Parallel, delayed
 from runner.blind.ledger import Ledger
 from runner.blind.oracle import oracle_closed
 from runner.blind.run import read_hash
-from runner.diagnose.score import NONE, UNKNOWN, Score, accuracy, calibration_error, ordered_sizes, score, share
+from runner.diagnosis.score import NONE, UNKNOWN, Score, accuracy, calibration_error, ordered_sizes, score, share
 from runner.errors import ResultError
 from runner.progress import track
 from runner.recording import Nominal, read_case

@@ -17,7 +17,7 @@ from matplotlib.patches import Rectangle
 from scipy.stats import norm
 
 from runner.blind.score import BlindScore
-from runner.diagnose.score import BINS, NONE, UNKNOWN, ordered_sizes
+from runner.diagnosis.score import BINS, NONE, UNKNOWN, ordered_sizes
 from runner.report.figures import ACCENT, BAND, FAINT, GREY, INK, ORANGE, STYLE, svg
 
 DPI = 150

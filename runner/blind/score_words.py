@@ -10,7 +10,7 @@ import math
 import pandas as pd
 
 from runner.blind.score import Bar, BlindScore
-from runner.diagnose.score import NONE, UNKNOWN, Score
+from runner.diagnosis.score import NONE, UNKNOWN, Score
 
 Rows = list[tuple[str, ...]]
 

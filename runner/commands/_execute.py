@@ -26,7 +26,7 @@ from runner.commands._explain import built, explain
 from runner.commands._jobs import overridden, write_config
 from runner.commands._sweep import explain_sweep, literal, sweep, whole_chunk
 from runner.errors import ConfigError
-from runner.tables import SWEEP, still_held
+from runner.teleop.tables import SWEEP, still_held
 
 RESULTS = Path("results")
 

@@ -29,13 +29,14 @@ from hydra.plugins.launcher import Launcher
 from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from runner import commands, tables
+from runner import commands
 from runner.commands import Command, Job
 from runner.commands._compose import Composer
 from runner.commands._explain import built, explain
 from runner.commands._jobs import ConfigWriter, JobComposer
 from runner.errors import ConfigError, RunnerError
 from runner.progress import progress
+from runner.teleop import tables
 
 Row = Mapping[str, Any]
 TOGETHER = 32  # jobs done at once; memory grows with it, and the cost per run hardly falls any more

@@ -22,8 +22,8 @@ from runner.blind.score_figures import write_figures
 from runner.blind.score_page import FILE, headline, write_page
 from runner.commands import Command, Job
 from runner.commands._print import print_table
-from runner.diagnose.score import read_answers
-from runner.diagnose.verdict import read_verdicts
+from runner.diagnosis.score import read_answers
+from runner.diagnosis.verdict import read_verdicts
 from runner.errors import check_workers
 
 FITS = "oracle.jsonl"

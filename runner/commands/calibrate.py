@@ -31,13 +31,13 @@ from runner.estimation.copies import LABELS, Copies, errors, from_values, to_val
 from runner.estimation.data import measured_sd
 from runner.estimation.joint import Joint, PriorConfig, write_view
 from runner.estimation.watch import INTERVAL
-from runner.experiment import Experiment, RemoteConfig, StartConfig
-from runner.forces import CsvForces
-from runner.link import LinkConfig, update_steps
-from runner.parameters import COM_X, COM_Y, FRICTION, MASS, PARAMETERS, YAW_INERTIA, values_of
+from runner.physics.forces import CsvForces
+from runner.physics.scene import BodyConfig, SceneConfig, box_inertia, build
 from runner.progress import progress
-from runner.scene import BodyConfig, SceneConfig, box_inertia, build
-from runner.tables import write_summary
+from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig
+from runner.teleop.link import LinkConfig, update_steps
+from runner.teleop.parameters import COM_X, COM_Y, FRICTION, MASS, PARAMETERS, YAW_INERTIA, values_of
+from runner.teleop.tables import write_summary
 
 MODEL, VALUES, PUSHES, TRACK = "model.xml", "calibrated.yaml", "pushes.csv", "track.parquet"
 

@@ -15,10 +15,10 @@ from pathlib import Path
 from rich.console import Console
 
 from runner.commands import Command, Job
-from runner.diagnose.diagnosis import diagnose
-from runner.diagnose.verdict import ALL, FILE
-from runner.diagnose_many import diagnose_many, write_all
+from runner.diagnosis.pipeline import diagnose
+from runner.diagnosis.verdict import ALL, FILE
 from runner.errors import check_workers
+from runner.outputs.many import diagnose_many, write_all
 from runner.progress import progress
 from runner.recording import find_cases, read_case
 from runner.report.terminal import summary

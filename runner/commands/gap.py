@@ -21,13 +21,13 @@ from rich.console import Console
 from rich.table import Table
 
 from runner.commands import Command, Job
-from runner.diagnose.corrected import read_corrected
-from runner.diagnose.measured import measure
+from runner.diagnosis.corrected import read_corrected
 from runner.errors import ConfigError, check_range
-from runner.gap import CHANNELS, HORIZONS_S, UNITS, WHOLE_EPISODE, Gap, measure_gap
+from runner.noise.measured import measure
 from runner.progress import progress
 from runner.recording import Recording, find_cases, read_case
-from runner.simulate import Simulator
+from runner.simulate.gap import CHANNELS, HORIZONS_S, UNITS, WHOLE_EPISODE, Gap, measure_gap
+from runner.systems.planar_box.simulator import Simulator
 
 FILE = "gap.parquet"
 EPISODES_FILE = "gap_episodes.parquet"

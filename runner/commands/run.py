@@ -26,17 +26,28 @@ import yaml
 from rich.console import Console
 from rich.table import Table
 
-from runner import compound, latency_study, model_jump, plumb_line  # noqa: F401  (the studies must be registered)
 from runner.commands import Command, Job
 from runner.errors import ConfigError
-from runner.estimation import averaged, calibration_study, certainty_study, eq6_study, joint_studies  # noqa: F401
-from runner.experiment import Experiment
-from runner.frames import RunResult, Status
-from runner.loop import run, run_batch
+from runner.estimation import averaged  # noqa: F401
 from runner.progress import progress
-from runner.sinks import LogConfig, RrdSink, combine
-from runner.studies import AbstractStudy
-from runner.tables import summary_row, write_summary
+
+# the studies must be registered
+from runner.studies import (  # noqa: F401
+    calibration,
+    certainty,
+    compound,
+    eq6,
+    joint,
+    latency,
+    model_jump,
+    plumb_line,
+)
+from runner.studies.base import AbstractStudy
+from runner.teleop.experiment import Experiment
+from runner.teleop.frames import RunResult, Status
+from runner.teleop.loop import run, run_batch
+from runner.teleop.sinks import LogConfig, RrdSink, combine
+from runner.teleop.tables import summary_row, write_summary
 
 PACKAGES = ("runner", "mujoco", "dm-control", "numba", "numpy", "pandas", "pyarrow", "rerun-sdk", "hydra-core")
 

@@ -14,8 +14,8 @@ from rich.console import Console
 from runner.blind import score_words as words
 from runner.commands import Command, Job
 from runner.commands._print import print_table
-from runner.diagnose.score import read_answers, score
-from runner.diagnose.verdict import read_verdicts
+from runner.diagnosis.score import read_answers, score
+from runner.diagnosis.verdict import read_verdicts
 
 
 @dataclass(frozen=True)

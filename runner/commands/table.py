@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from runner import tables
 from runner.commands import Command, Job
 from runner.errors import ConfigError
+from runner.teleop import tables
 
 
 class Format(Enum):

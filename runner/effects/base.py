@@ -25,7 +25,7 @@ import mujoco
 import numpy as np
 from dm_control import mjcf
 
-from runner.law import LawView
+from runner.physics.dry_friction import LawView
 
 Vector = Sequence[float] | np.ndarray
 

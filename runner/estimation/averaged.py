@@ -13,7 +13,7 @@ from enum import Enum
 
 from runner.config import registered
 from runner.errors import check_range
-from runner.estimators import AbstractEstimator, MassRule, Outcome, Seen, Setup
+from runner.teleop.estimators import AbstractEstimator, MassRule, Outcome, Seen, Setup
 
 
 class Average(Enum):

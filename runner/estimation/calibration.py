@@ -28,8 +28,8 @@ from runner.errors import check_range
 from runner.estimation.belief import UNKNOWNS, Belief, Prior, Tracker, covariance_of
 from runner.estimation.copies import FRICTION, MASS, SIZE, STATE, Copies
 from runner.estimation.watch import INTERVAL
-from runner.forces import CSV_COLUMNS
-from runner.scene import push_columns
+from runner.physics.forces import CSV_COLUMNS
+from runner.physics.scene import push_columns
 
 
 @dataclass(frozen=True)

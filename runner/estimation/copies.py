@@ -17,10 +17,10 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from runner import law
 from runner.errors import ConfigError
-from runner.parameters import PARAMETERS
-from runner.scene import BodyConfig, Contact, Dof, SceneConfig, build
+from runner.physics import dry_friction
+from runner.physics.scene import BodyConfig, Contact, Dof, SceneConfig, build
+from runner.teleop.parameters import PARAMETERS
 
 LABELS = ("mass", "CoM x", "CoM y", "yaw inertia", "friction")
 MASS, COM_X, COM_Y, INERTIA, FRICTION = range(5)
@@ -119,7 +119,7 @@ class Copies:
         self._ipos[:k, :2] = values[:, COM_X : COM_Y + 1]
         # only the moment about the vertical moves a planar body
         self._inertia[:k] = values[:, INERTIA, None]
-        self._record[:k, law.COLUMN["mu"]] = values[:, FRICTION]
+        self._record[:k, dry_friction.COLUMN["mu"]] = values[:, FRICTION]
         self._q[:k], self._v[:k] = state[:, :3], state[:, 3:]
         n = pushes.shape[-2]
         alike = pushes.ndim == 2
@@ -129,7 +129,7 @@ class Copies:
         for begin, end in zip(begins, ends, strict=True):
             push = pushes[..., begin, :]
             pushed = push.any(axis=-1) | (np.abs(self._v[:k]) > _AT_REST).any(axis=-1)
-            self._user[:k, : law.PUSH_SIZE] = push
+            self._user[:k, : dry_friction.PUSH_SIZE] = push
             moving = np.flatnonzero(pushed)
             if len(moving):
                 self._batch.step(moving, nstep=end - begin)

@@ -8,14 +8,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from runner import law
 from runner.estimation.copies import from_values
-from runner.estimators import Linear
-from runner.experiment import REMOTE, Experiment, build_world, commands
-from runner.follow import Immediate
-from runner.link import LinkConfig, NoiseConfig
-from runner.loop import run_world
-from runner.parameters import PARAMETERS
+from runner.physics import dry_friction
+from runner.teleop.estimators import Linear
+from runner.teleop.experiment import REMOTE, Experiment, build_world, commands
+from runner.teleop.follow import Immediate
+from runner.teleop.link import LinkConfig, NoiseConfig
+from runner.teleop.loop import run_world
+from runner.teleop.parameters import PARAMETERS
 
 # what an estimate expects of sensors that are said to be exact: m, rad, m/s, rad/s
 LEAST_SD = np.array([1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4])
@@ -81,7 +81,7 @@ def motion_of(experiment: Experiment) -> Motion:
     values = np.array([world.truth[name].true for name in PARAMETERS])
     return Motion(
         timestep_s=experiment.scene.timestep_s,
-        pushes=commands(alone).pushes[:-1, law.PUSH_SIZE : 2 * law.PUSH_SIZE],
+        pushes=commands(alone).pushes[:-1, dry_friction.PUSH_SIZE : 2 * dry_friction.PUSH_SIZE],
         ends=frames.column("frame"),
         states=np.column_stack([frames.column(f"{REMOTE}_{name}") for name in _COLUMNS]),
         true_x=from_values(values, experiment.remote.half_size_m),

@@ -48,9 +48,9 @@ import numpy as np
 
 from runner.config import registered
 from runner.estimation.copies import Copies, to_vector
-from runner.estimators import AbstractEstimator, Outcome, Seen, Setup
-from runner.parameters import COM_X, COM_Y
-from runner.scene import BodyConfig, SceneConfig
+from runner.physics.scene import BodyConfig, SceneConfig
+from runner.teleop.estimators import AbstractEstimator, Outcome, Seen, Setup
+from runner.teleop.parameters import COM_X, COM_Y
 
 _SLOWEST_M_S = 1e-3  # below it the local cube sticks, or creeps
 _SHIFT_M = 1e-4

@@ -15,13 +15,13 @@ from runner.estimation.belief import Prior, Tracker, observable
 from runner.estimation.copies import COM_X, COM_Y, Copies, to_values, to_vector
 from runner.estimation.data import measured_sd
 from runner.estimation.watch import Watch, Watched
-from runner.estimators import AbstractEstimator, Outcome, Seen, Setup
-from runner.experiment import Experiment
-from runner.link import NoiseConfig
-from runner.loop import run
-from runner.parameters import PARAMETERS
-from runner.scene import BodyConfig
-from runner.sinks import RrdSink
+from runner.physics.scene import BodyConfig
+from runner.teleop.estimators import AbstractEstimator, Outcome, Seen, Setup
+from runner.teleop.experiment import Experiment
+from runner.teleop.link import NoiseConfig
+from runner.teleop.loop import run
+from runner.teleop.parameters import PARAMETERS
+from runner.teleop.sinks import RrdSink
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ import numpy as np
 
 from runner.estimation.copies import COM_X, COM_Y, FRICTION, INERTIA, MASS, Copies, to_vector
 from runner.estimation.data import Motion
-from runner.estimators import AbstractEstimator, Seen, Setup
-from runner.experiment import Experiment
+from runner.teleop.estimators import AbstractEstimator, Seen, Setup
+from runner.teleop.experiment import Experiment
 
 _REMOTE = (slice(0, 3), slice(0, 2), slice(2, 3))
 _LOCAL = (slice(3, 6), slice(3, 5), slice(5, 6))

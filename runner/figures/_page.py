@@ -11,10 +11,10 @@ import matplotlib as mpl
 import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from runner import tables
 from runner.errors import ResultError, nearest
 from runner.figures import Drawn, Runs, load
 from runner.figures._look import INK, STYLE
+from runner.teleop import tables
 
 VERDICT = {True: "holds", False: "does not hold", None: "no telling"}
 NO_CLAIM = "nothing to hold"

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from runner.diagnose.measured import CHANNELS, UNITS
-from runner.gap import measure_gap
+from runner.noise.measured import CHANNELS, UNITS
 from runner.report.motions import GRID
-from runner.simulate import Simulator
+from runner.simulate.gap import measure_gap
+from runner.systems.planar_box.simulator import Simulator
 
 if TYPE_CHECKING:
-    from runner.diagnose.diagnosis import Diagnosis
+    from runner.diagnosis.pipeline import Diagnosis
 
 NAMES = {
     "x": "position x",

@@ -18,8 +18,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
-from runner.diagnose.measured import CHANNELS, UNITS
 from runner.effects import AbstractEffect, FrictionPatch
+from runner.noise.measured import CHANNELS, UNITS
 from runner.report.before_after import NAMES, SMALL, Miss
 from runner.report.motions import Paths, autocorrelation
 from runner.report.wrench import COMPONENTS, Mean, Wrench

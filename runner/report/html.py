@@ -13,8 +13,8 @@ import pandas as pd
 from markupsafe import Markup
 from scipy.stats import chi2
 
-from runner.diagnose.measured import CHANNELS, UNITS
-from runner.diagnose.where import REGIMES
+from runner.localise.where import REGIMES
+from runner.noise.measured import CHANNELS, UNITS
 from runner.recording import Contact
 from runner.report import figures, words
 from runner.report.before_after import NAMES, SMALL, Miss, misses, whole
@@ -22,7 +22,7 @@ from runner.report.motions import Paths, autocorrelation, replay, where_after, w
 from runner.report.wrench import Wrench, by_regime, missing_wrench
 
 if TYPE_CHECKING:
-    from runner.diagnose.diagnosis import Diagnosis, Ranked
+    from runner.diagnosis.pipeline import Diagnosis, Ranked
 
 FILE = "report.html"
 TEMPLATE = "template.html.j2"

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from runner.diagnose.where import Where, localise
-from runner.simulate import Run, Simulator
+from runner.localise.where import Where, localise
+from runner.systems.planar_box.simulator import Run, Simulator
 
 if TYPE_CHECKING:
-    from runner.diagnose.diagnosis import Diagnosis
+    from runner.diagnosis.pipeline import Diagnosis
 
 GRID = 8
 
 
 @dataclass(frozen=True)
 class Paths:
-    """One episode, channels as in `runner.diagnose.measured.CHANNELS`.
+    """One episode, channels as in `runner.noise.measured.CHANNELS`.
 
     Args:
         episode: Its place in the recording.

@@ -13,14 +13,14 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from runner.diagnose.measured import CHANNELS
+from runner.noise.measured import CHANNELS
 from runner.report import words
 from runner.report.motions import Paths, replay
 from runner.report.wrench import missing_wrench
-from runner.rrd import written
+from runner.viewer.rrd import written
 
 if TYPE_CHECKING:
-    from runner.diagnose.diagnosis import Diagnosis
+    from runner.diagnosis.pipeline import Diagnosis
 
 FILE = "diagnosis.rrd"
 PAUSE_S = 1.0  # between two episodes on the timeline

@@ -14,7 +14,7 @@ from runner.report import words
 from runner.report.before_after import whole
 
 if TYPE_CHECKING:
-    from runner.diagnose.diagnosis import Diagnosis
+    from runner.diagnosis.pipeline import Diagnosis
 
 SHOWN = 5
 

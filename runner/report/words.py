@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from runner.effects import EFFECTS
 
 if TYPE_CHECKING:
-    from runner.diagnose.diagnosis import Diagnosis, Ranked
+    from runner.diagnosis.pipeline import Diagnosis, Ranked
     from runner.recording import Nominal
 
 Values = Mapping[str, float]

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from runner.diagnose.where import REGIMES, WINDOWS_S
+from runner.localise.where import REGIMES, WINDOWS_S
 
 if TYPE_CHECKING:
-    from runner.diagnose.diagnosis import Diagnosis
-    from runner.diagnose.where import Where
+    from runner.diagnosis.pipeline import Diagnosis
+    from runner.localise.where import Where
 
 # what of it is looked at: the column, and what it is called
 COMPONENTS = {

@@ -1,0 +1,190 @@
+"""Hold verdicts against answers: how often the first explanation is right, what is taken for what, calibration.
+
+The answers are read here and nowhere else.
+"""
+
+# pandas' own annotations name every type that an index could lead to, which no caller can narrow
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.stats import binomtest
+
+from runner.diagnosis.verdict import read_json
+from runner.errors import ResultError
+from runner.inference.search import TWINS
+
+NONE, UNKNOWN = "none", "unknown"
+BINS = 10
+FIRST = 3  # answers that are looked at beside the first one
+
+
+@dataclass(frozen=True)
+class Score:
+    """Figures of the cases that are scored.
+
+    Args:
+        cases: One row per case: what was planted, what was named, whether that is right.
+        table: First answers by group of cases: all, by number of effects, by size, by effect; 95 % Wilson intervals.
+        confusion: How often each answer (`first`) was given for what was planted (`truth`), and whether it is right.
+        calibration: Stated probability of the first answer against how often it is right, in ten bins.
+        summary: `first_right`, `expected_calibration_error`, `brier`.
+        unanswered: Cases with an answer but without a verdict.
+    """
+
+    cases: pd.DataFrame
+    table: pd.DataFrame
+    confusion: pd.DataFrame
+    calibration: pd.DataFrame
+    summary: dict[str, float]
+    unanswered: tuple[str, ...]
+
+
+def read_answers(path: Path) -> dict[str, dict[str, Any]]:
+    """Read `{case: {"effects": [{"name", "severity", ...}], "accept": [names]}}`.
+
+    Raises:
+        ResultError: If there is no such file, or it holds something else.
+    """
+    content = read_json(path)
+    if not isinstance(content, dict):
+        raise ResultError(f"{path}: must hold an object with `effects` and `accept` for each case.")
+    for case, answer in content.items():
+        whole = isinstance(answer, dict) and all(isinstance(answer.get(key), list) for key in ("effects", "accept"))
+        if not whole:
+            raise ResultError(f"{path}: case '{case}': must have the lists `effects` and `accept`.")
+        if not all(isinstance(e, dict) and isinstance(e.get("name"), str) for e in answer["effects"]):
+            raise ResultError(f"{path}: case '{case}': each of `effects` must have a `name`.")
+    return content
+
+
+def score(
+    verdicts: dict[str, dict[str, Any]],
+    answers: dict[str, dict[str, Any]],
+    *,
+    otherwise: dict[str, Any] | None = None,
+) -> Score:
+    """Score the cases that have both a verdict and an answer; with `otherwise`, a verdict, that for those without too.
+
+    The first answer is right if it names what was planted, each effect by its own name or by an accepted equivalent,
+    and nothing else.
+
+    Raises:
+        ResultError: If no case has both.
+    """
+    shared = [c for c in answers if c in verdicts]
+    if not shared:
+        raise ResultError("no case has both a verdict and an answer; the names of the cases must be the same in both.")
+    scored = {c: verdicts[c] for c in shared} if otherwise is None else dict.fromkeys(answers, otherwise) | verdicts
+    cases = pd.DataFrame([_marked(case, scored[case], answers[case]) for case in answers if case in scored])
+    confusion = cases.groupby(["truth", "first", "right"]).size().rename("cases").reset_index()
+    p, right = cases["probability"].to_numpy(float), cases["right"].to_numpy(float)
+    summary = {
+        "first_right": float(right.mean()),
+        "expected_calibration_error": calibration_error(p, right),
+        "brier": float(np.mean((p - right) ** 2)),
+    }
+    table = pd.DataFrame([{"group": name, **accuracy(part)} for name, part in _groups(cases)])
+    unanswered = tuple(c for c in answers if c not in verdicts)
+    return Score(cases, table, confusion, calibration(p, right), summary, unanswered)
+
+
+def _marked(case: str, verdict: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
+    truth, accept = [e["name"] for e in answer["effects"]], set(answer["accept"])
+    ranks = [r for r in verdict["ranked"] if r["effects"]]
+    first = ranks[0]["effects"]
+    rank = next((i for i, r in enumerate(ranks, 1) if is_right(r["effects"], truth, accept)), None)
+    return {
+        "case": case,
+        "kind": NONE if not truth else UNKNOWN if UNKNOWN in truth else "single" if len(truth) == 1 else "pair",
+        "truth": "+".join(sorted(truth)) or NONE,
+        "what": "+".join(e.get("true", {}).get("what", "") for e in answer["effects"]),
+        "severity": "+".join(e.get("severity", "") for e in answer["effects"]) or "-",
+        "first": "+".join(first),
+        "probability": float(ranks[0]["probability"]),
+        "right": rank == 1,
+        "one_right": any(any(_stands_for(n, t, truth, accept) for n in first) for t in truth),
+        "in_first_three": rank is not None and rank <= FIRST,
+        "rank_of_truth": rank,
+        "probability_of_truth": 0.0 if rank is None else float(ranks[rank - 1]["probability"]),
+        "abstain": bool(verdict.get("abstain", False)),
+        "gap_closed": verdict.get("gap_closed"),
+        "effects": len(truth),
+    }
+
+
+def is_right(named: Sequence[str], truth: Sequence[str], accept: Collection[str]) -> bool:
+    """Tell whether names cover what was planted, one to one."""
+    if not truth:
+        return list(named) == [NONE]
+    orders = permutations(truth) if len(named) == len(truth) else ()
+    return any(all(_stands_for(n, t, truth, accept) for n, t in zip(named, o, strict=True)) for o in orders)
+
+
+def _stands_for(name: str, planted: str, truth: Collection[str], accept: Collection[str]) -> bool:
+    """Tell whether a name counts for an effect: its own, or an accepted one that was not planted itself."""
+    if name == planted:
+        return True
+    twins = [pair for pair in TWINS if name in pair]
+    return name in accept and name not in truth and (not twins or any(planted in pair for pair in twins))
+
+
+def share(hits: Sequence[bool] | np.ndarray | pd.Series) -> tuple[float, float, float]:
+    """Return a share and its 95 % interval by Wilson; NaN of nothing."""
+    if not len(hits):
+        return np.nan, np.nan, np.nan
+    count = int(np.count_nonzero(hits))
+    interval = binomtest(count, len(hits)).proportion_ci(method="wilson")
+    return count / len(hits), float(interval.low), float(interval.high)
+
+
+def accuracy(part: pd.DataFrame) -> dict[str, Any]:
+    """Return how often the first answer, and one of the first three, is right in these cases."""
+    first = dict(zip(("first_right", "low", "high"), share(part["right"]), strict=True))
+    three = dict(zip(("first_three_right", "three_low", "three_high"), share(part["in_first_three"]), strict=True))
+    return {"cases": len(part), **first, **three, "one_right": share(part["one_right"])[0]}
+
+
+def _groups(cases: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    single = cases[cases["kind"] == "single"]
+    out = [("all", cases), (NONE, cases[cases["kind"] == NONE]), ("one effect", single)]
+    out += [(f"one effect, {s}", single[single["severity"] == s]) for s in ordered_sizes(single["severity"])]
+    out += [("two effects", cases[cases["kind"] == "pair"]), (UNKNOWN, cases[cases["kind"] == UNKNOWN])]
+    out += [(str(name), part) for name, part in single.groupby("truth")]
+    return [(name, part) for name, part in out if len(part)]
+
+
+def ordered_sizes(sizes: pd.Series) -> list[str]:
+    """Return the sizes that occur, small to large."""
+    known = ("subtle", "moderate", "strong")
+    return sorted(set(sizes), key=lambda s: (known.index(s) if s in known else len(known), s))
+
+
+def calibration(p: np.ndarray, right: np.ndarray) -> pd.DataFrame:
+    """Return what was stated and what came of it in bins of equal width, with 95 % Wilson intervals."""
+    bins, rows = _bins(p), []
+    for b in np.unique(bins):
+        value, low, high = share(right[bins == b])
+        stated = float(p[bins == b].mean())
+        rows.append(
+            {"from": b / BINS, "to": (b + 1) / BINS, "cases": int((bins == b).sum()), "stated": stated,
+             "right": value, "low": low, "high": high}
+        )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def calibration_error(p: np.ndarray, right: np.ndarray) -> float:
+    """Return the expected calibration error: the mean distance of stated and true in the bins, by their cases."""
+    return float(np.abs(np.bincount(_bins(p), weights=p - right)).sum() / len(p))
+
+
+def _bins(p: np.ndarray) -> np.ndarray:
+    return np.clip((p * BINS).astype(int), 0, BINS - 1)

@@ -1,0 +1,133 @@
+"""What could be taken for what: how far other effects would have done to this recording what an effect did.
+
+The sensitivities around the fitted explanation say what is alike: in the metric of the noise and of the simulator's
+own small errors, start states and the other effects of the explanation being free. Dry friction makes sensitivities
+rough, so what is alike is tried: the fitted model stands in for reality, without noise, and the rival is fitted to it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from runner.effects.base import EFFECTS, AbstractEffect, Context
+from runner.inference.evidence import LEVELS, Evidence, Surroundings, clip
+from runner.inference.least_squares import Explanation, Fit, Fitter, amplitudes
+from runner.systems.planar_box.simulator import Run
+
+ALIKE = 0.6  # what is less alike needs no trial
+TRIALS = 3
+CLEAR = 5.0  # log odds that count as told apart: 150 to 1
+FREE = 1e4  # standard deviation of what is free, in usual sizes
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An effect that could stand for another.
+
+    Args:
+        effect: An effect of the explanation.
+        rival: One that is not in it.
+        alike: Share of what the effect does to the recording, in squares, that the rival would do as well, 0 to 1.
+        log_odds: Natural log odds that a recording like this one is expected to give against the rival; from a trial
+            where it is alike, otherwise from the sensitivities.
+    """
+
+    effect: str
+    rival: str
+    alike: float
+    log_odds: float
+
+    @property
+    def confounded(self) -> bool:
+        """Whether such data can't tell the two apart."""
+        return self.log_odds < CLEAR
+
+
+def rivals(around: Surroundings, evidence: Evidence, fitter: Fitter) -> tuple[Rival, ...]:
+    """Return the rivals of every effect of a fit, the most alike first."""
+    screened = _screened(around, evidence, fitter.context)
+    tried = [
+        replace(r, log_odds=_trial(r, around.fit, fitter)) if i < TRIALS and r.alike > ALIKE else r
+        for i, r in enumerate(screened)
+    ]
+    return tuple(tried)
+
+
+def _trial(rival: Rival, fit: Fit, fitter: Fitter) -> float:
+    """Return half of what the rival leaves, in squared noises, of what the fitted model does."""
+    context = fitter.context
+    effects = fit.explanation.make(fit.x, context)
+    values = list(fitter.measured.values)
+    for e, start in zip(fit.episodes, fit.starts, strict=True):
+        values[e] = fitter.simulator.predict(e, [Run(effects, start)])[0]
+    stand_in = replace(fitter, measured=replace(fitter.measured, values=tuple(values)))
+    losses = []
+    for kind in EFFECTS[rival.rival]:
+        others = tuple(k for k in fit.explanation.kinds if k.name != rival.effect)
+        x, at = [], 0
+        for k in fit.explanation.kinds:
+            n = len(k.parameters(context))
+            x += list(fit.x[at : at + n]) if k in others else []
+            at += n
+        starts = kind.starts(context)
+        # two signs: around zero dry friction may hide the way
+        first = [starts[0]] if len(starts) else [0.1 * np.array([p.scale for p in kind.parameters(context)])]
+        for start in (*first, -first[0]):
+            explanation = Explanation((*others, kind))
+            begin = np.concatenate([x, clip(kind, start, context)])
+            tried = stand_in.fit(explanation, fit.episodes, x=begin, near=fit, iterations=12)
+            losses.append(tried.total)
+    return float(0.5 * min(losses))
+
+
+def _screened(around: Surroundings, evidence: Evidence, context: Context) -> tuple[Rival, ...]:
+    gram = around.gram.sum(axis=0)[:-1, :-1]
+    explanation, x = around.fit.explanation, around.fit.x
+    p = len(x)
+    level = LEVELS[int(np.argmax(evidence.level))]
+    spread = np.array([d.mismatch * level for d in around.directions])
+    kinds: dict[type[AbstractEffect], list[int]] = {}
+    for i, direction in enumerate(around.directions):
+        kinds.setdefault(direction.kind, []).append(i)
+    out = []
+    for kind, own in explanation.parts(context):
+        move = np.zeros(len(gram))
+        moved = amplitudes(kind, own, context)  # a place and a width do nothing without one
+        move[moved] = x[moved]
+        scale = np.array([d.scale for d in explanation.parameters(context)])
+        for rival, members in kinds.items():
+            free = np.concatenate([FREE * scale, spread])
+            free[own] = 0.0
+            free[p + np.array(members)] = 0.0
+            best = (0.0, 1.0)
+            scattered = len(rival.starts(context)) > 0
+            for group in [[m] for m in members] if scattered else [members]:
+                total, left = _left(gram, move, p + np.array(group), free)
+                if total > 0 and left / total < best[1]:
+                    best = total, left / total
+            total, share = best
+            if total > 0:
+                out.append(Rival(kind.name, rival.name, float(1 - share), float(0.5 * total * share)))
+    alike: dict[tuple[str, str], Rival] = {}
+    for r in sorted(out, key=lambda r: r.log_odds):
+        if r.effect != r.rival:
+            alike.setdefault((r.effect, r.rival), r)
+    return tuple(sorted(alike.values(), key=lambda r: -r.alike))
+
+
+def _left(gram: np.ndarray, move: np.ndarray, rival: np.ndarray, free: np.ndarray) -> tuple[float, float]:
+    """Return the squared length of a move, and of what a rival leaves of it; `free` spreads are integrated out."""
+    columns = np.zeros((len(gram), 1 + len(rival)))
+    columns[:, 0] = move
+    columns[rival, 1 + np.arange(len(rival))] = 1.0
+    image = gram @ columns
+    inner = cho_factor(np.eye(len(gram)) + free[:, None] * gram * free, lower=True)
+    scaled = free[:, None] * image
+    metric = columns.T @ image - scaled.T @ cho_solve(inner, scaled)
+    total = float(metric[0, 0])
+    ridge = metric[1:, 1:] + 1e-2 * np.eye(len(rival))
+    left = total - float(metric[0, 1:] @ np.linalg.solve(ridge, metric[1:, 0]))
+    return max(total, 0.0), max(left, 0.0)

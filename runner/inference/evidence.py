@@ -1,0 +1,275 @@
+"""How well each explanation accounts for a recording, once the simulator's own small errors are allowed for.
+
+No model is exact: floors have texture, sizes are off by a little. With the noise of a good sensor, errors of a tenth
+of a percent are many standard errors, and a comparison that takes the model for exact will find an "effect" in every
+recording. So every explanation is granted a small share of everything else: along each direction in which any
+effect would move the prediction, a Gaussian amplitude of standard deviation `SHARE * level` times the effect's usual
+size, and a floor texture of the same kind. Those amplitudes, and the start states, are integrated out (a Gaussian
+integral; Kennedy & O'Hagan 2001 in the linear case), and so are the explanation's own parameters (Laplace).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from runner.effects.base import EFFECTS, AbstractEffect, Context
+from runner.effects.friction import FrictionPatch
+from runner.inference.least_squares import Explanation, Fit, Fitter, bounds, difference_steps, is_out_of_range
+
+SHARE = 0.01  # of an effect's usual size: how far the simulator may be off in its direction
+TEXTURE = 0.02  # of the amplitude of the patches that span the floor (0.2): friction off by 0.4 % from place to place
+LEVELS = (0.5, 1.0, 2.0, 4.0, 8.0)  # the mismatch is not known beforehand: these multiples, equally likely
+
+
+@dataclass(frozen=True)
+class Direction:
+    """One way in which an effect can move the prediction: from a vector, by a step of one entry or to another vector.
+
+    Args:
+        kind: The effect.
+        origin: The vector that it is seen from; None: without the effect.
+        vector: The vector that it goes to.
+        per: How much of the unit amplitude that is; the column is divided by it.
+        mismatch: Standard deviation that the simulator's own error has in this direction, in units of the amplitude.
+        texture: Whether it is one of many that span the floor: an effect at one place leaves errors at the others.
+    """
+
+    kind: type[AbstractEffect]
+    vector: np.ndarray
+    per: float
+    mismatch: float
+    texture: bool = False
+
+    @property
+    def key(self) -> tuple[type[AbstractEffect], bytes]:
+        """What makes it the same direction in two surveys."""
+        return self.kind, self.vector.tobytes()
+
+
+def directions(context: Context) -> list[Direction]:
+    """Return the directions of all effects, amplitudes in units of each parameter's `scale`."""
+    out = []
+    for kinds in EFFECTS.values():
+        for kind in kinds:
+            parameters = kind.parameters(context)
+            starts = kind.starts(context)
+            if len(starts):
+                for start in starts:
+                    texture = issubclass(kind, FrictionPatch)
+                    out.append(Direction(kind, start, 1.0, TEXTURE if texture else 0.0, texture))
+                continue
+            steps = difference_steps(parameters, np.zeros(len(parameters)))
+            for i, parameter in enumerate(parameters):
+                vector = np.eye(len(parameters))[i] * steps[i]
+                out.append(Direction(kind, vector, float(steps[i] / parameter.scale), SHARE))
+    return out
+
+
+@dataclass(frozen=True)
+class Survey:
+    """How the whitened prediction moves in every direction, per episode (n, d), seen from one set of effects."""
+
+    directions: tuple[Direction, ...]
+    columns: tuple[np.ndarray, ...]
+
+
+def survey(fitter: Fitter, fit: Fit, every: Sequence[Direction]) -> Survey:
+    """Simulate all directions around a fit."""
+    base = fit.explanation.make(fit.x, fitter.context)
+    others = tuple(d for d in every if d.kind not in fit.explanation.kinds)
+    runs = [(*base, d.kind.from_vector(d.vector, fitter.context)) for d in others]
+    per = np.array([d.per for d in others])
+    return Survey(others, tuple(c / per for c in fitter.changes(base, runs, fit)))
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """A fit amid the directions of a survey.
+
+    `gram` holds, per fitted episode, the inner products of [own derivatives (p) | directions (d) | residual (1)],
+    (E, p + d + 1, p + d + 1), with the start states projected out.
+    """
+
+    fit: Fit
+    directions: tuple[Direction, ...]
+    gram: np.ndarray
+
+
+def surroundings(fit: Fit, *known: Survey) -> Surroundings:
+    """Set a fit amid the directions of surveys made around it or near it; of each direction the first counts.
+
+    Those of its own effects are left out, save for the texture of the floor.
+    """
+    chosen: dict[tuple[type[AbstractEffect], bytes], tuple[Survey, int]] = {}
+    for one in known:
+        for i, d in enumerate(one.directions):
+            if d.texture or d.kind not in fit.explanation.kinds:
+                chosen.setdefault(d.key, (one, i))
+    gram = []
+    for k, (jacobian, residual, q) in enumerate(zip(fit.jacobian, fit.residual, fit.basis.q, strict=True)):
+        columns = [one.columns[k][:, i] for one, i in chosen.values()]
+        whole = np.column_stack([jacobian, *columns, residual])
+        whole = whole - q @ (q.T @ whole)
+        gram.append(whole.T @ whole)
+    return Surroundings(fit, tuple(one.directions[i] for one, i in chosen.values()), np.array(gram))
+
+
+def together(a: Surroundings, b: Surroundings) -> Surroundings:
+    """Set a fit amid what further episodes say as well, at the same parameters; only directions that both have."""
+    p = len(a.fit.x)
+    first = {d.key: i for i, d in enumerate(a.directions)}
+    shared = [(first[d.key], j) for j, d in enumerate(b.directions) if d.key in first]
+    gram = []
+    for around, chosen in ((a, [i for i, _ in shared]), (b, [j for _, j in shared])):
+        keep = np.array([*range(p), *(p + i for i in chosen), around.gram.shape[1] - 1])
+        gram.append(around.gram[:, keep[:, None], keep])
+    return Surroundings(a.fit, tuple(a.directions[i] for i, _ in shared), np.concatenate(gram))
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a fit's surroundings say of it.
+
+    Args:
+        log: Log evidence, up to a constant that all explanations of a recording share.
+        level: Log evidence of each mismatch level, (len(LEVELS),).
+        loss: Sum of squared residuals after the mismatch has taken its part, at level 1: what the simulator is trusted
+            with beforehand.
+        covariance: Of the parameters as they were fitted, by plain least squares, (p, p): the mismatch has moved them
+            by what it looks like to them, so that it counts in full (the "sandwich" of White 1982).
+    """
+
+    log: float
+    level: np.ndarray
+    loss: float
+    covariance: np.ndarray
+
+
+def log_densities(fit: Fit, context: Context) -> np.ndarray:
+    """Log prior density of each parameter, (p,): heavy-tailed in each amplitude, even over places and logarithms."""
+    out = []
+    for kind, part in fit.explanation.parts(context):
+        scattered = len(kind.starts(context)) > 0
+        for k, (p, value) in enumerate(zip(kind.parameters(context), fit.x[part], strict=True)):
+            if scattered and k > 0:
+                out.append(-np.log(p.upper - p.lower))
+            else:
+                # Student's t with three degrees of freedom; one-sided amplitudes have twice the density
+                z = value / p.scale
+                density = 0.3675525969 / p.scale * (1 + z * z / 3) ** -2
+                out.append(np.log(density * (2.0 if p.lower == 0 else 1.0)))
+    return np.array(out)
+
+
+def evidence(around: Surroundings, context: Context, known: np.ndarray | None = None) -> Evidence:
+    """Integrate the mismatch and the parameters out.
+
+    A parameter that may rest on its bound stays there; any other one there makes the explanation impossible.
+
+    Args:
+        around: The fit amid the directions of mismatch.
+        context: What effects may know.
+        known: Covariance of the parameters from elsewhere, (p, p): they may move so far only. None: their prior.
+    """
+    fit, whole = around.fit, len(around.fit.x)
+    if is_out_of_range(fit.explanation.parameters(context), fit.x):
+        nothing = np.full((whole, whole), np.nan)
+        return Evidence(-np.inf, np.full(len(LEVELS), -np.inf), float(fit.total), nothing)
+    free = np.flatnonzero(~fit.at_bound)
+    total = around.gram.sum(axis=0)
+    keep = np.concatenate([free, np.arange(whole, len(total))])
+    total, p = total[np.ix_(keep, keep)], len(free)
+    spread = np.array([d.mismatch for d in around.directions])
+    mismatch = np.flatnonzero(spread > 0)
+    own, rest = np.arange(p), p + mismatch
+    h_oo, h_or, h_rr = total[np.ix_(own, own)], total[np.ix_(own, rest)], total[np.ix_(rest, rest)]
+    g_o, g_r, rr = total[own, -1], total[rest, -1], total[-1, -1]
+    every_density = log_densities(fit, context)
+    density = every_density[free]
+    # a parameter that the data don't tell: as uncertain as its prior is wide, so that it neither gains nor loses
+    width = np.diag(2 * np.pi * np.exp(2 * density))
+    if known is not None:
+        width = width + np.linalg.pinv(known[np.ix_(free, free)])
+    logs, losses = [], []
+    for level in LEVELS:
+        s = spread[mismatch] * level
+        # in amplitudes of unit prior variance
+        inner = cho_factor(np.eye(len(s)) + s[:, None] * h_rr * s, lower=True)
+        cross = s[:, None] * h_or.T  # (m, p)
+        gr = s * g_r
+        solved = cho_solve(inner, np.column_stack([cross, gr]))
+        schur = h_oo - cross.T @ solved[:, :p]
+        g = g_o - cross.T @ solved[:, p]
+        loss = rr - gr @ solved[:, p]
+        volume = 0.0
+        if p:
+            schur = schur + width
+            loss -= float(g @ np.linalg.solve(schur, g))
+            volume = 0.5 * p * np.log(2 * np.pi) - 0.5 * float(np.linalg.slogdet(schur).logabsdet) + density.sum()
+        logs.append(-0.5 * loss - float(np.log(np.diag(inner[0])).sum()) + volume)
+        losses.append(loss)
+    inverse = np.linalg.inv(h_oo + width)
+    moved = h_or * (spread[mismatch] * LEVELS[int(np.argmax(logs))])
+    covariance = np.diag(np.exp(-2 * every_density) / (2 * np.pi))  # of what rests on its bound: its prior's
+    covariance[np.ix_(free, free)] = inverse @ (h_oo + moved @ moved.T) @ inverse
+    return Evidence(
+        float(np.logaddexp.reduce(logs) - np.log(len(LEVELS))),
+        np.array(logs),
+        float(losses[LEVELS.index(1.0)]),
+        covariance,
+    )
+
+
+def promise(around: Surroundings, level: float) -> dict[type[AbstractEffect], tuple[float, np.ndarray]]:
+    """Return, for every effect that a fit does not hold, the loss it would take off and a vector to start from.
+
+    In the linear model around the fit, beside the mismatch at this level. Effects with scattered starts offer the
+    best one; the others a step of all their parameters from zero.
+    """
+    p = len(around.fit.x)
+    total = around.gram.sum(axis=0)
+    inner, right = total[:-1, :-1], total[:-1, -1]
+    # own parameters are free, everything else has its mismatch
+    spread = np.concatenate([np.full(p, 1e4), np.array([d.mismatch for d in around.directions]) * level])
+    out: dict[type[AbstractEffect], tuple[float, np.ndarray]] = {}
+    kinds: dict[type[AbstractEffect], list[int]] = {}
+    for i, d in enumerate(around.directions):
+        kinds.setdefault(d.kind, []).append(i)
+    for kind, members in kinds.items():
+        index = p + np.array(members)
+        free = spread.copy()
+        free[index] = 0.0  # it must not be explained away by its own mismatch
+        factor = cho_factor(free[:, None] * inner * free + np.eye(len(free)), lower=True)
+        scaled = free[:, None] * np.column_stack([inner[:, index], right])
+        solved = free[:, None] * cho_solve(factor, scaled)
+        h = inner[np.ix_(index, index)] - inner[index] @ solved[:, :-1]
+        g = right[index] - inner[index] @ solved[:, -1]
+        if len(around.directions[members[0]].vector) == len(members):
+            step = -np.linalg.solve(h + 0.05 * np.eye(len(index)), g)
+            vector = step * np.array(
+                [np.max(np.abs(around.directions[m].vector)) / abs(around.directions[m].per) for m in members]
+            )
+            out[kind] = float(-g @ step), vector
+        else:
+            gain = g**2 / (np.diag(h) + 0.05)
+            best = int(np.argmax(gain))
+            amplitude = -g[best] / (h[best, best] + 0.05)
+            vector = around.directions[members[best]].vector.copy()
+            vector[0] *= float(np.clip(amplitude, -4, 4))
+            out[kind] = float(gain[best]), vector
+    return out
+
+
+def clip(kind: type[AbstractEffect], vector: np.ndarray, context: Context) -> np.ndarray:
+    """Return the nearest vector that an effect allows."""
+    low, high = bounds(kind.parameters(context))
+    return np.clip(vector, low, high)
+
+
+def joined(fit: Fit, kind: type[AbstractEffect], vector: np.ndarray) -> tuple[Explanation, np.ndarray]:
+    """Return a fit's explanation with one more effect, and the vector that starts it."""
+    return fit.explanation + Explanation((kind,)), np.concatenate([fit.x, vector])

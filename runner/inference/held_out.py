@@ -1,0 +1,183 @@
+"""Hold the leading explanations against the episodes that were left out of their fits.
+
+An explanation must predict what it has not seen. With its parameters as they were fitted, the start states of the
+episodes left out are found, and the evidence is then that of all episodes together: what a leader lacks there counts
+against it, and what it has there counts for it. Its parameters stay as they are, so that the closure on these
+episodes is one of prediction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runner.effects.base import Context
+from runner.inference.evidence import directions, evidence, surroundings, survey, together
+from runner.inference.least_squares import NONE, Fit, Fitter, amplitudes
+from runner.inference.search import Contender, Search
+
+LEADERS = 6  # so many are held against the episodes left out, and the nominal model,
+PLAIN, LEAVES = 1.0, 0.5  # squared noises; share of them
+CLOSE = 20.0  # and whatever is so near in log odds
+# errors of the model that what the best explanation leaves is the doing of: of the unseen episodes, and of the fitted
+# ones, where parameters may have taken up some of them
+INDEPENDENT_UNSEEN, INDEPENDENT_FITTED = 3.0, 1.0
+# Log odds against an effect that is nothing beside its own standard error; none from one of them on; and more where it
+# is less than such a share.
+DOUBT, LOST, LOST_BELOW = 25.0, 1000.0, 0.6
+FAINT = 1000.0  # the same against one that is nothing beside the unevenness of any floor
+# A gap of this share of the noise's variance is as likely none; log odds by which each e-fold changes that; and the gap
+# from which on it is not none, whatever small errors of the simulator could do.
+BARELY, BY_GAP, VISIBLE = 0.3, 6.0, 1.5
+RULED_OUT = 1e4
+# Log odds against an effect where the gap is not as plain as that, for each squared noise by which the effect takes the
+# simulator further away in episodes that were not fitted; and the most of it.
+FURTHER, MOST_FURTHER = 1000.0, 100.0
+
+
+@dataclass(frozen=True)
+class Confirmed:
+    """The search with its contenders in their new order, and what they make of the episodes left out.
+
+    Args:
+        search: Leaders first, by the evidence of all episodes; the others after them.
+        before: Start states of the episodes left out fitted with the nominal model.
+        after: The same with each explanation that was weighed, by the identity of its fit.
+        excess_fitted: What the best explanation leaves, as a share: whitened mean square minus one, mismatch taken out.
+        excess_unseen: The same of the episodes left out.
+        gap: What the nominal model leaves of all episodes, nothing taken out.
+        gap_unseen: The same of the episodes left out.
+        left_unseen: What the best explanation does.
+    """
+
+    search: Search
+    before: Fit
+    after: dict[int, Fit]
+    excess_fitted: float
+    excess_unseen: float
+    gap: float
+    gap_unseen: float
+    left_unseen: float
+
+    @property
+    def fails(self) -> bool:
+        """Whether the best explanation leaves most of what is plain to see in episodes it has not seen, or makes it."""
+        plain = max(self.gap_unseen, self.left_unseen) > PLAIN
+        return plain and self.left_unseen > LEAVES * self.gap_unseen
+
+    @property
+    def excess(self) -> float:
+        """Whichever leave more."""
+        return max(self.excess_fitted, self.excess_unseen)
+
+
+def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed:
+    """Weigh the leading contenders by all episodes."""
+    finite = [
+        replace(c, log_posterior=c.log_posterior - doubt(c, fitter.context))
+        for c in found.contenders
+        if np.isfinite(c.log_posterior)
+    ]
+    finite.sort(key=lambda c: -c.log_posterior)
+    nominal = next(c for c in finite if not c.fit.explanation.kinds)
+    near = finite[0].log_posterior - CLOSE
+    leaders = [c for i, c in enumerate(finite) if i < LEADERS or c is nominal or c.log_posterior > near]
+    before = unseen(nominal, fitter, held_out, None)
+    there_by = {id(c): before if c is nominal else unseen(c, fitter, held_out, before) for c in leaders}
+    every = directions(fitter.context)
+    alone = survey(fitter, before, every)
+    best = next((c for c in leaders if c is not nominal), nominal)
+    around_best = alone if best is nominal else survey(fitter, there_by[id(best)], every)
+    weighed, loss = [], {}
+    for c in leaders:
+        there = surroundings(there_by[id(c)], *((alone,) if c is nominal else (around_best, alone)))
+        whole = evidence(together(c.around, there), fitter.context)
+        weighed.append(replace(c, log_posterior=c.log_posterior + whole.log - c.evidence.log))
+        loss[id(c.fit)] = evidence(there, fitter.context, c.evidence.covariance).loss
+    fits = {id(c.fit): there_by[id(c)] for c in leaders}
+    weighed = _with_what_is_left(weighed, fits, fitter)
+    everything = (*nominal.fit.episodes, *held_out)
+    whole_gap = fitter.measured.excess(nominal.fit.total + before.total, everything)
+    against = [
+        further(fits[id(c.fit)], before, fitter, whole_gap) if c.fit.x.size else odds_against_none(whole_gap)
+        for c in weighed
+    ]
+    weighed = [replace(c, log_posterior=c.log_posterior - a) for c, a in zip(weighed, against, strict=True)]
+    weighed.sort(key=lambda c: -c.log_posterior)
+    # those that were not weighed keep their distance to the first of the leaders, and don't pass the last of them
+    moved = next(w for w in weighed if w.fit is leaders[0].fit).log_posterior - leaders[0].log_posterior
+    last = min((w.log_posterior for w in weighed if w.fit is not nominal.fit), default=-np.inf)
+    others = [replace(c, log_posterior=min(c.log_posterior + moved, last)) for c in finite if id(c) not in there_by]
+    contenders = sorted((*weighed, *others), key=lambda c: -c.log_posterior)
+    top = weighed[0]
+    fitted = fitter.measured.excess(top.evidence.loss, top.fit.episodes)
+    there = fitter.measured.excess(loss[id(top.fit)], held_out)
+    gap, left = (fitter.measured.excess(f.total, held_out) for f in (before, fits[id(top.fit)]))
+    found = Search(tuple(contenders), found.nominal)
+    return Confirmed(found, before, fits, float(fitted), float(there), whole_gap, gap, left)
+
+
+def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], fitter: Fitter) -> list[Contender]:
+    """Add what each explanation leaves of the unseen and of the fitted episodes, all mismatch left in, as likelihoods.
+
+    Where a body is moved by metres by an offset of millimetres, little mismatch does so too, and once it is integrated
+    out hardly anything tells an explanation that predicts from one that does not. The squared residuals are
+    overdispersed: what the best explanation leaves beyond the noise is the doing of few errors of the model,
+    each of which stands for many residuals. They are taken to be no smaller in the fitted ones.
+    """
+    posterior = np.array([c.log_posterior for c in weighed])
+    dispersion = 1.0
+    for fits, independent in (
+        ([there[id(c.fit)] for c in weighed], INDEPENDENT_UNSEEN),
+        ([c.fit for c in weighed], INDEPENDENT_FITTED),
+    ):
+        left = np.array([max(f.total - fitter.measured.count(f.episodes), 0.0) for f in fits])
+        dispersion = max(dispersion, 1.0 + left.min() / independent)
+        posterior -= 0.5 * left / dispersion
+    return [replace(c, log_posterior=float(p)) for c, p in zip(weighed, posterior, strict=True)]
+
+
+def doubt(contender: Contender, context: Context) -> float:
+    """Return the log odds against an explanation whose effects do not stand out of their own errors or the floor's.
+
+    The evidence asks whether an effect's pattern is in the residual; the plain errors, the simulator's own mismatch
+    included, how far it is from not being there at all. Effects that make up for another's wrong form fail that.
+    """
+    x, covariance, found = contender.fit.x, contender.evidence.covariance, 0.0
+    for kind, whole in contender.fit.explanation.parts(context):
+        part = amplitudes(kind, whole, context)
+        errors_off = float(np.sqrt(x[part] @ np.linalg.pinv(covariance[part, part], hermitian=True) @ x[part]))
+        found += DOUBT * max(1.0 - errors_off, 0.0) + LOST * max(1.0 - errors_off / LOST_BELOW, 0.0)
+        if kind.faint_below > 0:
+            found += FAINT * max(1.0 - abs(float(x[whole.start])) / kind.faint_below, 0.0)
+    return found
+
+
+def odds_against_none(excess: float) -> float:
+    """Return the log odds against `none` from what the nominal model leaves of all episodes, in squared noises."""
+    return RULED_OUT if excess > VISIBLE else BY_GAP * float(np.log(max(excess, 0.01) / BARELY))
+
+
+def further(there: Fit, before: Fit, fitter: Fitter, gap: float) -> float:
+    """Return the log odds against an effect from what it, and what the nominal model, leaves of unseen episodes.
+
+    `gap` is what the nominal model leaves of all of them, in squared noises.
+    """
+    if gap > VISIBLE:
+        return 0.0
+    more = (there.total - before.total) / fitter.measured.count(before.episodes)
+    return float(np.clip(FURTHER * more, 0.0, MOST_FURTHER))
+
+
+def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nominal: Fit | None) -> Fit:
+    """Return a contender at its parameters with the start states of other episodes fitted."""
+    explanation, x = contender.fit.explanation, contender.fit.x
+    held = replace(fitter, held=explanation.make(x, fitter.context))
+    tries = [held.fit(NONE, held_out)]
+    if nominal is not None:
+        # where the body spins fast, a descent of the start states may end in a hollow: from two sides
+        tries.append(held.fit(NONE, held_out, near=nominal))
+    best = min(tries, key=lambda f: f.total)
+    return fitter.fit(explanation, held_out, x=x, near=best, iterations=0)

@@ -1,0 +1,156 @@
+"""A first look at episodes cut into pieces, each with a start state of its own (as in multiple shooting, Bock 1983).
+
+Where the nominal model goes far astray, descents from it end in hollows. In half a second to a second no explanation
+goes astray, and what is found there is where the fits to whole episodes begin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runner.inference.breakaway import hanging
+from runner.inference.least_squares import NONE, Explanation, Fit, Fitter, is_out_of_range
+from runner.inference.search import NEAR, RESTED, SINGLES, Beginning, Kinds, Seed, key_of, resumed, search
+from runner.recording import Span
+
+ASTRAY = 2.5  # mean square, in noises, from which on a descent from the nominal model is not trusted
+# Into so many pieces episodes are cut, and into more as long as the nominal model goes astray in them, none shorter.
+PIECES, SHORTEST_S = 8, 0.5
+TOLD = 0.5  # share of the pieces that is searched
+TOGETHER = 2  # effects that are sought in pieces: what acts less than those comes in on the whole
+LIKELIEST = 2  # of several effects, of each size, that fits begin with; and of all that are carried over to the whole
+# Shares of the episodes that those are fitted to on the way to the whole, where they leave such a mean square there,
+# and steps of the fit to the whole; one that then leaves less than the last is what has to be beaten.
+RUNGS, ASTRAY_THERE, CARRIED, EXPLAINED = (0.5, 0.75), 2.0, 6, 1.5
+
+
+@dataclass(frozen=True)
+class Look:
+    """What pieces of the episodes show: where fits begin, and from which sample on an episode hangs on a breakaway."""
+
+    beginning: Beginning
+    hung: dict[int, int]
+
+
+def look(fitter: Fitter, nominal: Fit) -> Look | None:
+    """Search the episodes of a nominal fit in pieces, if it goes astray and they are long enough; else None.
+
+    What is left for the whole are the single effects that are near the likeliest, and the likeliest several. If one of
+    those explains the whole, no other single effect is worth a fit of its own.
+    """
+    episodes = nominal.episodes
+    count = fitter.measured.count(episodes)
+    longest_s = fitter.longest_s(episodes)
+    piece_s = max(longest_s / PIECES, SHORTEST_S)
+    if nominal.total <= ASTRAY * count or longest_s < 2 * piece_s:
+        return None
+    spans = fitter.pieces(piece_s, episodes)
+    if not spans:
+        return None
+    while True:
+        cut = fitter.parts(spans)
+        rough = cut.fit(NONE, range(len(spans)), iterations=RESTED)
+        piece_s /= 2
+        shorter = fitter.pieces(piece_s, episodes) if piece_s >= SHORTEST_S else []
+        if not shorter or rough.total < ASTRAY * cut.measured.count(rough.episodes):
+            break
+        spans = shorter
+    # where the nominal model is good, little is to be learnt about what it lacks
+    lacks = rough.loss - [cut.measured.count([i]) for i in rough.episodes]
+    first = np.array([s.begin == 0 for s in spans])
+    chosen = np.flatnonzero(first | (lacks > np.quantile(lacks, 1.0 - TOLD)))
+    found = search(cut, chosen.tolist(), most=1, starts=rough.starts[chosen], pieces=True)
+    # before a second effect makes up for what hangs on a breakaway
+    hung = hanging(cut, found.best.fit)
+    cut = replace(cut, measured=cut.measured.without(hung))
+    begin, starts = resumed(found, cut), found.nominal.starts
+    found = search(cut, chosen.tolist(), most=TOGETHER, starts=starts, beginning=begin, pieces=True)
+    fitter.simulator.simulated_s += cut.simulator.simulated_s
+    late = _earliest(hung, spans)
+    whole = replace(fitter, measured=fitter.measured.without(late))
+
+    def seed(fit: Fit) -> Seed:
+        return _seed(whole, fit.explanation, fit.x, begun(fit, spans, nominal), episodes)
+
+    seeds, near = {}, found.best.log_posterior - NEAR
+    for c in found.contenders:
+        kinds = c.fit.explanation.kinds
+        few = len(kinds) == 1 or sum(len(k) == len(kinds) for k in seeds) < LIKELIEST
+        if kinds and few and c.log_posterior > near:
+            seeds[key_of(c.fit.explanation)] = seed(c.fit)
+    for c in found.contenders[:LIKELIEST]:
+        key = key_of(c.fit.explanation)
+        if key in seeds:
+            for further in carried(whole, seeds[key], episodes, longest_s):
+                at = key_of(further.explanation)
+                seeds[at] = min(further, seeds.get(at, further), key=lambda s: s.total)
+    explained = any(explains(s, whole, episodes) for s in seeds.values())
+    return Look(Beginning(seeds, SINGLES - set(seeds) if explained else frozenset[Kinds]()), late)
+
+
+def explains(seed: Seed, fitter: Fitter, episodes: Sequence[int]) -> bool:
+    """Whether a seed explains these episodes so well that no other single effect is worth a fit.
+
+    Out of its range an effect does another's work, as the Stribeck effect at no speed does that of static friction.
+    """
+    if is_out_of_range(seed.explanation.parameters(fitter.context), seed.x):
+        return False
+    return bool(seed.total < EXPLAINED * fitter.measured.count(episodes))
+
+
+def begun(fit: Fit, spans: Sequence[Span], whole: Fit) -> np.ndarray:
+    """Return start states of whole episodes, (E, 6): of their first pieces where those were fitted, else of a fit."""
+    starts = whole.starts.copy()
+    for piece, start in zip(fit.episodes, fit.starts, strict=True):
+        if spans[piece].begin == 0:
+            starts[whole.episodes.index(spans[piece].episode)] = start
+    return starts
+
+
+def _earliest(hung: dict[int, int], spans: Sequence[Span]) -> dict[int, int]:
+    """Return the first sample of each episode that hangs on a breakaway, from those of its pieces."""
+    out: dict[int, int] = {}
+    for piece, sample in hung.items():
+        span = spans[piece]
+        if span.begin + sample < span.end:
+            out[span.episode] = min(out.get(span.episode, span.end), span.begin + sample)
+    return out
+
+
+def _seed(fitter: Fitter, explanation: Explanation, x: np.ndarray, starts: np.ndarray, episodes: Sequence[int]) -> Seed:
+    return Seed(explanation, x, starts, fitter.loss(explanation, x, starts, episodes))
+
+
+def carried(fitter: Fitter, seed: Seed, episodes: Sequence[int], longest_s: float) -> list[Seed]:
+    """Fit what was found in pieces of the episodes to longer parts, as long as it goes astray, and to the whole.
+
+    Where it goes astray in a longer part already, it lacks something that does not show in pieces; with that, if there
+    is one, it goes on.
+    """
+    count, left_behind = fitter.measured.count(episodes), []
+    for share in RUNGS:
+        if seed.total < ASTRAY_THERE * count:
+            break
+        longer = fitter.up_to(longest_s * share)
+        fit = longer.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=12, polish=False)
+        if fit.total > ASTRAY_THERE * longer.measured.count(episodes) and len(fit.x) and not left_behind:
+            left_behind.append(_seed(fitter, fit.explanation, fit.x, fit.starts, episodes))
+            fit = _with_another(longer, fit)
+        fitter.simulator.simulated_s += longer.simulator.simulated_s
+        seed = _seed(fitter, fit.explanation, fit.x, fit.starts, episodes)
+    fit = fitter.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=CARRIED, polish=False)
+    return [*left_behind, Seed(fit.explanation, fit.x, fit.starts, fit.total)]
+
+
+def _with_another(fitter: Fitter, fit: Fit) -> Fit:
+    """Return the likeliest explanation of the same episodes that has the effects of a fit and another one.
+
+    The fit itself, where there is none.
+    """
+    kinds, known = fit.explanation.kinds, Seed(fit.explanation, fit.x, fit.starts, fit.total)
+    beginning = Beginning({key_of(fit.explanation): known}, SINGLES - {kinds})
+    best = search(fitter, fit.episodes, most=len(kinds) + 1, starts=fit.starts, beginning=beginning).best.fit
+    return best if set(best.explanation.kinds) >= set(kinds) else fit

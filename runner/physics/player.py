@@ -1,0 +1,163 @@
+"""The tape: commands played, and frames recorded, once per physics step, inside MuJoCo's step.
+
+`physics.step(n)` takes n steps without a return to Python. So that commands still change from step to step, and
+every step still leaves a frame, a numba function as MuJoCo's `mjcb_control` (called in each step after the law) plays
+from one array and records into another. Which arrays, and how far it has come, stands at the end of
+`mjData.userdata`: several models in one process, several threads, and `mujoco.batch.Batch` are safe, and models
+without a tape are left alone.
+
+With b bodies and n steps, `commands` is (n + 1, b * PUSH_SIZE): row k holds the pushes of all bodies in step k, and
+the last is for a step that does not come. `frames` is (n, w), w = nq + nv + b * OUT_SIZE: row k holds qpos and qvel
+at the start of step k, then what the law said of each body in that step. The callback comes after the law has used
+command k, so it hands command k + 1 to the next step. After n steps it does nothing.
+
+The arrays are known by their addresses alone. `Tape.wind` gives a reel, which keeps them alive and must be unwound
+before the data is stepped for anything else.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+from numba import carray, cfunc, types
+
+from runner.physics import dry_friction
+
+MAGIC = 314159.2653
+SIZE = 8  # of the tape in userdata: these, counted from the end
+_STEP, _STEPS, _BODIES, _NQ, _NV, _COMMANDS, _FRAMES, _MAGIC = range(-SIZE, 0)
+
+
+@dataclass(frozen=True)
+class Tape:
+    """The tape of a model with `bodies` bodies under the law."""
+
+    bodies: int
+    nq: int
+    nv: int
+
+    @property
+    def command_width(self) -> int:
+        """Numbers per step of commands."""
+        return self.bodies * dry_friction.PUSH_SIZE
+
+    @property
+    def frame_width(self) -> int:
+        """Numbers per step of frames."""
+        return self.nq + self.nv + self.bodies * dry_friction.OUT_SIZE
+
+    def wind(self, userdata: np.ndarray, commands: np.ndarray) -> Reel:
+        """Switch the tape on: from now on every step of this data plays and records.
+
+        Args:
+            userdata: Live, (nuserdata,).
+            commands: (n + 1, command_width), C-contiguous, float64.
+        """
+        steps = len(commands) - 1
+        if commands.shape[1] != self.command_width or commands.dtype != float or not commands.flags.c_contiguous:
+            raise ValueError(f"commands must be C-contiguous float64 of width {self.command_width}: {commands.shape}")
+        frames = np.empty((steps, self.frame_width))
+        for body in range(self.bodies):
+            at = body * dry_friction.USERDATA_SIZE
+            userdata[at : at + dry_friction.PUSH_SIZE] = commands[
+                0, body * dry_friction.PUSH_SIZE : (body + 1) * dry_friction.PUSH_SIZE
+            ]
+        # an address is an integer below 2^53, which a float64 holds exactly
+        addresses = commands.ctypes.data, frames.ctypes.data
+        userdata[-SIZE:] = (0, steps, self.bodies, self.nq, self.nv, *addresses, MAGIC)
+        return Reel(userdata, commands, frames)
+
+
+@dataclass(frozen=True)
+class Reel:
+    """A tape that is switched on. `frames` is filled as the steps are taken."""
+
+    userdata: np.ndarray
+    commands: np.ndarray
+    frames: np.ndarray
+
+    def go_to(self, step: int) -> None:
+        """Play and record from this step on; what was recorded after it is overwritten as steps are taken."""
+        row = self.commands[step]
+        for body in range(len(row) // dry_friction.PUSH_SIZE):
+            at = body * dry_friction.USERDATA_SIZE
+            self.userdata[at : at + dry_friction.PUSH_SIZE] = row[
+                body * dry_friction.PUSH_SIZE : (body + 1) * dry_friction.PUSH_SIZE
+            ]
+        self.userdata[_STEP] = step
+
+    def unwind(self) -> None:
+        """Switch the tape off."""
+        self.userdata[-SIZE:] = 0.0
+
+
+def add(root: mjcf.RootElement, *, bodies: int) -> None:
+    """Make room for a tape in a scene that is about to be compiled."""
+    install()
+    root.size.nuserdata = bodies * dry_friction.USERDATA_SIZE + SIZE
+
+
+def _compile(o_nuserdata: int, o_userdata: int, o_qpos: int, o_qvel: int):
+    """Compile the callback for these offsets. They are closure cells, so that numba's cache tells builds apart."""
+    push, out, stride = dry_friction.PUSH_SIZE, dry_friction.OUT_SIZE, dry_friction.USERDATA_SIZE
+
+    @cfunc("void(uint64, uint64)", cache=True)
+    def tape(m, d):
+        size = carray(dry_friction._as_pointer(types.uint64(m + o_nuserdata)), (1,), types.int64)[0]
+        if size < SIZE:
+            return
+        user = dry_friction._load(d, o_userdata, size)
+        if user[size - 1] != MAGIC:
+            return
+        step, steps = int(user[size - 8]), int(user[size - 7])
+        if step >= steps:
+            return
+        bodies, nq, nv = int(user[size - 6]), int(user[size - 5]), int(user[size - 4])
+        width = nq + nv + bodies * out
+        frame = carray(
+            dry_friction._as_pointer(types.uint64(user[size - 2]) + types.uint64(8 * width * step)),
+            width,
+            types.float64,
+        )
+        next_row = types.uint64(8 * push * bodies * (step + 1))
+        command = carray(
+            dry_friction._as_pointer(types.uint64(user[size - 3]) + next_row), push * bodies, types.float64
+        )
+        qpos = dry_friction._load(d, o_qpos, nq)
+        qvel = dry_friction._load(d, o_qvel, nv)
+        for i in range(nq):
+            frame[i] = qpos[i]
+        for i in range(nv):
+            frame[nq + i] = qvel[i]
+        for b in range(bodies):
+            for i in range(out):
+                frame[nq + nv + b * out + i] = user[b * stride + push + i]
+            for i in range(push):
+                user[b * stride + i] = command[b * push + i]
+        user[size - 8] = step + 1
+
+    return tape
+
+
+_INSTALLED: list[object] = []  # keeps the callback alive for as long as MuJoCo may call it
+
+
+def install() -> None:
+    """Give the tape to MuJoCo, once per process."""
+    if _INSTALLED:
+        return
+    xml = """<mujoco><size nuserdata="6007"/><worldbody><body><joint/><geom size=".1"/></body></worldbody></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    m, d = model._address, data._address  # type: ignore[attr-defined]
+    tape = _compile(
+        dry_friction._find(m, 6007, 4000),
+        *(dry_friction._find(d, getattr(data, n).ctypes.data) for n in ("userdata", "qpos", "qvel")),
+    )
+    callback = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64)(tape.address)
+    _INSTALLED.extend([tape, callback])
+    mujoco.set_mjcb_control(callback)

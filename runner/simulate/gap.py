@@ -1,0 +1,207 @@
+"""The gap between a recording and a model of what was recorded, open loop: how far apart the two drift, and how fast.
+
+The model replays the recorded commands from measured states, in windows that begin at regular times and over whole
+episodes. A measured state carries noise, and that noise grows with the horizon: a gap from measured starts is never
+as small as the noise of a sample. So two gaps are told: from the start states as they were measured, beside what the
+noise of sample and start alone would make of it; and from start states that are fitted to the window, corrected for
+what such a fit takes from the noise, so that a perfect model has a gap of one noise at every horizon.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from runner.errors import RecordingError
+from runner.simulate.shooting import (
+    START_STEP,
+    Predict,
+    Restarts,
+    Signals,
+    Windows,
+    first_states,
+    fit_starts,
+    unseen,
+    windows_of,
+)
+from runner.systems.planar_box.simulator import Effects, Run, Simulator
+
+CHANNELS = ("x", "y", "yaw", "vx", "vy", "wz")
+UNITS = ("m", "m", "rad", "m/s", "m/s", "rad/s")
+HORIZONS_S = (0.1, 0.5, 1.0)
+WHOLE_EPISODE = "episode"
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The gap of a case.
+
+    Args:
+        table: One row per channel, horizon and kind of start: `horizon` ("0.1 s", ..., "episode"), `horizon_s` (NaN for
+            whole episodes), `starts` ("measured" or "fitted"), `channel`, `unit`, `rms` (physical), `noise`, `stated`
+            (False: the noise is estimated), `noises` (rms / noise), `noises_expected` (the same of a perfect model),
+            `windows`, `values`.
+        episodes: The same for each whole episode: `episode` is its number in the recording.
+        starts: Fitted start states of the whole episodes, by position of the episode, (6,) each.
+    """
+
+    table: pd.DataFrame
+    episodes: pd.DataFrame
+    starts: dict[int, np.ndarray]
+
+
+def measure_gap(
+    simulator: Simulator,
+    signals: Signals,
+    *,
+    effects: Effects = (),
+    horizons_s: Sequence[float] = HORIZONS_S,
+    episodes: Sequence[int] | None = None,
+    advance: Callable[..., None] = lambda steps=1: None,
+) -> Gap:
+    """Measure the gap between a recording and its nominal model, or a corrected one.
+
+    Args:
+        simulator: Of the recording.
+        signals: Its measured channels, and their noise.
+        effects: What the corrected model holds; none: the nominal model.
+        horizons_s: Lengths of windows, s.
+        episodes: Positions of the episodes that count; None: all.
+        advance: Called after each horizon and each episode: `len(horizons_s) + len(episodes)` times.
+
+    Raises:
+        RecordingError: If a horizon is shorter than a sample, or no episode is as long as that.
+    """
+    lengths = [len(e) for e in simulator.recording.episodes]
+    chosen = list(range(len(lengths))) if episodes is None else list(episodes)
+    restarts = Restarts(simulator, effects)
+    rows = []
+    for horizon in horizons_s:
+        samples = _samples(simulator, horizon)
+        windows = windows_of(lengths, samples, chosen)
+        if len(windows) == 0:
+            longest = max(lengths[e] for e in chosen) - 1
+            raise RecordingError(
+                f"{simulator.recording.path}: no episode is as long as the horizon {horizon:g} s; "
+                f"the longest has {longest / simulator.recording.nominal.rate_hz:g} s."
+            )
+        sums = [
+            _sums(lambda s, some=some: restarts.predict(some, s), some, signals, iterations=2)
+            for _, some in windows.chunks()
+        ]
+        rows += _rows(f"{horizon:g} s", horizon, _total(sums), signals)
+        advance()
+    by_episode, starts, kept = [], {}, []
+    for e in chosen:
+        windows = Windows(np.array([e]), np.array([0]), lengths[e])
+
+        def predict(states: np.ndarray, e: int = e) -> np.ndarray:
+            true = unseen(effects, states[0], 1.0 / simulator.recording.nominal.rate_hz)
+            return simulator.predict(e, [Run(effects, s) for s in true])[None]
+
+        one = _sums(predict, windows, signals, iterations=8)
+        kept.append(one)
+        starts[e] = unseen(effects, one.starts, 1.0 / simulator.recording.nominal.rate_hz)[0]
+        number = simulator.recording.episodes[e].index
+        by_episode += [{"episode": number} | row for row in _rows(WHOLE_EPISODE, math.nan, one, signals)]
+        advance()
+    rows += _rows(WHOLE_EPISODE, math.nan, _total(kept), signals)
+    return Gap(pd.DataFrame(rows), pd.DataFrame(by_episode), starts)
+
+
+def _samples(simulator: Simulator, horizon_s: float) -> int:
+    samples = round(horizon_s * simulator.recording.nominal.rate_hz)
+    if samples < 1:
+        raise RecordingError(
+            f"horizons_s: must be at least one sample, {1 / simulator.recording.nominal.rate_hz:.4g} s, "
+            f"got {horizon_s:g} s."
+        )
+    return samples
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Sums over windows and samples, per channel (6,): squares, how many values they hold, and what noise makes."""
+
+    windows: int
+    squares: np.ndarray  # from measured starts, without the first sample, which is the start
+    values: np.ndarray
+    expected: np.ndarray  # of the squares, for a perfect model
+    fitted_squares: np.ndarray
+    fitted_values: np.ndarray  # less their leverage
+    starts: np.ndarray  # (W, 6)
+
+
+def _sums(predict: Predict, windows: Windows, signals: Signals, *, iterations: int) -> _Sums:
+    values, valid = windows.of(signals.values), windows.of(signals.valid)
+    measured = first_states(windows, signals)
+    rows = predict(np.stack([measured, *(measured + d for d in np.diag(START_STEP))], axis=1))
+    residual = rows[:, 0] - values
+    # how the noise of the start state spreads
+    change = (rows[:, 1:] - rows[:, :1]) / START_STEP[:, None, None] * signals.sigma[:, None, None]
+    spread = (change**2).sum(axis=1)
+    counts = valid.copy()
+    counts[:, 0] = False
+    sound = valid[:, 0].all(axis=1)
+    if sound.any():
+        # a start without all of its measurements says nothing of what measured starts are worth
+        counts[~sound] = False
+    fitted = fit_starts(predict, values, valid, signals, measured, iterations=iterations)
+    return _Sums(
+        len(windows),
+        np.where(counts, residual**2, 0.0).sum(axis=(0, 1)),
+        counts.sum(axis=(0, 1)),
+        np.where(counts, spread + signals.sigma**2, 0.0).sum(axis=(0, 1)),
+        np.where(valid, fitted.residual**2, 0.0).sum(axis=(0, 1)),
+        fitted.freedom(valid).sum(axis=0),
+        fitted.starts,
+    )
+
+
+def _total(sums: Sequence[_Sums]) -> _Sums:
+    def add(name: str) -> np.ndarray:
+        return np.sum([getattr(s, name) for s in sums], axis=0)
+
+    return _Sums(
+        windows=sum(s.windows for s in sums),
+        squares=add("squares"),
+        values=add("values"),
+        expected=add("expected"),
+        fitted_squares=add("fitted_squares"),
+        fitted_values=add("fitted_values"),
+        starts=np.concatenate([s.starts for s in sums]),
+    )
+
+
+def _rows(horizon: str, horizon_s: float, sums: _Sums, signals: Signals) -> list[dict[str, object]]:
+    fitted = np.maximum(sums.fitted_values, 1e-9)
+    kinds = {
+        "measured": (
+            np.sqrt(sums.squares / np.maximum(sums.values, 1)),
+            np.sqrt(sums.expected / np.maximum(sums.values, 1)) / signals.sigma,
+            sums.values,
+        ),
+        "fitted": (np.sqrt(sums.fitted_squares / fitted), np.ones(len(CHANNELS)), fitted),
+    }
+    return [
+        {
+            "horizon": horizon,
+            "horizon_s": horizon_s,
+            "starts": starts,
+            "channel": channel,
+            "unit": UNITS[c],
+            "rms": float(rms[c]),
+            "noise": float(signals.sigma[c]),
+            "stated": bool(signals.stated[c]),
+            "noises": float(rms[c] / signals.sigma[c]),
+            "noises_expected": float(expected[c]),
+            "windows": sums.windows,
+            "values": float(values[c]),
+        }
+        for starts, (rms, expected, values) in kinds.items()
+        for c, channel in enumerate(CHANNELS)
+    ]

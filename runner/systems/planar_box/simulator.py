@@ -1,0 +1,221 @@
+"""Open-loop simulation of a recording: its commands through the believed model, with or without effects.
+
+Everything runs in `mujoco.rollout` on all cores: a batch of models (one per set of effects) and start states, under
+the commands of one episode. Effects outside the engine change the command before and the measurement after.
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+from mujoco import rollout
+
+from runner.effects.base import AbstractEffect, Context, Motion, Target
+from runner.errors import RecordingError
+from runner.physics import dry_friction
+from runner.physics.scene import Base, BodyConfig, Dof, SceneConfig, build, push_columns
+from runner.recording import Contact as BearsOn
+from runner.recording import Episode, Form, Nominal, Recording, Span
+
+Effects = tuple[AbstractEffect, ...]
+
+OBJECT = "object"
+STEP_RATE_HZ = 120.0  # at least so many physics steps a second: pose errors are then below 0.1 mm (second order)
+MODELS, PUSHED_BYTES = 128, 100e6  # kept for the next span: models, and commands
+FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS.value
+USERDATA = mujoco.mjtState.mjSTATE_USERDATA.value
+
+
+@dataclass(frozen=True)
+class Run:
+    """One open-loop simulation: effects, and the state that it starts from, (6,): x, y, yaw, vx, vy, wz."""
+
+    effects: Effects
+    start: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Compiled:
+    """A model with its structural elements, holding the nominal numbers."""
+
+    model: mujoco.MjModel
+    body_id: int
+    data: tuple[mujoco.MjData, ...]  # one per thread
+
+
+def body_of(nominal: Nominal) -> BodyConfig:
+    """Return the box that the owner of a recording believes in."""
+    inertia = nominal.inertia_kg_m2
+    if isinstance(inertia, float | int):
+        # only the yaw inertia is known; the others don't move a planar body
+        inertia = (float(inertia), float(inertia), float(inertia))
+    return BodyConfig(
+        mass_kg=nominal.mass_kg,
+        friction=nominal.friction,
+        half_size_m=nominal.half_size_m,
+        com_m=nominal.com_m or (0.0, 0.0, 0.0),
+        inertia_kg_m2=inertia,
+        base=Base.corners if nominal.contact is BearsOn.CORNERS else Base.even,
+    )
+
+
+def context_of(recording: Recording) -> Context:
+    """Return what effects may know of a recording: the believed body, and where and how hard it was pushed."""
+    place = np.concatenate([e.pose[:, :2] for e in recording.episodes])
+    # a glitch of the tracking must not stretch the floor
+    low, high = np.nanquantile(place, [0.002, 0.998], axis=0)
+    force = max(float(np.nanmax(np.linalg.norm(e.force_n, axis=1), initial=0.0)) for e in recording.episodes)
+    nominal = recording.nominal
+    return Context(
+        mass_kg=nominal.mass_kg,
+        friction=nominal.friction,
+        half_size_m=nominal.half_size_m,
+        gravity_m_s2=nominal.gravity_m_s2,
+        centre_m=(float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2),
+        reach_m=max(float(np.max(high - low)) / 2, max(nominal.half_size_m)),
+        force_n=max(force, 1e-6),
+    )
+
+
+@dataclass
+class Simulator:
+    """Simulates the episodes of a planar recording.
+
+    Args:
+        recording: The case.
+        step_rate_hz: At least so many physics steps a second; a whole number of them per sample.
+        grid: Base points along each edge.
+        threads: For the rollouts; None: one per core.
+        spans: What is simulated, each on its own, with all that was commanded before; None: every episode.
+
+    Raises:
+        RecordingError: If the recording is not planar.
+    """
+
+    recording: Recording
+    step_rate_hz: float = STEP_RATE_HZ
+    grid: int = 6
+    threads: int | None = None
+    spans: tuple[Span, ...] | None = None
+    steps_per_sample: int = field(init=False)
+    step_s: float = field(init=False)
+    simulated_s: float = field(init=False, default=0.0)  # how much has been simulated so far, for benchmarks
+
+    def __post_init__(self) -> None:
+        if self.recording.form is not Form.PLANAR:
+            raise RecordingError(f"{self.recording.path}: only planar recordings (x, y, yaw) can be replayed.")
+        rate = self.recording.nominal.rate_hz
+        self.steps_per_sample = max(1, int(np.ceil(self.step_rate_hz / rate - 1e-9)))
+        self.step_s = 1.0 / rate / self.steps_per_sample
+        self._threads = self.threads or len(os.sched_getaffinity(0))
+        self._pool = rollout.Rollout(nthread=self._threads if self._threads > 1 else 0)
+        self._compiled: dict[tuple[type[AbstractEffect], ...], _Compiled] = {}
+        self._models: dict[Effects, mujoco.MjModel] = {}  # the latest, as many spans are simulated with the same
+        self._pushed: dict[tuple[Effects, int], np.ndarray] = {}
+        self._commands = [self._columns(e) for e in self.recording.episodes]
+        whole = tuple(Span(i, 0, len(e)) for i, e in enumerate(self.recording.episodes))
+        self._spans = whole if self.spans is None else self.spans
+
+    def mjcf(self, effects: Effects) -> mjcf.RootElement:
+        """Return the MJCF of the believed body with the elements that structural effects add."""
+        scene = SceneConfig(
+            dof=Dof.planar,
+            timestep_s=self.step_s,
+            gravity_m_s2=self.recording.nominal.gravity_m_s2,
+            grid=self.grid,
+        )
+        root = build(scene, {OBJECT: body_of(self.recording.nominal)})
+        for effect in effects:
+            effect.edit_mjcf(root, OBJECT)
+        return root
+
+    def model(self, effects: Effects) -> mujoco.MjModel:
+        """Return the compiled model with these effects in it."""
+        base = self._base(effects)
+        model = copy.copy(base.model)
+        target = Target(model, base.body_id, base.data[0])
+        for effect in effects:
+            effect.edit_model(target)
+        return model
+
+    def _base(self, effects: Effects) -> _Compiled:
+        key = tuple(type(e) for e in effects if e.structural)
+        if key not in self._compiled:
+            root = self.mjcf(effects)
+            model = mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
+            data = tuple(mujoco.MjData(model) for _ in range(max(self._threads, 1)))
+            self._compiled[key] = _Compiled(model, model.body(OBJECT).id, data)
+        return self._compiled[key]
+
+    def _columns(self, episode: Episode) -> np.ndarray:
+        """Commands over physics steps, (n, 12); the last sample's command has no time to act."""
+        columns = np.nan_to_num(push_columns(episode.force_n, episode.point_m)[:-1])
+        return np.repeat(columns, self.steps_per_sample, axis=0)
+
+    def _push(self, effects: Effects, episode: int) -> np.ndarray:
+        """Return the command that the body really gets over a whole episode, (n, 12)."""
+        key = effects, episode
+        if key not in self._pushed:
+            columns = self._commands[episode]
+            if len(self._pushed) * columns.nbytes > PUSHED_BYTES:
+                self._pushed.clear()
+            for effect in effects:
+                columns = effect.edit_command(columns, self.step_s)
+            self._pushed[key] = columns
+        return self._pushed[key]
+
+    def parts(self, spans: Sequence[Span]) -> Simulator:
+        """Return a simulator of parts of what this one simulates; `episode` counts what that is."""
+        whole = [self._spans[s.episode] for s in spans]
+        begins = [w.begin for w in whole]
+        spans = tuple(Span(w.episode, b + s.begin, b + s.end) for w, b, s in zip(whole, begins, spans, strict=True))
+        return replace(self, spans=spans)
+
+    def predict(self, episode: int, runs: Sequence[Run]) -> np.ndarray:
+        """Return what would be measured at the samples of an episode, or span, (len(runs), T, 6): pose, then twist."""
+        span = self._spans[episode]
+        out = np.empty((len(runs), span.end - span.begin, 6))
+        groups: dict[tuple[type[AbstractEffect], ...], list[int]] = {}
+        for i, run in enumerate(runs):
+            groups.setdefault(tuple(type(e) for e in run.effects if e.structural), []).append(i)
+        for members in groups.values():
+            self._predict(span, [runs[i] for i in members], out, members)
+        return out
+
+    def _predict(self, span: Span, runs: Sequence[Run], out: np.ndarray, rows: list[int]) -> None:
+        base = self._base(runs[0].effects)
+        before = span.begin * self.steps_per_sample
+        n = (span.end - 1 - span.begin) * self.steps_per_sample
+        if len(self._models) > MODELS:
+            self._models.clear()
+            self._pushed.clear()
+        models, control = [], np.zeros((len(runs), n, dry_friction.USERDATA_SIZE))
+        start = np.zeros((len(runs), mujoco.mj_stateSize(base.model, FULL)))
+        for i, run in enumerate(runs):
+            if run.effects not in self._models:
+                self._models[run.effects] = self.model(run.effects)
+            models.append(self._models[run.effects])
+            control[i, :, : dry_friction.PUSH_SIZE] = self._push(run.effects, span.episode)[before : before + n]
+            start[i, 0] = before * self.step_s
+            start[i, 1:7] = run.start
+            # half a step ahead: MuJoCo's pose is then the one at the middle of each step (leapfrog), second order
+            start[i, 1:4] += 0.5 * self.step_s * run.start[3:]
+        state, _ = self._pool.rollout(models, list(base.data), start, control, control_spec=USERDATA, chunk_size=1)
+        self.simulated_s += n * self.step_s * len(runs)
+        motion = np.concatenate([start[:, None, 1:7], state[:, :, 1:7]], axis=1)
+        motion[:, :, :3] -= 0.5 * self.step_s * motion[:, :, 3:]
+        time = np.arange(n + 1) * self.step_s
+        for effects in dict.fromkeys(run.effects for run in runs):
+            which = [i for i, run in enumerate(runs) if run.effects == effects]
+            measured = Motion(time, motion[which, :, :3], motion[which, :, 3:])
+            for effect in effects:
+                measured = effect.edit_measurement(measured)
+            target = [rows[i] for i in which]
+            sampled = slice(None, None, self.steps_per_sample)
+            out[target, :, :3], out[target, :, 3:] = measured.pose[:, sampled], measured.twist[:, sampled]
