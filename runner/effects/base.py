@@ -1,13 +1,11 @@
 """What an effect is: a difference between the world and the model that somebody believes in.
 
-One class serves three uses: planted in the remote body of an experiment, fitted by the diagnosis, and left in the
-corrected model. Its fields are physical values in SI units. It acts at up to four places, each a method that does
-nothing unless overridden:
+One class serves three uses: planted in a simulated reality, fitted by the diagnosis, and left in the corrected model.
+Its fields are physical values in SI units (and, in a mechanism, the `target` that it changes). Where it acts is told by
+the methods of its kind of system: `runner.effects.planar_box.base`, `runner.effects.mechanism.base`.
 
-    edit_mjcf         elements that must exist before compiling (a tendon)
-    edit_model        numbers of the compiled model (mass, gravity, friction law)
-    edit_command      the recorded command, outside the engine: means over physics steps
-    edit_measurement  the predicted measurement, outside the engine
+Everything about an effect stands in its one file: the class, its parameters with unit and prior, how it is put in
+words, what to change and how to check it by hand, and what it is confounded with, and why.
 
 For fitting, a class describes its parameters (`parameters`), and makes itself from a vector of them (`from_vector`).
 The vector is zero, or at an end of its range, where the effect is absent, and about 1 times `scale` for a size that
@@ -17,17 +15,23 @@ one would not be surprised to meet.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import ClassVar, Self, TypeVar
+from typing import Any, ClassVar, Protocol, Self
 
-import mujoco
 import numpy as np
-from dm_control import mjcf
 
-from runner.physics.dry_friction import LawView
+from runner.effects.wording import Values, listed
 
 Vector = Sequence[float] | np.ndarray
+
+
+class Scope(Protocol):
+    """What may be known when effects describe themselves; each kind of system has its own."""
+
+    def at(self, target: str | None) -> Any:
+        """Return what is known of a target."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -47,58 +51,35 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Context:
-    """What may be known when an effect is made from a vector: the nominal body, and how it was moved.
+class Phrase:
+    """An effect in words.
 
-    `centre_m` and `reach_m` span the floor that was visited, `force_n` is the largest commanded force.
+    Args:
+        what: What is the case, a clause without a capital letter and without numbers.
+        amount: By how much, with standard errors; empty: there is nothing to add.
+        remedy: What to change in a simulator, a sentence.
+        check: How to confirm it without a simulator, a sentence.
     """
 
-    mass_kg: float
-    friction: float
-    half_size_m: tuple[float, float, float]
-    gravity_m_s2: float
-    centre_m: tuple[float, float] = (0.0, 0.0)
-    reach_m: float = 2.0
-    force_n: float = 20.0
-
-    @property
-    def size_m(self) -> float:
-        """Mean half edge of the base."""
-        return 0.5 * (self.half_size_m[0] + self.half_size_m[1])
-
-    @property
-    def friction_n(self) -> float:
-        """Nominal sliding friction."""
-        return max(self.friction, 0.02) * self.mass_kg * self.gravity_m_s2
+    what: str
+    amount: str
+    remedy: str
+    check: str
 
 
 @dataclass(frozen=True)
-class Target:
-    """The compiled model and the body that an effect changes; `scratch` is for MuJoCo's derived constants."""
+class Confounded:
+    """Another effect that such recordings can't tell from this one, whatever the method.
 
-    model: mujoco.MjModel
-    body_id: int
-    scratch: mujoco.MjData
+    Args:
+        name: The other's name.
+        why: In which way both move the object alike.
+        advice: What would tell them apart, a sentence.
+    """
 
-    @property
-    def law(self) -> LawView:
-        """The body's friction law."""
-        return LawView(self.model, self.body_id)
-
-    @property
-    def dofs(self) -> slice:
-        """The body's degrees of freedom."""
-        adr, num = int(self.model.body_dofadr[self.body_id]), int(self.model.body_dofnum[self.body_id])
-        return slice(adr, adr + num)
-
-
-@dataclass(frozen=True)
-class Motion:
-    """A motion at every physics step: `t_s` (T,), `pose` and `twist` (..., T, 3): x, y, yaw and their rates."""
-
-    t_s: np.ndarray
-    pose: np.ndarray
-    twist: np.ndarray
+    name: str
+    why: str
+    advice: str
 
 
 class AbstractEffect(ABC):
@@ -108,78 +89,53 @@ class AbstractEffect(ABC):
     label: ClassVar[str]  # in words, for reports
     structural: ClassVar[bool] = False  # changes the MJCF, so that the model must be compiled anew
     of_sensor: ClassVar[bool] = False  # what moves is as believed, what is reported of it is not
-    faint_below: ClassVar[float] = 0.0  # a first parameter smaller than that is not told from the floor's unevenness
-    jumps: ClassVar[bool] = False  # has one parameter, at some values of which the motion jumps: a push fails to move
-
-    def edit_mjcf(self, root: mjcf.RootElement, body: str) -> None:
-        """Add the elements that the effect needs."""
-
-    def edit_model(self, target: Target) -> None:
-        """Write the effect's numbers into a compiled model that holds the nominal ones."""
-
-    def edit_command(self, columns: np.ndarray, step_s: float) -> np.ndarray:
-        """Return the command that the body really gets, (n, 12) means over physics steps (see `push_columns`)."""
-        return columns
-
-    def edit_measurement(self, motion: Motion) -> Motion:
-        """Return what the sensors report of a motion."""
-        return motion
+    common: ClassVar[bool] = False  # tried beside whatever else was found: what people have wrong most often
+    # one of many that span the workspace: at one place it leaves what the simulator has wrong at the others
+    texture: ClassVar[bool] = False
+    # a first parameter smaller than that is not told from the unevenness of everything
+    detection_limit: ClassVar[float] = 0.0
+    discontinuous: ClassVar[bool] = False  # one parameter, at some values of which the motion jumps: a push fails
+    commonness: ClassVar[int] = 1  # among effects that can't be told apart the least of these stands for the rest
+    confounded: ClassVar[tuple[Confounded, ...]] = ()
 
     @classmethod
     @abstractmethod
-    def parameters(cls, context: Context) -> tuple[Parameter, ...]:
+    def parameters(cls, context: Any) -> tuple[Parameter, ...]:
         """Describe the fitted vector."""
 
     @classmethod
     @abstractmethod
-    def from_vector(cls, x: Vector, context: Context) -> Self:
+    def from_vector(cls, x: Vector, context: Any) -> Self:
         """Make the effect from its fitted vector."""
 
     @classmethod
-    def starts(cls, context: Context) -> np.ndarray:
+    def starts(cls, context: Any) -> np.ndarray:
         """Return vectors to start a fit from, (K, p); empty: zero will do, the effect is smooth there."""
         return np.empty((0, len(cls.parameters(context))))
 
-    def report(self) -> dict[str, float]:
+    @classmethod
+    def phrase(cls, of: Values, beliefs: Any, target: str | None = None) -> Phrase:
+        """Put the effect with fitted values into words.
+
+        Args:
+            of: The values, with their standard errors.
+            beliefs: What the owner believes of the object: `nominal` of its recording.
+            target: What it changes, in a mechanism.
+        """
+        amount = listed([f"{name} {of.show(name)}" for name in of.values])
+        at = f" of '{target}'" if target else ""
+        added = f"{cls.label}{at}"
+        return Phrase(added, amount, f"Add {added}: {amount}." if amount else f"Add {added}.", "")
+
+    @property
+    def full_name(self) -> str:
+        """The word of a verdict for it: the name, with its target where it has one."""
+        target = getattr(self, "target", None)
+        return self.name if target is None else f"{self.name}[{target}]"
+
+    def report(self) -> Mapping[str, float]:
         """The effect's values by name, SI units."""
-        return {f.name: float(getattr(self, f.name)) for f in fields(self)}  # type: ignore[arg-type]
+        return {f.name: float(getattr(self, f.name)) for f in fields(self) if f.name != "target"}  # type: ignore[arg-type]
 
 
-def late(columns: np.ndarray, delay_s: float, step_s: float) -> np.ndarray:
-    """Return a command (n, 12) that comes late by the next whole number of steps; `ahead` makes up for the rest.
-
-    A command that switches within a step can't be replaced by its mean: half a force may not overcome friction.
-    """
-    steps = min(whole_steps(delay_s, step_s), len(columns))
-    return np.vstack([np.zeros((steps, columns.shape[1])), columns[: len(columns) - steps]])
-
-
-def ahead(motion: Motion, delay_s: float) -> Motion:
-    """Read a motion at every step (see `Motion`) by the part of a step that `late` has delayed too much.
-
-    Between steps the velocity is linear: forces switch at steps. Beyond the last it goes on as it did.
-    """
-    step = float(motion.t_s[1] - motion.t_s[0])
-    part = whole_steps(delay_s, step) - delay_s / step
-    change = np.diff(motion.twist, axis=-2)
-    change = np.concatenate([change, change[..., -1:, :]], axis=-2)
-    return Motion(
-        motion.t_s,
-        motion.pose + part * step * (motion.twist + 0.5 * part * change),
-        motion.twist + part * change,
-    )
-
-
-def whole_steps(delay_s: float, step_s: float) -> int:
-    """Return the least number of steps that is no shorter than a delay."""
-    return int(np.ceil(delay_s / step_s - 1e-9))
-
-
-EFFECTS: dict[str, list[type[AbstractEffect]]] = {}
-E = TypeVar("E", bound=type[AbstractEffect])
-
-
-def effect(cls: E) -> E:
-    """Enter an effect class into the vocabulary; a name may have several variants."""
-    EFFECTS.setdefault(cls.name, []).append(cls)
-    return cls
+Effects = tuple[AbstractEffect, ...]

@@ -8,13 +8,14 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import AbstractEffect, Context, Parameter, Target, Vector, effect
+from runner.effects.base import Parameter, Vector
+from runner.effects.planar_box.base import Context, PlanarEffect, Target, effect
 from runner.errors import check_range
 
 
 @effect
 @dataclass(frozen=True)
-class Friction(AbstractEffect):
+class Friction(PlanarEffect):
     """The friction coefficient everywhere. Fitted as the log of the ratio to the nominal one."""
 
     name: ClassVar[str] = "friction"
@@ -44,7 +45,7 @@ class Friction(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class AnisotropicFriction(AbstractEffect):
+class AnisotropicFriction(PlanarEffect):
     """Friction mu_1 along a body axis at `angle_rad` and mu_2 across it, `ratio` = mu_1 / mu_2, their mean as believed.
 
     It lies on an ellipse. Where the body slides at an angle to both axes, `normality` tells where on it: 1 is slip at
@@ -95,7 +96,7 @@ class AxisFriction(AnisotropicFriction):
 
 @effect
 @dataclass(frozen=True)
-class Stribeck(AbstractEffect):
+class Stribeck(PlanarEffect):
     """Friction times (1 + `change` exp(-(v / `speed_m_s`)^2)): more (or less) of it at low sliding speed."""
 
     name: ClassVar[str] = "stribeck"
@@ -128,13 +129,13 @@ class Stribeck(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class Stiction(AbstractEffect):
+class Stiction(PlanarEffect):
     """Friction of a point at rest exceeds that of a sliding one by the share `excess`."""
 
     name: ClassVar[str] = "stiction"
     label: ClassVar[str] = "a static friction above the kinetic one"
-    jumps: ClassVar[bool] = True
-    faint_below: ClassVar[float] = 0.08
+    discontinuous: ClassVar[bool] = True
+    detection_limit: ClassVar[float] = 0.08
     excess: float
 
     def __post_init__(self) -> None:
@@ -159,12 +160,12 @@ class Stiction(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class FrictionPatch(AbstractEffect):
+class FrictionPatch(PlanarEffect):
     """Friction times (1 + `change`) inside a disc of the floor, with a smooth edge."""
 
     name: ClassVar[str] = "friction_patch"
     label: ClassVar[str] = "friction that differs in one place of the floor"
-    faint_below: ClassVar[float] = 0.01
+    detection_limit: ClassVar[float] = 0.01
     change: float
     x_m: float
     y_m: float
@@ -205,7 +206,7 @@ class FrictionPatch(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class ContactPressure(AbstractEffect):
+class ContactPressure(PlanarEffect):
     """The load is concentrated on the rim (`share` > 0) or in the middle (< 0) of the base."""
 
     name: ClassVar[str] = "contact_pressure"
@@ -229,7 +230,7 @@ class ContactPressure(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class ViscousFilm(AbstractEffect):
+class ViscousFilm(PlanarEffect):
     """A film under the base that resists each point's slip in proportion to it; it resists turning as well."""
 
     name: ClassVar[str] = "viscous_drag"

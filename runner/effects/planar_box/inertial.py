@@ -8,13 +8,14 @@ from typing import ClassVar, Self
 
 import mujoco
 
-from runner.effects.base import AbstractEffect, Context, Parameter, Target, Vector, effect
+from runner.effects.base import Parameter, Vector
+from runner.effects.planar_box.base import Context, PlanarEffect, Target, effect
 from runner.errors import check_range
 
 
 @effect
 @dataclass(frozen=True)
-class Mass(AbstractEffect):
+class Mass(PlanarEffect):
     """The body's mass; its inertia scales with it. Fitted as the log of the ratio to the nominal mass."""
 
     name: ClassVar[str] = "mass"
@@ -42,7 +43,7 @@ class Mass(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class Inertia(AbstractEffect):
+class Inertia(PlanarEffect):
     """Inertia times `ratio`, mass unchanged. Fitted as the log of the ratio."""
 
     name: ClassVar[str] = "inertia"
@@ -67,7 +68,7 @@ class Inertia(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class ComOffset(AbstractEffect):
+class ComOffset(PlanarEffect):
     """The centre of mass lies at (`x_m`, `y_m`) from the geometric centre, body axes; inertia about it unchanged."""
 
     name: ClassVar[str] = "com_offset"
@@ -98,7 +99,7 @@ class ComOffset(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class MassLeak(AbstractEffect):
+class MassLeak(PlanarEffect):
     """Mass and inertia times (1 - `share_per_s` * t), t from the start of the episode."""
 
     name: ClassVar[str] = "mass_leak"

@@ -9,13 +9,14 @@ from typing import ClassVar, Self
 import numpy as np
 from dm_control import mjcf
 
-from runner.effects.base import AbstractEffect, Context, Parameter, Target, Vector, effect
+from runner.effects.base import Parameter, Vector
+from runner.effects.planar_box.base import Context, PlanarEffect, Target, effect
 from runner.errors import check_range
 
 
 @effect
 @dataclass(frozen=True)
-class FloorTilt(AbstractEffect):
+class FloorTilt(PlanarEffect):
     """The floor slopes down by `angle_rad` towards the world direction `downhill_rad`. Fitted as its two components."""
 
     name: ClassVar[str] = "floor_tilt"
@@ -47,7 +48,7 @@ class FloorTilt(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class Wind(AbstractEffect):
+class Wind(PlanarEffect):
     """A constant force `force_n` towards the world direction `direction_rad`, at the geometric centre."""
 
     name: ClassVar[str] = "wind"
@@ -77,7 +78,7 @@ class Wind(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class ViscousDrag(AbstractEffect):
+class ViscousDrag(PlanarEffect):
     """A force against the velocity of the geometric centre, in proportion to it; it does not resist turning."""
 
     name: ClassVar[str] = "viscous_drag"
@@ -102,7 +103,7 @@ class ViscousDrag(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class AirDrag(AbstractEffect):
+class AirDrag(PlanarEffect):
     """A force against the velocity of the geometric centre, in proportion to its square."""
 
     name: ClassVar[str] = "air_drag"
@@ -126,7 +127,7 @@ class AirDrag(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class RotationalDamping(AbstractEffect):
+class RotationalDamping(PlanarEffect):
     """A moment against the yaw rate, in proportion to it."""
 
     name: ClassVar[str] = "rotational_damping"
@@ -151,7 +152,7 @@ class RotationalDamping(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class Tether(AbstractEffect):
+class Tether(PlanarEffect):
     """A spring from the geometric centre to a fixed point at its height; slack when shorter than `rest_length_m`."""
 
     name: ClassVar[str] = "tether"

@@ -8,13 +8,14 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import AbstractEffect, Context, Motion, Parameter, Vector, ahead, effect, late
+from runner.effects.base import Parameter, Vector
+from runner.effects.planar_box.base import Context, Motion, PlanarEffect, ahead, effect, late
 from runner.errors import check_range
 
 
 @effect
 @dataclass(frozen=True)
-class ObservationDelay(AbstractEffect):
+class ObservationDelay(PlanarEffect):
     """The measured state is `delay_s` older than its time stamp.
 
     The state at the first time stamp is then that of `delay_s` before any command: for an observer it is the same as
@@ -46,7 +47,7 @@ class ObservationDelay(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class SensorScale(AbstractEffect):
+class SensorScale(PlanarEffect):
     """Measured lengths and velocities are `ratio` times the true ones. Fitted as its log."""
 
     name: ClassVar[str] = "sensor_scale"

@@ -9,13 +9,14 @@ from typing import ClassVar, Self
 import numpy as np
 import scipy  # loads its parts when they are first used, which is longer than a short run takes
 
-from runner.effects.base import AbstractEffect, Context, Motion, Parameter, Vector, ahead, effect, late
+from runner.effects.base import Parameter, Vector
+from runner.effects.planar_box.base import Context, Motion, PlanarEffect, ahead, effect, late
 from runner.errors import check_range
 
 
 @effect
 @dataclass(frozen=True)
-class ActuatorGain(AbstractEffect):
+class ActuatorGain(PlanarEffect):
     """The real force is `gain` times the commanded one. Fitted as its log."""
 
     name: ClassVar[str] = "actuator_gain"
@@ -39,7 +40,7 @@ class ActuatorGain(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class ActuatorDelay(AbstractEffect):
+class ActuatorDelay(PlanarEffect):
     """The command takes effect `delay_s` late."""
 
     name: ClassVar[str] = "actuator_delay"
@@ -66,7 +67,7 @@ class ActuatorDelay(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class ActuatorLag(AbstractEffect):
+class ActuatorLag(PlanarEffect):
     """The push follows the command with a first-order lag of time constant `time_constant_s`."""
 
     name: ClassVar[str] = "actuator_lag"
@@ -96,7 +97,7 @@ class ActuatorLag(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class ActuatorSaturation(AbstractEffect):
+class ActuatorSaturation(PlanarEffect):
     """The push is at most `limit_n`. Fitted as the share of the largest commanded force that is cut off."""
 
     name: ClassVar[str] = "actuator_saturation"
@@ -125,7 +126,7 @@ class ActuatorSaturation(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class ApplicationPointOffset(AbstractEffect):
+class ApplicationPointOffset(PlanarEffect):
     """The push acts at the commanded point plus (`x_m`, `y_m`), body axes."""
 
     name: ClassVar[str] = "application_point_offset"
@@ -155,7 +156,7 @@ class ApplicationPointOffset(AbstractEffect):
 
 @effect
 @dataclass(frozen=True)
-class ForceMisalignment(AbstractEffect):
+class ForceMisalignment(PlanarEffect):
     """The real force is the commanded one turned about the vertical by `angle_rad`, counter-clockwise."""
 
     name: ClassVar[str] = "force_misalignment"
@@ -180,7 +181,7 @@ class ForceMisalignment(AbstractEffect):
 
 
 @dataclass(frozen=True)
-class DeadBand(AbstractEffect):
+class DeadBand(PlanarEffect):
     """Of every push `force_n` is lost, and one that is weaker does nothing. Not in the vocabulary."""
 
     name: ClassVar[str] = "unknown"

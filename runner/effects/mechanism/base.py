@@ -1,0 +1,112 @@
+"""Effects of a mechanism: where they act, and what they may know of it.
+
+An effect has a `target` field where it changes one of several things of a kind: the name of a joint, body, actuator or
+channel. It acts at up to four places, each a method that does nothing unless overridden:
+
+    edit_spec     elements that must exist before compiling: a drive behind a joint, a spring (set `structural`)
+    edit_model    numbers of the compiled model: mass, damping, gains, the numbers of the compiled joint law
+    edit_command  the recorded commands, outside the engine: means over physics steps
+    edit_reading  the predicted channels, outside the engine
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, TypeVar
+
+import mujoco
+import numpy as np
+
+from runner.effects.base import AbstractEffect
+
+
+@dataclass(frozen=True)
+class Command:
+    """What is sent to the actuators, in their units.
+
+    Args:
+        step_s: Length of a physics step.
+        columns: Mean over each step of an episode, by actuator: (n,) each.
+        before: What was commanded before the episode began, by actuator: 0, or a servo's first target.
+    """
+
+    step_s: float
+    columns: Mapping[str, np.ndarray]
+    before: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What the channels show, on the grid of physics steps: time (n,), and each channel (..., n) by name."""
+
+    t_s: np.ndarray
+    channels: Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Scope:
+    """What may be known of a mechanism, and of one target of it, when an effect is made from a vector.
+
+    Args:
+        model: As its owner believes it, compiled; not to be written to.
+        target: The name of the joint, body, actuator or channel; None: the whole.
+        speed: Typical speed of each joint in the recording (root mean square, by name), rad/s or m/s.
+        reach: Half the range that each joint visited, rad or m.
+        force: Typical force or torque that moved each joint, N or N m: from inverse dynamics of the recorded motion.
+        command: Largest size of each actuator's command, in its unit.
+        signal: Standard deviation of each channel over the recording, in its unit.
+        length_s: Of the longest episode.
+        step_s: Usual time from one sample to the next.
+    """
+
+    model: mujoco.MjModel
+    target: str | None
+    speed: Mapping[str, float]
+    reach: Mapping[str, float]
+    force: Mapping[str, float]
+    command: Mapping[str, float]
+    signal: Mapping[str, float]
+    length_s: float
+    step_s: float
+
+    def at(self, target: str | None) -> Scope:
+        """Return what is known of a target."""
+        return Scope(**{**vars(self), "target": target})
+
+
+class MechanismEffect(AbstractEffect):
+    """A difference between a mechanism and its model; see the module's docstring."""
+
+    target_kind: ClassVar[str] = "joint"  # joint | body | actuator | channel | "" for what has no target
+
+    def edit_spec(self, spec: mujoco.MjSpec) -> None:
+        """Add the elements that the effect needs. Names of joints, bodies and actuators must go on meaning the same."""
+
+    def edit_model(self, model: mujoco.MjModel) -> None:
+        """Write the effect's numbers into a compiled model that holds the nominal ones (and the spec's elements)."""
+
+    def edit_command(self, command: Command) -> Command:
+        """Return the commands that the actuators really get."""
+        return command
+
+    def edit_reading(self, reading: Reading) -> Reading:
+        """Return what the sensors report of what they should."""
+        return reading
+
+    @classmethod
+    def applies(cls, scope: Scope) -> bool:
+        """Whether the effect can be at work on this target at all: dry friction of a joint that has one, ..."""
+        return True
+
+
+EFFECTS: list[type[MechanismEffect]] = []
+
+
+E = TypeVar("E", bound=type[MechanismEffect])
+
+
+def effect(cls: E) -> E:
+    """Enter an effect class into the vocabulary of mechanisms."""
+    EFFECTS.append(cls)
+    return cls

@@ -1,0 +1,137 @@
+"""Effects of a box on a floor: where they act, and what they may know of box, floor and pushes.
+
+An effect acts at up to four places, each a method that does nothing unless overridden:
+
+    edit_mjcf         elements that must exist before compiling (a tendon)
+    edit_model        numbers of the compiled model (mass, gravity, friction law)
+    edit_command      the recorded command, outside the engine: means over physics steps
+    edit_measurement  the predicted measurement, outside the engine
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+
+from runner.effects.base import AbstractEffect
+from runner.physics.dry_friction import LawView
+
+@dataclass(frozen=True)
+class Context:
+    """What may be known when an effect is made from a vector: the nominal body, and how it was moved.
+
+    `centre_m` and `reach_m` span the floor that was visited, `force_n` is the largest commanded force.
+    """
+
+    mass_kg: float
+    friction: float
+    half_size_m: tuple[float, float, float]
+    gravity_m_s2: float
+    centre_m: tuple[float, float] = (0.0, 0.0)
+    reach_m: float = 2.0
+    force_n: float = 20.0
+
+    def at(self, target: str | None) -> Context:
+        """There is one body, and nothing to choose."""
+        return self
+
+    @property
+    def size_m(self) -> float:
+        """Mean half edge of the base."""
+        return 0.5 * (self.half_size_m[0] + self.half_size_m[1])
+
+    @property
+    def friction_n(self) -> float:
+        """Nominal sliding friction."""
+        return max(self.friction, 0.02) * self.mass_kg * self.gravity_m_s2
+
+
+@dataclass(frozen=True)
+class Target:
+    """The compiled model and the body that an effect changes; `scratch` is for MuJoCo's derived constants."""
+
+    model: mujoco.MjModel
+    body_id: int
+    scratch: mujoco.MjData
+
+    @property
+    def law(self) -> LawView:
+        """The body's friction law."""
+        return LawView(self.model, self.body_id)
+
+    @property
+    def dofs(self) -> slice:
+        """The body's degrees of freedom."""
+        adr, num = int(self.model.body_dofadr[self.body_id]), int(self.model.body_dofnum[self.body_id])
+        return slice(adr, adr + num)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion at every physics step: `t_s` (T,), `pose` and `twist` (..., T, 3): x, y, yaw and their rates."""
+
+    t_s: np.ndarray
+    pose: np.ndarray
+    twist: np.ndarray
+
+
+class PlanarEffect(AbstractEffect):
+    """A difference between a box on a floor and its model; see the module's docstring."""
+
+    def edit_mjcf(self, root: mjcf.RootElement, body: str) -> None:
+        """Add the elements that the effect needs."""
+
+    def edit_model(self, target: Target) -> None:
+        """Write the effect's numbers into a compiled model that holds the nominal ones."""
+
+    def edit_command(self, columns: np.ndarray, step_s: float) -> np.ndarray:
+        """Return the command that the body really gets, (n, 12) means over physics steps (see `push_columns`)."""
+        return columns
+
+    def edit_measurement(self, motion: Motion) -> Motion:
+        """Return what the sensors report of a motion."""
+        return motion
+
+
+def late(columns: np.ndarray, delay_s: float, step_s: float) -> np.ndarray:
+    """Return a command (n, 12) that comes late by the next whole number of steps; `ahead` makes up for the rest.
+
+    A command that switches within a step can't be replaced by its mean: half a force may not overcome friction.
+    """
+    steps = min(whole_steps(delay_s, step_s), len(columns))
+    return np.vstack([np.zeros((steps, columns.shape[1])), columns[: len(columns) - steps]])
+
+
+def ahead(motion: Motion, delay_s: float) -> Motion:
+    """Read a motion at every step (see `Motion`) by the part of a step that `late` has delayed too much.
+
+    Between steps the velocity is linear: forces switch at steps. Beyond the last it goes on as it did.
+    """
+    step = float(motion.t_s[1] - motion.t_s[0])
+    part = whole_steps(delay_s, step) - delay_s / step
+    change = np.diff(motion.twist, axis=-2)
+    change = np.concatenate([change, change[..., -1:, :]], axis=-2)
+    return Motion(
+        motion.t_s,
+        motion.pose + part * step * (motion.twist + 0.5 * part * change),
+        motion.twist + part * change,
+    )
+
+
+def whole_steps(delay_s: float, step_s: float) -> int:
+    """Return the least number of steps that is no shorter than a delay."""
+    return int(np.ceil(delay_s / step_s - 1e-9))
+
+
+EFFECTS: dict[str, list[type[PlanarEffect]]] = {}
+E = TypeVar("E", bound=type[PlanarEffect])
+
+
+def effect(cls: E) -> E:
+    """Enter an effect class into the vocabulary; a name may have several variants."""
+    EFFECTS.setdefault(cls.name, []).append(cls)
+    return cls

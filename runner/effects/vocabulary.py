@@ -1,0 +1,85 @@
+"""The vocabulary of a system: every effect that may be at work in it, bound to what it changes.
+
+A *candidate* is an effect class and, in a mechanism, its target: `joint_friction[elbow]`. It is what the diagnosis
+fits, compares and names. Several candidates may share a name: variants of one effect, one explanation to a reader.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from runner.effects.base import AbstractEffect, Parameter, Scope, Vector
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect that may be at work: its class, and what it would change (None: there is nothing to choose)."""
+
+    effect: type[AbstractEffect]
+    target: str | None = None
+
+    @property
+    def name(self) -> str:
+        """The word of a verdict: `friction`, `joint_friction[elbow]`."""
+        return self.effect.name if self.target is None else f"{self.effect.name}[{self.target}]"
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """What candidates are sorted by where their order must not matter."""
+        return self.effect.__name__, self.target or ""
+
+    def parameters(self, context: Scope) -> tuple[Parameter, ...]:
+        """Describe the fitted vector, in a system of which this is known."""
+        return self.effect.parameters(context.at(self.target))
+
+    def make(self, x: Vector, context: Scope) -> AbstractEffect:
+        """Make the effect from its fitted vector."""
+        return self.effect.from_vector(x, context.at(self.target))
+
+    def starts(self, context: Scope) -> np.ndarray:
+        """Return vectors to start a fit from, (K, p); empty: zero will do."""
+        return self.effect.starts(context.at(self.target))
+
+
+@dataclass(frozen=True)
+class Vocabulary:
+    """All candidates of a system, in a fixed order.
+
+    Args:
+        candidates: What a verdict may name.
+        outside: What it has no word for, yet is weighed lest it be taken for what has one: then it is `unknown`.
+    """
+
+    candidates: tuple[Candidate, ...]
+    outside: tuple[Candidate, ...] = ()
+
+    def __iter__(self) -> Iterator[Candidate]:
+        return iter(self.candidates)
+
+    def __len__(self) -> int:
+        return len(self.candidates)
+
+    @cached_property
+    def by_name(self) -> dict[str, tuple[Candidate, ...]]:
+        """The variants of each name, in order."""
+        out: dict[str, tuple[Candidate, ...]] = {}
+        for candidate in (*self.candidates, *self.outside):
+            out[candidate.name] = (*out.get(candidate.name, ()), candidate)
+        return out
+
+    def of(self, effect: AbstractEffect) -> Candidate:
+        """Return the candidate that an effect was made from."""
+        return next(
+            c
+            for c in (*self.candidates, *self.outside)
+            if c.effect is type(effect) and c.target == getattr(effect, "target", None)
+        )
+
+
+def unbound(classes: Sequence[type[AbstractEffect]]) -> tuple[Candidate, ...]:
+    """Return effects without targets as candidates."""
+    return tuple(Candidate(cls) for cls in classes)

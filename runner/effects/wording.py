@@ -1,0 +1,105 @@
+"""Numbers as they are read: with their standard errors, in the unit that suits them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+DEGREES = 180.0 / math.pi
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Return a number with so many significant digits, without an exponent where it is of usual size."""
+    if not math.isfinite(value):
+        return "?"
+    if value == 0:
+        return "0"
+    place = digits - 1 - math.floor(math.log10(abs(value)))
+    if abs(value) >= 1e6 or abs(value) < 1e-5:
+        return f"{value:.{digits - 1}e}".replace("-", "−")
+    return f"{round(value, place):.{max(place, 0)}f}".replace("-", "−")
+
+
+def plus_minus(value: float, error: float | None = None, unit: str = "") -> str:
+    """Return `0.277 ± 0.001 kg`: the error with one digit (two below 2), the value to the same place."""
+    tail = f" {unit}" if unit and unit not in ("°", "%") else {"%": " %"}.get(unit, unit)
+    if error is None or not math.isfinite(error) or error <= 0 or not math.isfinite(value):
+        return number(value) + tail
+    place = -math.floor(math.log10(error))
+    if error * 10**place < 1.95:
+        place += 1
+    decimals = max(place, 0)
+    text = f"{round(value, place):.{decimals}f} ± {round(error, place):.{decimals}f}"
+    return text.replace("-", "−") + tail
+
+
+def percent(share: float) -> str:
+    """Return a share of 1 in percent: whole numbers, one decimal above 99 and below 1."""
+    p = 100 * share
+    if not math.isfinite(p):
+        return "?"
+    decimals = 1 if 99.0 < p < 99.95 or 0.05 <= abs(p) < 1 else 0
+    return f"{p:.{decimals}f} %".replace("-", "−")
+
+
+def probability(p: float) -> str:
+    """Return a probability as text; certainty is not claimed."""
+    if p > 0.99:
+        return "> 0.99"
+    return "< 0.01" if p < 0.01 else f"{p:.2f}"
+
+
+LENGTHS = ((1e3, "mm", 0.02), (1e2, "cm", 1.0), (1.0, "m", math.inf))  # factor, unit, up to how many m
+
+
+def length(value_m: float, error_m: float | None = None) -> str:
+    """Return a length in m, cm or mm, whichever reads best."""
+    factor, unit = _unit_of(max(abs(value_m), error_m or 0.0))
+    return plus_minus(value_m * factor, None if error_m is None else error_m * factor, unit)
+
+
+def change(before_m: float, after_m: float) -> str:
+    """Return `6.8 → 0.81 cm`: two lengths in the unit that suits the first."""
+    factor, unit = _unit_of(before_m)
+    return f"{number(factor * before_m, 2)} → {number(factor * after_m, 2)} {unit}"
+
+
+def _unit_of(length_m: float) -> tuple[float, str]:
+    return next((factor, unit) for factor, unit, top in LENGTHS if length_m < top or top == math.inf)
+
+
+def listed(words: Sequence[str], last: str = "and") -> str:
+    """Return `a, b and c`."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}" if words else ""
+
+
+class Values:
+    """The values of one effect with their standard errors, both by parameter, and how they read."""
+
+    def __init__(self, values: Mapping[str, float], errors: Mapping[str, float]) -> None:
+        self.values, self.errors = values, errors
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.values
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.values.get(name, math.nan))
+
+    def error(self, name: str) -> float | None:
+        e = self.errors.get(name)
+        return None if e is None else float(e)
+
+    def show(self, name: str, unit: str = "", factor: float = 1.0, *, magnitude: bool = False) -> str:
+        error, value = self.error(name), factor * self[name]
+        return plus_minus(abs(value) if magnitude else value, None if error is None else abs(factor) * error, unit)
+
+    def angle(self, name: str) -> str:
+        return self.show(name, "°", DEGREES)
+
+    def long(self, name: str) -> str:
+        return length(self[name], self.error(name))
+
+    def place(self) -> str:
+        return f"({number(self['x_m'])}, {number(self['y_m'])}) m"
+
+
