@@ -1,60 +1,36 @@
-"""The effects of a box on a floor; a name may have several variants."""
+"""The effects of a box on a floor, one file each; a name may have several variants."""
 
-from runner.effects.planar_box.actuation import (
-    ActuatorDelay,
-    ActuatorGain,
-    ActuatorLag,
-    ActuatorSaturation,
-    ApplicationPointOffset,
-    DeadBand,
-    ForceMisalignment,
-)
-from runner.effects.planar_box.base import EFFECTS, Context, Motion, PlanarEffect, Target
-from runner.effects.planar_box.friction import (
-    AnisotropicFriction,
-    AxisFriction,
-    ContactPressure,
-    Friction,
-    FrictionPatch,
-    Stiction,
-    Stribeck,
-    ViscousFilm,
-)
-from runner.effects.planar_box.inertial import ComOffset, Inertia, Mass, MassLeak
-from runner.effects.planar_box.loads import AirDrag, FloorTilt, RotationalDamping, Tether, ViscousDrag, Wind
-from runner.effects.planar_box.sensing import ObservationDelay, SensorScale
-
-__all__ = [
-    "EFFECTS",
-    "ActuatorDelay",
-    "ActuatorGain",
-    "ActuatorLag",
-    "ActuatorSaturation",
-    "AirDrag",
-    "AnisotropicFriction",
-    "ApplicationPointOffset",
-    "AxisFriction",
-    "ComOffset",
-    "ContactPressure",
-    "Context",
-    "DeadBand",
-    "FloorTilt",
-    "ForceMisalignment",
-    "Friction",
-    "FrictionPatch",
-    "Inertia",
-    "Mass",
-    "MassLeak",
-    "Motion",
-    "ObservationDelay",
-    "PlanarEffect",
-    "RotationalDamping",
-    "SensorScale",
-    "Stiction",
-    "Stribeck",
-    "Target",
-    "Tether",
-    "ViscousDrag",
-    "ViscousFilm",
-    "Wind",
-]
+# isort: off
+# The order of the imports is that of the vocabulary: what a search tries first among equals depends on it.
+from runner.effects.planar_box.base import EFFECTS as EFFECTS
+from runner.effects.planar_box.base import Context as Context
+from runner.effects.planar_box.base import Motion as Motion
+from runner.effects.planar_box.base import PlanarEffect as PlanarEffect
+from runner.effects.planar_box.base import Target as Target
+from runner.effects.planar_box.actuator_gain import ActuatorGain as ActuatorGain
+from runner.effects.planar_box.actuator_delay import ActuatorDelay as ActuatorDelay
+from runner.effects.planar_box.actuator_lag import ActuatorLag as ActuatorLag
+from runner.effects.planar_box.actuator_saturation import ActuatorSaturation as ActuatorSaturation
+from runner.effects.planar_box.application_point_offset import ApplicationPointOffset as ApplicationPointOffset
+from runner.effects.planar_box.force_misalignment import ForceMisalignment as ForceMisalignment
+from runner.effects.planar_box.dead_band import DeadBand as DeadBand
+from runner.effects.planar_box.friction import Friction as Friction
+from runner.effects.planar_box.anisotropic_friction import AnisotropicFriction as AnisotropicFriction
+from runner.effects.planar_box.anisotropic_friction import AxisFriction as AxisFriction
+from runner.effects.planar_box.stribeck import Stribeck as Stribeck
+from runner.effects.planar_box.stiction import Stiction as Stiction
+from runner.effects.planar_box.friction_patch import FrictionPatch as FrictionPatch
+from runner.effects.planar_box.contact_pressure import ContactPressure as ContactPressure
+from runner.effects.planar_box.viscous_drag import ViscousDrag as ViscousDrag
+from runner.effects.planar_box.viscous_drag import ViscousFilm as ViscousFilm
+from runner.effects.planar_box.mass import Mass as Mass
+from runner.effects.planar_box.inertia import Inertia as Inertia
+from runner.effects.planar_box.com_offset import ComOffset as ComOffset
+from runner.effects.planar_box.mass_leak import MassLeak as MassLeak
+from runner.effects.planar_box.floor_tilt import FloorTilt as FloorTilt
+from runner.effects.planar_box.wind import Wind as Wind
+from runner.effects.planar_box.air_drag import AirDrag as AirDrag
+from runner.effects.planar_box.rotational_damping import RotationalDamping as RotationalDamping
+from runner.effects.planar_box.tether import Tether as Tether
+from runner.effects.planar_box.observation_delay import ObservationDelay as ObservationDelay
+from runner.effects.planar_box.sensor_scale import SensorScale as SensorScale

@@ -11,7 +11,7 @@ An effect acts at up to four places, each a method that does nothing unless over
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import mujoco
 import numpy as np
@@ -19,6 +19,22 @@ from dm_control import mjcf
 
 from runner.effects.base import AbstractEffect
 from runner.physics.dry_friction import LawView
+
+
+class Beliefs(Protocol):
+    """What an owner believes of box and floor, as far as words need it; `Nominal` of a recording is one."""
+
+    @property
+    def mass_kg(self) -> float: ...
+
+    @property
+    def friction(self) -> float: ...
+
+    @property
+    def com_m(self) -> tuple[float, float, float] | None: ...
+
+    @property
+    def yaw_inertia_kg_m2(self) -> float: ...
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,15 @@
-"""Effects between the motion and what is recorded of it; all change the predicted measurement."""
+"""A measurement that is older than its time stamp."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import Parameter, Vector
-from runner.effects.planar_box.base import Context, Motion, PlanarEffect, ahead, effect, late
+from runner.effects.base import Confounded, Parameter, Phrase, Vector
+from runner.effects.planar_box.base import Beliefs, Context, Motion, PlanarEffect, ahead, effect, late
+from runner.effects.wording import Values, number
 from runner.errors import check_range
 
 
@@ -25,6 +25,14 @@ class ObservationDelay(PlanarEffect):
     name: ClassVar[str] = "observation_delay"
     label: ClassVar[str] = "a measurement that is older than its time stamp"
     of_sensor: ClassVar[bool] = True
+    confounded: ClassVar[tuple[Confounded, ...]] = (
+        Confounded(
+            "actuator_delay",
+            "all that is measured comes later after the command, by the same time",
+            "Add an event that is timed by itself, such as an impact or a second sensor: only a late measurement "
+            "shifts it.",
+        ),
+    )
     delay_s: float
 
     def __post_init__(self) -> None:
@@ -44,28 +52,11 @@ class ObservationDelay(PlanarEffect):
     def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(max(x[0], 0.0))
 
-
-@effect
-@dataclass(frozen=True)
-class SensorScale(PlanarEffect):
-    """Measured lengths and velocities are `ratio` times the true ones. Fitted as its log."""
-
-    name: ClassVar[str] = "sensor_scale"
-    label: ClassVar[str] = "measured lengths that are a multiple of the true ones"
-    of_sensor: ClassVar[bool] = True
-    ratio: float
-
-    def __post_init__(self) -> None:
-        check_range("sensor_scale.ratio", self.ratio, 0.01, 100.0)
-
-    def edit_measurement(self, motion: Motion) -> Motion:
-        scale = np.array([self.ratio, self.ratio, 1.0])
-        return Motion(motion.t_s, motion.pose * scale, motion.twist * scale)
-
     @classmethod
-    def parameters(cls, context: Context) -> tuple[Parameter, ...]:
-        return (Parameter("log_ratio", "", 0.05, -1.0, 1.0),)
-
-    @classmethod
-    def from_vector(cls, x: Vector, context: Context) -> Self:
-        return cls(math.exp(x[0]))
+    def phrase(cls, of: Values, beliefs: Beliefs, target: str | None = None) -> Phrase:
+        return Phrase(
+            "the measured state is older than its time stamp",
+            f"by {of.show('delay_s', 'ms', 1e3)}",
+            f"Delay the simulated measurement by {number(1e3 * of['delay_s'])} ms, or correct the time stamps.",
+            "Measure the latency of the tracker with a motion whose time is known.",
+        )
