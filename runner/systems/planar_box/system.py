@@ -57,6 +57,9 @@ class PlanarBox(AbstractSystem):
     factors = FACTORS
     activities = ("regime", "push")
     noun = "body"
+    experiment = "push"
+    reach = "the forces used so far"
+    reach_further = "push harder, or elsewhere"
     plan_view = (0, 1)
     recording: Recording
 
