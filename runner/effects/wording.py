@@ -101,5 +101,3 @@ class Values:
 
     def place(self) -> str:
         return f"({number(self['x_m'])}, {number(self['y_m'])}) m"
-
-

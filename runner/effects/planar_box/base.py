@@ -20,6 +20,7 @@ from dm_control import mjcf
 from runner.effects.base import AbstractEffect
 from runner.physics.dry_friction import LawView
 
+
 @dataclass(frozen=True)
 class Context:
     """What may be known when an effect is made from a vector: the nominal body, and how it was moved.
