@@ -45,6 +45,7 @@ RIPPLE_SIN, RIPPLE_COS, RIPPLE_RATE = COLUMN["ripple_sin"], COLUMN["ripple_cos"]
 PUSH, PUSH_FROM, PUSH_UNTIL = COLUMN["push"], COLUMN["push_from"], COLUMN["push_until"]
 FRICTION_OF_DOF = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 BIG = 1 << 30
+MODEL_BYTES, DATA_BYTES = 10_000, 170_000  # how far the structs reach at least
 
 _actuation = types.ExternalFunction("mj_fwdActuation", types.void(types.uint64, types.uint64))
 _inverse = types.ExternalFunction("mj_rne", types.void(types.uint64, types.uint64, types.int32, types.uint64))
@@ -87,8 +88,8 @@ def _measure() -> Offsets:
         for i in range(9)
     )
     model = mujoco.MjModel.from_xml_string(
-        f"""<mujoco><size nuser_jnt="7919"/><option timestep="0.00123456789"><flag contact="disable"/></option><worldbody>
-        {slides}<body><freejoint/><geom size=".1"/></body><body><joint type="ball"/><geom size=".1"/></body></worldbody>
+        f"""<mujoco><size nuser_jnt="7919"/><option timestep="0.00123456789"/><worldbody>{slides}
+        <body><freejoint/><geom size=".1"/></body><body><joint type="ball"/><geom size=".1"/></body></worldbody>
         <equality><joint joint1="j0"/><joint joint1="j1"/><joint joint1="j2"/></equality>
         <actuator><general joint="j0" dyntype="integrator"/></actuator></mujoco>"""
     )
@@ -98,10 +99,10 @@ def _measure() -> Offsets:
     m, d = model._address, data._address
 
     def of_model(name: str) -> int:
-        return _of_array(m, getattr(model, name), 40_000)
+        return _of_array(m, getattr(model, name), MODEL_BYTES)
 
     def of_data(name: str) -> int:
-        return _of_array(d, getattr(data, name), 400_000)
+        return _of_array(d, getattr(data, name), DATA_BYTES)
 
     return Offsets(
         nuser_jnt=offset_of(m, 7919, 4000),
@@ -132,19 +133,21 @@ def _measure() -> Offsets:
 
 
 def _of_array(address: int, array: np.ndarray, size: int) -> int:
-    """Return where a struct points to an array. Empty arrays point to where the next one begins: two are refused."""
-    raw = np.frombuffer((ctypes.c_uint64 * (size // 8)).from_address(address), np.uint64)
-    if np.count_nonzero(raw == array.ctypes.data) > 1:
-        raise RuntimeError(
-            "An array of MuJoCo's that the law of joints needs can't be told from an empty one before it."
-        )
-    return offset_of(address, array.ctypes.data, size)
+    """Return where a struct points to an array, of (near) `size` bytes.
+
+    That is the last of equal pointers: arrays that are empty, which stand before, point to where the next one begins.
+    """
+    raw = np.ctypeslib.as_array((ctypes.c_uint64 * (size // 8)).from_address(address))
+    hits = np.flatnonzero(raw == array.ctypes.data)
+    if not len(hits):
+        raise RuntimeError(f"mujoco {mujoco.__version__}: an array was not found; pin mujoco==3.17.0.")
+    return 8 * int(hits[-1])
 
 
 def _of_ints(address: int, wanted: tuple[int, ...]) -> int:
     """Return where a struct holds these 32-bit ints in a row."""
     size = 100_000
-    raw = np.frombuffer((ctypes.c_int32 * size).from_address(address), np.int32)
+    raw = np.ctypeslib.as_array((ctypes.c_int32 * size).from_address(address))
     hits = np.flatnonzero(np.all([raw[i : size - len(wanted) + i] == w for i, w in enumerate(wanted)], axis=0))
     if len(hits) != 1:
         raise RuntimeError(f"mujoco {mujoco.__version__}: counts of constraints were not found; pin mujoco==3.17.0.")
