@@ -206,7 +206,7 @@ class MechanismStart(AbstractInitialState):
         return out
 
     def _jacobian(self, qpos: FloatArray) -> FloatArray:
-        """Return how channels of positions change with the positions, and those of velocities with velocities, (C, nv)."""
+        """Return how channels change with what they tell of: with positions, or with velocities, (C, nv)."""
         nv = self._coordinates.nv
         still = np.zeros(nv)
         base = self._raw(qpos, still)

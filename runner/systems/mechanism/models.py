@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 
 from runner.effects.mechanism.base import MechanismEffect
+from runner.physics import joint_law
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import AFFINE_BIAS, AT_JOINT, ForceColumns
 from runner.recording.model_form_mjcf import quiet
@@ -71,6 +72,7 @@ class Models:
 
     def __init__(self, recording: MechanismRecording, threads: int) -> None:
         self._recording, self._threads = recording, threads
+        joint_law.install()
         self._believed = recording.spec()
         self._compiled: dict[Effects, Compiled] = {}
         self._models: dict[tuple[Effects, float], mujoco.MjModel] = {}
@@ -84,6 +86,7 @@ class Models:
         """Return the believed MJCF with the elements of structural effects, and with what is only needed here."""
         spec = self._believed.copy()
         if instrumented:
+            joint_law.reserve(spec)
             for body in spec.bodies[1:]:
                 # else an edited mass or centre of mass is silently not used
                 body.simple = 0
