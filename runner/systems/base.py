@@ -291,6 +291,7 @@ class AbstractSystem(ABC):
         channels: What is measured, C of them.
         initial: The unknown start.
         vocabulary: What may differ between world and model.
+        beliefs: What effects are told when they put themselves into words.
         context: What candidates of the vocabulary are told when they describe themselves; opaque to the diagnosis.
         disturbance: The missing generalised force.
         rate_hz: Usual samples per second.
@@ -307,6 +308,7 @@ class AbstractSystem(ABC):
     channels: tuple[Channel, ...]
     initial: AbstractInitialState
     vocabulary: Vocabulary
+    beliefs: Any
     context: Any
     disturbance: Disturbance
     rate_hz: float
