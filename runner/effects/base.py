@@ -25,7 +25,7 @@ import mujoco
 import numpy as np
 from dm_control import mjcf
 
-from runner.physics.dry_friction import LawView
+from runner.physics.dry_friction import FrictionView
 
 Vector = Sequence[float] | np.ndarray
 
@@ -81,9 +81,9 @@ class Target:
     scratch: mujoco.MjData
 
     @property
-    def law(self) -> LawView:
+    def law(self) -> FrictionView:
         """The body's friction law."""
-        return LawView(self.model, self.body_id)
+        return FrictionView(self.model, self.body_id)
 
     @property
     def dofs(self) -> slice:
