@@ -26,7 +26,8 @@ FEWEST = 5  # samples that a local polynomial rests on
 BROAD = {"rad": 1.0, "m": 0.3}  # what nobody measured may be so far from the reference
 BROAD_RATE = 3.0  # and so fast, rad/s or m/s
 SLOPE = 0.03  # a slope over a window that short: its error is that of a sample over so many seconds
-ITERATIONS = 6
+ITERATIONS, CLOSE = 6, 1e-7  # of positions that show what was measured; rad or m
+WEAK = 1e-3  # what is not measured is held at its reference by so much of its breadth
 DIFFERENCE = 1e-6
 VELOCITY_SENSORS = (int(mujoco.mjtStage.mjSTAGE_VEL),)
 
@@ -94,36 +95,63 @@ class MechanismStart(AbstractInitialState):
             ]
         )
 
+    def positions(self, episode: int, channels: FloatArray) -> FloatArray:
+        """Return positions of all joints that show the channels (T, C) at the samples of an episode, (T, nq)."""
+        start = np.array(self._model.qpos0)
+        out = np.empty((len(channels), self._coordinates.nq))
+        for k, values in enumerate(channels):
+            told = np.array([t == "position" for t in self._tells]) & np.isfinite(values)
+            level = np.where(told, values, np.nan)
+            start = out[k] = self._posed(level, episode, k, np.ones(len(values)), start)
+        return out
+
     def _solve(self, signals: Signals, episode: int, first: int, *, smooth: bool, rests: bool) -> FloatArray:
         """Return the numbers that the channels around a sample tell, (S,)."""
         nv, broad = self._coordinates.nv, self.broad()
         level, slope = self._local(signals, episode, first, smooth=smooth, rests=rests)
         told = np.array([t == "position" for t in self._tells]) & np.isfinite(level)
-        x = np.zeros(nv)
-        for _ in range(ITERATIONS if told.any() else 0):
-            qpos = self._coordinates.moved(np.array(self._model.qpos0), x)
-            shown, matrix = self._shown(episode, first, qpos)[told], self._jacobian(qpos)[told]
-            weight = 1.0 / signals.sigma[told]
-            rows = np.vstack([matrix * weight[:, None], np.diag(1e-3 / broad[:nv])])
-            right = np.concatenate([(level[told] - shown) * weight, -x * 1e-3 / broad[:nv]])
-            step = np.linalg.lstsq(rows, right, rcond=None)[0]
-            x = self._coordinates.difference(self._coordinates.moved(qpos, step), np.array(self._model.qpos0))
-            if np.abs(step).max() < 1e-9:
-                break
-        matrix = self._jacobian(self._coordinates.moved(np.array(self._model.qpos0), x))
+        reference = np.array(self._model.qpos0)
+        qpos = self._posed(np.where(told, level, np.nan), episode, first, signals.sigma, reference)
+        x = self._coordinates.difference(qpos, reference)
+        matrix = self._jacobian(qpos)
         rates = np.array([t == "velocity" for t in self._tells]) & np.isfinite(level)
         slopes = told & np.isfinite(slope)
         rows = np.vstack(
             [
                 matrix[rates] / signals.sigma[rates, None],
                 matrix[slopes] / signals.sigma[slopes, None] * SLOPE,
-                np.diag(1e-3 / broad[nv:]),
+                np.diag(WEAK / broad[nv:]),
             ]
         )
         right = np.concatenate(
             [level[rates] / signals.sigma[rates], slope[slopes] / signals.sigma[slopes] * SLOPE, np.zeros(nv)]
         )
         return np.concatenate([x, np.linalg.lstsq(rows, right, rcond=None)[0]])
+
+    def _posed(self, level: FloatArray, episode: int, sample: int, sigma: FloatArray, begin: FloatArray) -> FloatArray:
+        """Return positions (nq,) that show these levels, (C,), as nearly as the noise says; NaN counts for nothing.
+
+        Args:
+            level: Of each channel.
+            episode: Whose measured orientations turns are relative to.
+            sample: At which.
+            sigma: Noise of each channel, (C,).
+            begin: Where to begin, (nq,); what no channel tells of stays near the reference.
+        """
+        told = np.isfinite(level)
+        nv, reference = self._coordinates.nv, np.array(self._model.qpos0)
+        weight, weak = 1.0 / sigma[told], WEAK / self.broad()[:nv]
+        qpos = begin
+        for _ in range(ITERATIONS if told.any() else 0):
+            shown, matrix = self._shown(episode, sample, qpos)[told], self._jacobian(qpos)[told]
+            away = self._coordinates.difference(qpos, reference)
+            rows = np.vstack([matrix * weight[:, None], np.diag(weak)])
+            right = np.concatenate([(level[told] - shown) * weight, -away * weak])
+            step = np.linalg.lstsq(rows, right, rcond=None)[0]
+            qpos = self._coordinates.moved(qpos, step)
+            if np.abs(step).max() < CLOSE:
+                break
+        return qpos
 
     def _local(
         self, signals: Signals, episode: int, first: int, *, smooth: bool, rests: bool
