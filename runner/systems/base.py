@@ -151,8 +151,8 @@ class Signals(Protocol):
         ...
 
     @property
-    def t_s(self) -> tuple[np.ndarray, ...]:
-        """Times of the samples of each episode, (T,)."""
+    def spans(self) -> tuple[Span, ...]:
+        """Where in the recording each episode lies: parts of episodes are taken for episodes of their own."""
         ...
 
 

@@ -38,6 +38,9 @@ FRAME_SENSORS = {
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 
 
+Signature = tuple[tuple[tuple[type, str | None], ...], tuple[int, ...]]
+
+
 @dataclass(frozen=True)
 class Compiled:
     """A model with the elements that structural effects add, holding the believed numbers otherwise.
@@ -54,12 +57,15 @@ class Compiled:
     model: mujoco.MjModel
     coordinates: Coordinates
     data: tuple[mujoco.MjData, ...]
-    signature: tuple[tuple[type, str | None], ...]
+    signature: Signature
 
 
-def signature_of(effects: Effects) -> tuple[tuple[type, str | None], ...]:
-    """Return which structural effects there are, and of what."""
-    return tuple((type(e), getattr(e, "target", None)) for e in effects if e.structural)
+def _signature(effects: Effects, model: mujoco.MjModel) -> Signature:
+    """Return which structural effects there are, of what, and how large the model is: some add nothing at zero."""
+    return (
+        tuple((type(e), getattr(e, "target", None)) for e in effects if e.structural),
+        (int(model.nq), int(model.nv), int(model.nbody), int(model.ntendon), int(model.neq)),
+    )
 
 
 class Models:
@@ -122,9 +128,10 @@ class Models:
             spec = self.spec(key, instrumented=True)
             with quiet():
                 model = spec.compile()
-            same = next((c for c in self._compiled.values() if c.signature == signature_of(key)), None)
+            signature = _signature(key, model)
+            same = next((c for c in self._compiled.values() if c.signature == signature), None)
             data = same.data if same else tuple(mujoco.MjData(model) for _ in range(self._threads))
-            self._compiled[key] = Compiled(spec, model, Coordinates(model), data, signature_of(key))
+            self._compiled[key] = Compiled(spec, model, Coordinates(model), data, signature)
         return self._compiled[key]
 
     def edited(self, effects: Effects) -> mujoco.MjModel:
