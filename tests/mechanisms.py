@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import mujoco
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from runner.effects.mechanism import MechanismEffect, Scope
 from runner.physics import joint_law
@@ -58,7 +59,7 @@ def move(
     speed: dict[str, float] | None = None,
     command: Callable[[float], list[float]] | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Step a model under a command of time; return times (n,), positions (n, nq) and speeds (n, nv), the start first."""
+    """Step a model under a command of time; return times (n,), positions (n, nq), speeds (n, nv), the start first."""
     data = mujoco.MjData(model)
     for name, value in (position or {}).items():
         data.joint(name).qpos[:] = value
@@ -73,6 +74,25 @@ def move(
         mujoco.mj_step(model, data)
         q[k + 1], v[k + 1] = data.qpos, data.qvel
     return np.arange(steps + 1) * model.opt.timestep, q, v
+
+
+def coast(speed: float, resistance: Callable[[float], float]) -> tuple[float, float]:
+    """Return time and distance of the slider until it rests, from integration of m dv/dt = -resistance(v)."""
+
+    def stops(_t: float, y: np.ndarray) -> float:
+        return float(y[1]) * np.sign(speed) - 1e-9
+
+    stops.terminal = True  # type: ignore[attr-defined]
+    run = solve_ivp(
+        lambda _t, y: [y[1], -resistance(y[1]) / SLIDER_KG], (0, 20), [0.0, speed], events=stops, rtol=1e-9, atol=1e-12
+    )
+    return float(run.t[-1]), float(run.y[0, -1])
+
+
+def stopped(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> tuple[float, float]:
+    """Return time and place of the first rest of a motion."""
+    first = int(np.argmax(abs(v[:, 0]) < 1e-6))
+    return float(t[first]), float(q[first, 0])
 
 
 def scope(xml: str, target: str | None = None) -> Scope:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import mujoco
 import mujoco.rollout
 import numpy as np
 import pytest
 from drive import G, make, set_planar, twist, wait
-from mechanisms import SLIDER, SLIDER_DAMPING, SLIDER_DRY_N, SLIDER_KG, compiled, move
+from mechanisms import SLIDER, SLIDER_DAMPING, SLIDER_DRY_N, SLIDER_KG, coast, compiled, move, stopped
 from scipy.integrate import solve_ivp
 
 from runner.physics import dry_friction, joint_law
@@ -31,25 +30,6 @@ def slider(**numbers: float) -> mujoco.MjModel:
     for name, value in numbers.items():
         law[name] = value
     return model
-
-
-def coast(speed: float, resistance: Callable[[float], float]) -> tuple[float, float]:
-    """Return time and distance of the slider until it rests, from integration of m dv/dt = -resistance(v)."""
-
-    def stops(_t: float, y: np.ndarray) -> float:
-        return float(y[1]) * np.sign(speed) - 1e-9
-
-    stops.terminal = True  # type: ignore[attr-defined]
-    run = solve_ivp(
-        lambda _t, y: [y[1], -resistance(y[1]) / SLIDER_KG], (0, 20), [0.0, speed], events=stops, rtol=1e-9, atol=1e-12
-    )
-    return float(run.t[-1]), float(run.y[0, -1])
-
-
-def stopped(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> tuple[float, float]:
-    """Return time and place of the first rest of a motion."""
-    first = int(np.argmax(abs(v[:, 0]) < 1e-6))
-    return float(t[first]), float(q[first, 0])
 
 
 @pytest.mark.parametrize("island", ["enable", "disable"])

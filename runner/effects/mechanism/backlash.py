@@ -42,7 +42,8 @@ class Backlash(MechanismEffect):
 
     def edit_spec(self, spec: mujoco.MjSpec) -> None:
         if self.play > 0.0:
-            add_play(add_drive(spec, self.target, self.friction_share_of_drive), self.play)
+            add_drive(spec, self.target, self.friction_share_of_drive)
+            add_play(spec, self.target, self.play)
 
     def edit_start(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         if self.play > 0.0:

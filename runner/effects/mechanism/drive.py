@@ -11,6 +11,8 @@ still has its name, and a position servo now feels its own encoder, which sits o
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 import numpy as np
 
@@ -20,10 +22,12 @@ MASSLESS = 1e-7  # of the drive's inertia, given to its body: MuJoCo asks for so
 UNKNOWN_ARMATURE = 0.02  # of the joint's inertia, where the model has none
 STOP_TIME_CONSTANT_S = 1e-3  # MuJoCo raises it to two steps
 STOP_IMPEDANCE = (0.99, 0.999, 0.001, 0.5, 2.0)
+FASTEST = 0.7  # natural frequency times step that a spring may have
+STIFFEST = 0.9999  # impedance of a constraint: MuJoCo's highest
 
 
-def add_drive(spec: mujoco.MjSpec, joint: str, friction_share: float) -> mujoco.MjsTendon:
-    """Put a drive behind a hinge or slide unless it has one; return the tendon that couples them.
+def add_drive(spec: mujoco.MjSpec, joint: str, friction_share: float) -> None:
+    """Put a drive behind a hinge or slide unless it has one.
 
     Args:
         spec: Changed.
@@ -31,7 +35,7 @@ def add_drive(spec: mujoco.MjSpec, joint: str, friction_share: float) -> mujoco.
         friction_share: Of dry and viscous friction, how much goes to the drive.
     """
     if spec.joint(joint + DRIVE) is not None:
-        return spec.tendon(joint + COUPLING)
+        return
     model = spec.copy().compile()  # numbers with defaults and frames resolved
     link = spec.joint(joint)
     number = model.joint(joint).id
@@ -47,6 +51,7 @@ def add_drive(spec: mujoco.MjSpec, joint: str, friction_share: float) -> mujoco.
         mass=MASSLESS * armature,
         inertia=np.full(3, MASSLESS * armature),
         gravcomp=1.0,
+        simple=0,  # else MuJoCo reckons its friction constraint without the armature
     )
     carrier.add_joint(
         name=joint + DRIVE,
@@ -78,12 +83,14 @@ def add_drive(spec: mujoco.MjSpec, joint: str, friction_share: float) -> mujoco.
     tendon = spec.add_tendon(name=joint + COUPLING)
     tendon.wrap_joint(joint, 1.0)
     tendon.wrap_joint(joint + DRIVE, -1.0)
-    return tendon
 
 
-def add_play(tendon: mujoco.MjsTendon, play: float) -> None:
-    """Let the two joints that a tendon couples move freely by so much in all, rad or m."""
-    half = 0.5 * play
+def add_play(spec: mujoco.MjSpec, joint: str, play: float) -> None:
+    """Let a joint and its drive move freely by so much in all, rad or m."""
+    tendon, half = spec.tendon(joint + COUPLING), 0.5 * play
+    rigid = spec.equality(joint + COUPLING)
+    if rigid is not None:  # a spring too fast for the step gives nothing beside the play
+        spec.delete(rigid)
     if np.asarray(tendon.stiffness).flat[0] > 0.0:
         tendon.springlength = [-half, half]
         return
@@ -93,13 +100,37 @@ def add_play(tendon: mujoco.MjsTendon, play: float) -> None:
     tendon.solimp_limit = list(STOP_IMPEDANCE)
 
 
-def add_spring(tendon: mujoco.MjsTendon, stiffness: float, damping: float) -> None:
-    """Couple the two joints by a spring and a damper, N m/rad and N m s/rad, beyond the play that they have."""
-    half = float(tendon.range[1]) if tendon.limited == mujoco.mjtLimited.mjLIMITED_TRUE else 0.0
-    tendon.limited = int(mujoco.mjtLimited.mjLIMITED_FALSE)
-    tendon.springlength = [-half, half]
-    tendon.stiffness = _first(tendon.stiffness, stiffness)
-    tendon.damping = _first(tendon.damping, damping)
+def add_spring(spec: mujoco.MjSpec, joint: str, stiffness: float, damping_ratio: float) -> None:
+    """Couple a joint and its drive by a spring and a damper, N m/rad or N/m, beyond the play that they have.
+
+    MuJoCo steps springs explicitly. One that is too fast for the step becomes a constraint, which is solved implicitly:
+    the same give under a steady load, and a natural frequency that the step can follow.
+    """
+    tendon = spec.tendon(joint + COUPLING)
+    model = spec.copy().compile()
+    link, drive = (float(model.dof_M0[int(model.joint(j).dofadr[0])]) for j in (joint, joint + DRIVE))
+    inertia, step = link * drive / (link + drive), float(spec.option.timestep)
+    played = tendon.limited == mujoco.mjtLimited.mjLIMITED_TRUE
+    if stiffness * step**2 <= FASTEST**2 * inertia:
+        half = float(tendon.range[1]) if played else 0.0
+        tendon.limited = int(mujoco.mjtLimited.mjLIMITED_FALSE)
+        tendon.springlength = [-half, half]
+        tendon.stiffness = _first(tendon.stiffness, stiffness)
+        tendon.damping = _first(tendon.damping, 2.0 * damping_ratio * math.sqrt(stiffness * inertia))
+    elif not played:
+        # MuJoCo's constraint: force = weight (-rate r - damping v - a), weight = d / (1 - d) / inverse inertia
+        weight = stiffness * step**2 / FASTEST**2
+        inverse = float(model.tendon_invweight0[model.tendon(joint + COUPLING).id])
+        d = min(weight * inverse / (1.0 + weight * inverse), STIFFEST)
+        rate = stiffness * inverse * (1.0 - d) / d
+        spec.add_equality(
+            name=joint + COUPLING,
+            type=mujoco.mjtEq.mjEQ_TENDON,
+            name1=joint + COUPLING,
+            active=True,
+            solref=[-min(rate, (FASTEST / step) ** 2) * d, -2.0 * FASTEST / step * d],
+            solimp=[d, d, 0.001, 0.5, 2.0],
+        )
 
 
 def _first(coefficients: float | np.ndarray, value: float) -> float | np.ndarray:
@@ -126,13 +157,14 @@ def settle(model: mujoco.MjModel, data: mujoco.MjData, joint: str) -> None:
     apart = float(data.qacc[a] - data.qacc[b])  # of the link from the drive
     if apart == 0.0:
         return
-    half = float((model.tendon_range if model.tendon_limited[tendon] else model.tendon_lengthspring)[tendon, 1])
+    sprung = float(model.tendon_stiffness[tendon]) > 0.0
+    ends = model.tendon_lengthspring if sprung else model.tendon_range  # (0, 0) where there is neither
+    half = float(ends[tendon, 1])
     offset = half if apart > 0 else -half
-    stiffness = float(model.tendon_stiffness[tendon])
-    if stiffness > 0.0:
+    if sprung:
         difference = np.zeros((1, model.nv))
         difference[0, a], difference[0, b] = 1.0, -1.0
         response = np.empty_like(difference)
         mujoco.mj_solveM(model, data, response, difference)
-        offset += apart / (stiffness * float(difference[0] @ response[0]))
+        offset += apart / (float(model.tendon_stiffness[tendon]) * float(difference[0] @ response[0]))
     data.qpos[q] -= offset
