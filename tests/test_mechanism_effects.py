@@ -459,6 +459,29 @@ def test_stiff_compliance_is_rigid_and_stable(stiffness: float) -> None:
     np.testing.assert_allclose(soft[:, link], q[:, 0], atol=2e-3)
 
 
+@pytest.mark.parametrize("step_s", [0.0002, 0.001, 0.004])
+@pytest.mark.parametrize("stiffness", [300.0, 3e4, 3e6])
+def test_compliance_gives_as_much_at_any_step(step_s: float, stiffness: float) -> None:
+    """Under a steady load the joint gives F / k, whether the step can follow the spring or not."""
+    effect = m.Compliance("slide", stiffness)
+    base = compiled(FREE_SLIDER, effect)
+    base.opt.timestep = step_s
+    effect.edit_model(base)  # as a simulator does that has a step of its own
+    _, q, _ = move(base, 4.0, command=lambda _t: [8.0])
+    link, drive = (int(base.joint(name).qposadr[0]) for name in ("slide", "slide~drive"))
+    expected = 8.0 * LINK_KG / SLIDER_KG / stiffness
+    assert q[-1, drive] - q[-1, link] == pytest.approx(expected, rel=0.02, abs=2e-9)
+
+
+def test_what_is_absent_is_not_built() -> None:
+    """Without play, and without give, a model is compiled like the nominal one, whatever else is in it."""
+    for effect in (m.Backlash("slide", 0.0), m.Compliance("slide", math.inf)):
+        assert not effect.structural
+        assert compiled(SLIDER, effect).nq == 1
+    assert m.Backlash("slide", 1e-6).structural
+    assert m.Compliance("slide", 1e9).structural
+
+
 @pytest.mark.parametrize("order", [0, 1])
 def test_play_and_spring_on_one_joint(order: int) -> None:
     """A joint with both gives half the play and then F / k, whichever was written down first."""
