@@ -1,139 +1,69 @@
-"""The next push: which one would best tell two explanations apart, within the forces that were used so far.
+"""The next experiment: which one would best tell two explanations apart, within the commands that were used so far.
 
-A number of pushes from rest is simulated under both explanations. What counts is the squared difference in units of
+Those that the system proposes are simulated under both explanations. What counts is the squared difference in units of
 the noise that is left once the start state and the second explanation's parameters have made the best of it: half of
-it is the log odds that the push is expected to yield (the difference of two hypotheses' log likelihoods, as in
+it is the log odds that the experiment is expected to yield (the difference of two hypotheses' log likelihoods, as in
 optimal discrimination; Atkinson & Fedorov 1975).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from runner.effects.base import Context
-from runner.inference.least_squares import START_STEP, Explanation, difference_steps
+from runner.inference.least_squares import Explanation, difference_steps
 from runner.noise.measured import Measured
-from runner.recording import Episode, Recording
-from runner.systems.planar_box.simulator import Run, Simulator
-
-LENGTH_S = 3.0
-SHARES = (1.15, 1.6, 2.4)  # of the force that just moves the body
-DIRECTIONS_RAD = (0.0, np.pi / 2)
+from runner.systems.base import AbstractSystem, Run
 
 
 @dataclass(frozen=True)
-class Push:
-    """A push from rest.
+class NextExperiment:
+    """What to do next, in a sentence, and the natural log odds that it is expected to yield."""
 
-    Args:
-        force_n: In body axes at the start, (2,), held in the world's axes.
-        point_m: Where it acts, body axes, (2,).
-        pattern: "pulse": once, then coasting; "there and back"; "ramp": slowly rising from zero.
-        hold_s: How long it is held, or rises.
-        log_odds: What it is expected to yield.
-    """
-
-    force_n: np.ndarray
-    point_m: np.ndarray
-    pattern: str
-    hold_s: float
-    log_odds: float = 0.0
-
-    def columns(self, t_s: np.ndarray) -> np.ndarray:
-        """Return the force over time, (T, 3)."""
-        shape = {
-            "pulse": (t_s < self.hold_s) * 1.0,
-            "there and back": (t_s < self.hold_s) * 1.0 - ((t_s >= self.hold_s) & (t_s < 2 * self.hold_s)),
-            "ramp": np.where(t_s < self.hold_s, t_s / self.hold_s, 0.0),
-        }[self.pattern]
-        return np.column_stack([shape[:, None] * self.force_n, np.zeros(len(t_s))])
-
-    def sentence(self) -> str:
-        """Say it."""
-        size, angle = float(np.hypot(*self.force_n)), float(np.degrees(np.arctan2(*self.force_n[::-1])))
-        x, y = self.point_m
-        where = "at the centre" if np.hypot(x, y) < 1e-9 else f"at the point ({x:.2g}, {y:.2g}) m of the body"
-        push = f"with {size:.2g} N at {angle:.0f} degrees to the body's x axis, {where}"
-        how = {
-            "pulse": f"push {push}, for {self.hold_s:.2g} s, and let it coast",
-            "there and back": f"push {push}, for {self.hold_s:.2g} s, then back as long",
-            "ramp": f"raise the force slowly, over {self.hold_s:.2g} s, up to a push {push}",
-        }[self.pattern]
-        return f"From rest, {how}."
+    sentence: str
+    log_odds: float
 
 
-def candidates(recording: Recording, context: Context) -> list[Push]:
-    """Return pushes within the forces and the points of application that the recording has."""
-    most_n = context.force_n
-    levels = sorted({min(share * context.friction_n, most_n) for share in SHARES} | {most_n})
-    points = np.concatenate([e.point_m[np.linalg.norm(e.force_n, axis=1) > 0][:, :2] for e in recording.episodes])
-    reach = np.abs(points).max(axis=0) if len(points) else np.zeros(2)
-    places = [np.zeros(2)] + [np.array(p) for p in ((reach[0], 0.0), (0.0, reach[1])) if np.hypot(*p) > 1e-6]
-    out = []
-    for size in levels:
-        for angle in DIRECTIONS_RAD:
-            force = size * np.array([np.cos(angle), np.sin(angle)])
-            for place in places:
-                out += [Push(force, place, "pulse", 0.3), Push(force, place, "pulse", 1.2)]
-                out += [Push(force, place, "there and back", 0.6), Push(force, place, "ramp", 2.0)]
-    return out
-
-
-def best_push(
-    recording: Recording,
+def best_experiment(
+    system: AbstractSystem,
     measured: Measured,
-    context: Context,
     first: tuple[Explanation, np.ndarray],
     second: tuple[Explanation, np.ndarray],
     covariance: np.ndarray,
     *,
     threads: int | None = None,
-) -> Push:
-    """Return the push that best tells a first explanation from a second.
+) -> NextExperiment | None:
+    """Return the experiment that best tells a first explanation from a second; None: the system proposes none.
 
     Args:
-        recording: The rate, the floor, and how hard and where it was pushed.
+        system: What was recorded.
         measured: Its noise.
-        context: Of the effects.
         first: The likelier explanation and its parameters.
         second: The other and its parameters.
         covariance: Of the second's parameters, (p, p).
         threads: For the simulations; None: one per core.
     """
-    pushes = candidates(recording, context)
-    simulator = Simulator(_empty(recording, pushes), grid=8, threads=threads)
+    proposals, planned, start = system.proposals()
+    if not proposals:
+        return None
+    simulator, context = planned.simulator(threads=threads), system.context
     (one, x), (other, y) = first, second
-    steps = difference_steps(other.parameters(context), y)
+    steps, by_start = difference_steps(other.parameters(context), y), system.initial.steps
     moved = [other.make(y + d, context) for d in np.diag(steps)] if len(y) else []
-    start = np.zeros(6)
-    start[:2] = context.centre_m
     runs = [Run(one.make(x, context), start), Run(other.make(y, context), start)]
     runs += [Run(effects, start) for effects in moved]
-    runs += [Run(other.make(y, context), start + d) for d in np.diag(START_STEP)]
-    per = np.concatenate([steps, START_STEP])
+    runs += [Run(other.make(y, context), start + d) for d in np.diag(by_start)]
+    per = np.concatenate([steps, by_start])
     # the start is measured too, so that it can't be off by more than its noise
-    prior = np.diag(np.concatenate([np.zeros(len(y)), measured.sigma**-2.0]))
+    prior = np.diag(np.concatenate([np.zeros(len(y)), system.initial.scale(measured.sigma) ** -2.0]))
     prior[: len(y), : len(y)] = np.linalg.pinv(covariance)
     out = []
-    for i, push in enumerate(pushes):
-        white = measured.colour.whiten(simulator.predict(i, runs) / measured.sigma).reshape(len(runs), -1)
+    for i, proposal in enumerate(proposals):
+        white = measured.noise_model.whiten(simulator.predict(i, runs) / measured.sigma).reshape(len(runs), -1)
         difference = white[0] - white[1]
         columns = ((white[2:] - white[1]) / per[:, None]).T
         right = columns.T @ difference
         left = difference @ difference - right @ np.linalg.solve(columns.T @ columns + prior, right)
-        out.append(replace(push, log_odds=float(0.5 * max(left, 0.0))))
-    return max(out, key=lambda p: p.log_odds)
-
-
-def _empty(recording: Recording, pushes: Sequence[Push]) -> Recording:
-    rate = recording.nominal.rate_hz
-    t = np.arange(round(LENGTH_S * rate) + 1) / rate
-    still = np.zeros((len(t), 3))
-    episodes = tuple(
-        Episode(i, t, still, still, push.columns(t), np.tile([*push.point_m, 0.0], (len(t), 1)) * np.ones((len(t), 1)))
-        for i, push in enumerate(pushes)
-    )
-    return replace(recording, episodes=episodes, notes=())
+        out.append(NextExperiment(proposal.sentence, float(0.5 * max(left, 0.0))))
+    return max(out, key=lambda e: e.log_odds)

@@ -5,26 +5,27 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.special import expit, softmax
 
-from runner.diagnosis.next_experiment import best_push
-from runner.effects.base import Context
+from runner.diagnosis.next_experiment import best_experiment
+from runner.effects.base import Effects, Scope
+from runner.effects.vocabulary import Vocabulary
 from runner.errors import RecordingError
 from runner.inference.breakaway import hanging
 from runner.inference.confounding import Rival, rivals
-from runner.inference.evidence import LEVELS, directions, surroundings, survey
+from runner.inference.evidence import LEVELS, directions, normal_equations, sensitivities
 from runner.inference.held_out import Confirmed, confirm, unseen
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.multiple_shooting import look
-from runner.inference.outside import is_beyond, said_of_beyond, with_beyond
-from runner.inference.search import RESTED, Contender, Search, are_twins, resumed, search
+from runner.inference.outside import is_outside, said_of_outside, with_outside
+from runner.inference.search import RESTED, Contender, Search, are_confounded, resumed, search
 from runner.localise.where import Where, check_length, closure_by_regime, localise
-from runner.noise.measured import CHANNELS, UNITS, Measured, materially_different, measure, refine
-from runner.recording import Recording
-from runner.systems.planar_box.simulator import Effects, Run, Simulator, context_of
+from runner.noise.measured import Measured, materially_different, measure, refine
+from runner.systems.base import AbstractSimulator, AbstractSystem, Recorded, Run
 
 HELD_OUT = 2  # by the convention of the format, the last two episodes check the explanation
 TEMPER = 2.0  # log odds are divided by it, against overconfidence; not yet calibrated
@@ -92,7 +93,7 @@ class Diagnosis:
     """All that `runner diagnose` says of a case; arrays and tables are not to be written to."""
 
     case: str
-    recording: Recording
+    system: AbstractSystem
     ranked: tuple[Ranked, ...]
     abstain: bool
     gap_closed: float
@@ -112,6 +113,11 @@ class Diagnosis:
     notes: tuple[str, ...]
     rivals: tuple[Rival, ...] = ()
 
+    @property
+    def recording(self) -> Any:
+        """What was diagnosed."""
+        return self.system.recording
+
 
 def split(numbers: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Return the positions of the episodes that are fitted, and of those held out: the last by their numbers.
@@ -129,30 +135,31 @@ def split(numbers: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
     return tuple(order[: count - held]), tuple(order[count - held :])
 
 
-def diagnose(recording: Recording, *, threads: int | None = None, advise: bool = True) -> Diagnosis:
-    """Diagnose a planar recording.
+def diagnose(system: AbstractSystem, *, threads: int | None = None, advise: bool = True) -> Diagnosis:
+    """Diagnose a recording.
 
     Args:
-        recording: What was commanded and measured, and what the owner believes.
+        system: What was commanded and measured, and what the owner believes.
         threads: For the simulations; None: one per core.
         advise: Whether to try what could be taken for the answer, and which push would tell; neither has a say in it.
 
     Raises:
-        RecordingError: If it is not planar or has fewer than two episodes.
+        RecordingError: If it has fewer than two episodes, or too little in them.
     """
     began = time.perf_counter()
-    simulator = Simulator(recording, grid=8, threads=threads)
+    simulator = system.simulator(threads=threads)
+    recording: Recorded = system.recording
     fitted, held_out = split([e.index for e in recording.episodes])
-    check_length(simulator)
-    measured, found = _explained(recording, simulator, fitted, held_out)
-    fitter = Fitter(simulator, measured, context_of(recording))
-    confirmed = confirm(with_beyond(found, fitter), fitter, held_out)
+    check_length(system)
+    measured, found = _explained(system, simulator, fitted, held_out)
+    fitter = Fitter(system, simulator, measured)
+    confirmed = confirm(with_outside(found, fitter), fitter, held_out)
     nominal_excess = measured.excess(found.nominal.total, fitted)
     if turned := _unseen_only(confirmed, nominal_excess) and len(fitted) > len(held_out):
         fitted, held_out = (*fitted[len(held_out) :], *held_out), fitted[: len(held_out)]
-        measured, found = _explained(recording, simulator, fitted, held_out)
+        measured, found = _explained(system, simulator, fitted, held_out)
         fitter = replace(fitter, measured=measured)
-        confirmed = confirm(with_beyond(found, fitter), fitter, held_out)
+        confirmed = confirm(with_outside(found, fitter), fitter, held_out)
         nominal_excess = measured.excess(found.nominal.total, fitted)
     found, before, excess = confirmed.search, confirmed.before, confirmed.excess
     if found.best.fit.x.size:
@@ -161,15 +168,15 @@ def diagnose(recording: Recording, *, threads: int | None = None, advise: bool =
         unknown = not_none(confirmed.gap)
     known = (1.0 - unknown) * (1.0 - strained(found.best, found.nominal, measured))
     unknown = float(np.clip(1.0 - known, LEAST_UNKNOWN, MOST_UNKNOWN))
-    ranked = rank(found, fitter.context, unknown)
+    ranked = rank(found, system, unknown)
     # what is named is what is put into the corrected model
     top = _contender(found, next(r for r in ranked if r.effects != ("unknown",)), fitter.context)
     after = confirmed.after.get(id(top.fit)) or unseen(top, fitter, held_out, before)
     effects = top.fit.explanation.make(top.fit.x, fitter.context)
     nominal_starts = dict(zip((*fitted, *held_out), (*found.nominal.starts, *before.starts), strict=True))
     corrected_starts = dict(zip((*fitted, *held_out), (*top.fit.starts, *after.starts), strict=True))
-    where = localise(simulator, measured, nominal_starts)
-    regimes = closure_by_regime(simulator, measured, held_out, effects, where.window_s)
+    where = localise(system, measured, nominal_starts)
+    regimes = closure_by_regime(system, measured, held_out, effects, where.window_s)
     closure = close(before, after, measured, fitter, effects, regimes)
     abstain = ranked[0].effects == ("unknown",)
     ranked = tuple(
@@ -177,7 +184,7 @@ def diagnose(recording: Recording, *, threads: int | None = None, advise: bool =
     )
     return Diagnosis(
         case=recording.path.name,
-        recording=recording,
+        system=system,
         ranked=ranked,
         abstain=abstain,
         gap_closed=closure.gap_closed,
@@ -193,36 +200,34 @@ def diagnose(recording: Recording, *, threads: int | None = None, advise: bool =
         nominal_excess=nominal_excess,
         seconds=time.perf_counter() - began,
         simulated_s=simulator.simulated_s,
-        next_push=next_push(ranked, found, recording, fitter, threads) if advise else None,
+        next_push=next_push(ranked, found, fitter, threads) if advise else None,
         rivals=found_rivals(top, fitter) if advise else (),
-        notes=notes(
-            recording, measured, top, excess, held_out, turned=turned, beyond=said_of_beyond(found, fitter.context)
-        ),
+        notes=notes(recording, measured, top, excess, held_out, turned=turned, outside=said_of_outside(found, system)),
     )
 
 
 def _explained(
-    recording: Recording, simulator: Simulator, fitted: Sequence[int], held_out: Sequence[int]
+    system: AbstractSystem, simulator: AbstractSimulator, fitted: Sequence[int], held_out: Sequence[int]
 ) -> tuple[Measured, Search]:
     """Search for the explanation; what noise there is shows in what the best one leaves, so look twice."""
-    context = context_of(recording)
-    measured = measure(recording)
-    nominal = Fitter(simulator, measured, context).fit(NONE, fitted, iterations=RESTED)
-    measured = refine(measured, recording, _left(nominal, (), simulator, measured))
-    fitter = Fitter(simulator, measured, context)
+    measured = measure(system)
+    nominal = Fitter(system, simulator, measured).fit(NONE, fitted, iterations=RESTED)
+    measured = refine(measured, system, _left(nominal, (), simulator, measured))
+    fitter = Fitter(system, simulator, measured)
     seen = look(fitter, nominal)
     if seen is not None:
         fitter = replace(fitter, measured=measured.without(seen.hung))
     found = search(fitter, fitted, starts=nominal.starts, beginning=seen and seen.beginning)
     best = found.best.fit
-    if best.explanation.jumps:
+    if best.explanation.discontinuous:
         measured = fitter.measured.without(hanging(fitter, best))
     # without static friction nothing hangs on a breakaway, whatever the pieces suggested
-    again = refine(measured, recording, _left(best, best.explanation.make(best.x, context), simulator, measured))
+    effects = best.explanation.make(best.x, system.context)
+    again = refine(measured, system, _left(best, effects, simulator, measured))
     if again.hung != fitter.measured.hung or materially_different(measured, again):
         fitter = replace(fitter, measured=again)
         found = search(fitter, fitted, starts=found.nominal.starts, beginning=resumed(found, fitter))
-    if not found.best.fit.explanation.jumps:
+    if not found.best.fit.explanation.discontinuous:
         return fitter.measured, found
     there = hanging(fitter, unseen(found.best, fitter, held_out, None))
     return fitter.measured.without(there), found
@@ -236,7 +241,7 @@ def _unseen_only(confirmed: Confirmed, nominal_excess: float) -> bool:
     return seen < 0.5 < unseen and confirmed.excess_unseen > SURPRISE * max(confirmed.excess_fitted, 0.0)
 
 
-def _left(fit: Fit, effects: Effects, simulator: Simulator, measured: Measured) -> dict[int, np.ndarray]:
+def _left(fit: Fit, effects: Effects, simulator: AbstractSimulator, measured: Measured) -> dict[int, np.ndarray]:
     """Return what a fit leaves, per episode (T, C), physical units."""
     return {
         e: simulator.predict(e, [Run(effects, start)])[0] - measured.values[e]
@@ -244,18 +249,19 @@ def _left(fit: Fit, effects: Effects, simulator: Simulator, measured: Measured) 
     }
 
 
-def rank(found: Search, context: Context, unknown: float) -> tuple[Ranked, ...]:
+def rank(found: Search, system: AbstractSystem, unknown: float) -> tuple[Ranked, ...]:
     """Turn log posteriors into probabilities, explanations that can't be told apart taken together."""
+    context = system.context
     contenders = [c for c in found.contenders if np.isfinite(c.log_posterior)]
     logs = np.array([c.log_posterior for c in contenders]) / TEMPER
-    nameless = np.array([is_beyond(c) for c in contenders])
+    nameless = np.array([is_outside(c, system.vocabulary) for c in contenders])
     known = float(softmax(logs)[~nameless].sum())
     unknown = min(1.0 - (1.0 - unknown) * known, MOST_UNKNOWN)
-    contenders = [c for c in contenders if not is_beyond(c)]
+    contenders = [c for c in contenders if not is_outside(c, system.vocabulary)]
     share = softmax(logs[~nameless])
     groups: list[list[int]] = []
     for i, contender in enumerate(contenders):
-        same = [g for g in groups if contender.fit.x.size and are_twins(contenders[g[0]].fit, contender.fit)]
+        same = [g for g in groups if contender.fit.x.size and are_confounded(contenders[g[0]].fit, contender.fit)]
         if same:
             same[0].append(i)
         else:
@@ -300,8 +306,8 @@ def rank(found: Search, context: Context, unknown: float) -> tuple[Ranked, ...]:
 
 
 def _commonness(fit: Fit) -> tuple[int, ...]:
-    order = ("mass", "floor_tilt", "actuator_delay")
-    return tuple(0 if n in order else 1 for n in fit.explanation.names)
+    commonness = {c.name: c.effect.commonness for c in fit.explanation.candidates}
+    return tuple(commonness[name] for name in fit.explanation.names)
 
 
 def _unknown(excess: float, nominal_excess: float) -> float:
@@ -339,23 +345,21 @@ def strained(best: Contender, nominal: Fit, measured: Measured) -> float:
     return float(expit((asked - STRAINED) / STRAINED_WIDTH) * expit(np.log(left / allowed) / STRAINED_LEFT_WIDTH))
 
 
-def values_of(
-    contender: Contender, context: Context
-) -> tuple[dict[str, dict[str, float]], dict[str, dict[str, float]]]:
+def values_of(contender: Contender, context: Scope) -> tuple[dict[str, dict[str, float]], dict[str, dict[str, float]]]:
     """Return parameters and their standard errors by effect, in physical units (the delta method)."""
     x, covariance = contender.fit.x, contender.evidence.covariance
     parameters, errors = {}, {}
-    for kind, part in contender.fit.explanation.parts(context):
-        value = kind.from_vector(x[part], context).report()
+    for candidate, part in contender.fit.explanation.parts(context):
+        value = candidate.make(x[part], context).report()
         slopes = []
-        for step in np.diag([1e-4 * p.scale for p in kind.parameters(context)]):
-            moved = kind.from_vector(x[part] + step, context).report()
+        for step in np.diag([1e-4 * p.scale for p in candidate.parameters(context)]):
+            moved = candidate.make(x[part] + step, context).report()
             slopes.append([_turn(name, moved[name] - value[name]) / step.sum() for name in value])
         slope = np.array(slopes).T
         spread = slope @ covariance[part, part] @ slope.T
-        parameters[kind.name] = value
+        parameters[candidate.name] = dict(value)
         stated = CHARGED * np.sqrt(np.maximum(np.diag(spread), 0.0))
-        errors[kind.name] = dict(zip(value, stated.tolist(), strict=True))
+        errors[candidate.name] = dict(zip(value, stated.tolist(), strict=True))
     return parameters, errors
 
 
@@ -376,16 +380,16 @@ def close(
         old, new = (np.where(measured.valid[e], r, np.nan) for r in (old, new))
         rows += [
             {
-                "episode": fitter.simulator.recording.episodes[e].index,
-                "channel": channel,
-                "unit": UNITS[i],
+                "episode": fitter.system.recording.episodes[e].index,
+                "channel": channel.name,
+                "unit": channel.unit,
                 "before": float(np.sqrt(np.nanmean(old[:, i] ** 2))),
                 "after": float(np.sqrt(np.nanmean(new[:, i] ** 2))),
                 "noise": float(measured.sigma[i]),
             }
-            for i, channel in enumerate(CHANNELS)
+            for i, channel in enumerate(fitter.system.channels)
         ]
-        block = max(int(1.0 / fitter.simulator.recording.episodes[e].step_s), 1)
+        block = max(int(1.0 / fitter.system.recording.episodes[e].step_s), 1)
         for begin in range(0, len(truth), block):
             square = [np.nanmean((r[begin : begin + block] / measured.sigma) ** 2) for r in (old, new)]
             pairs.append((*square, min(block, len(truth) - begin)))
@@ -410,76 +414,69 @@ def _closed(squares: np.ndarray) -> tuple[float, float]:
 
 def found_rivals(best: Contender, fitter: Fitter) -> tuple[Rival, ...]:
     """Return what could be taken for the effects of the best explanation."""
-    if not best.fit.explanation.kinds:
+    if not best.fit.explanation.candidates:
         return ()
-    around = surroundings(best.fit, survey(fitter, best.fit, directions(fitter.context)))
+    around = normal_equations(best.fit, sensitivities(fitter, best.fit, directions(fitter.system)))
     return rivals(around, best.evidence, fitter)
 
 
-def next_push(
-    ranked: Sequence[Ranked], found: Search, recording: Recording, fitter: Fitter, threads: int | None
-) -> str | None:
+def next_push(ranked: Sequence[Ranked], found: Search, fitter: Fitter, threads: int | None) -> str | None:
     """Say which further push would tell the leading explanations apart, if they need to be."""
     named = [r for r in ranked if r.effects != ("unknown",)]
     lead = named[0]
     names = set(lead.effects) | {n for e in lead.equivalent for n in e}
-    for pair, advice in EXACT.items():
-        if pair <= names:
-            return advice
+    if advice := _advice(names, fitter.system.vocabulary):
+        return advice
     if len(named) < 2 or named[1].probability < WORTH_TELLING:
         return None
     first, second = (_contender(found, r, fitter.context) for r in named[:2])
-    push = best_push(
-        recording,
+    push = best_experiment(
+        fitter.system,
         fitter.measured,
-        fitter.context,
         (first.fit.explanation, first.fit.x),
         (second.fit.explanation, second.fit.x),
         second.evidence.covariance,
         threads=threads,
     )
     rivals_named = f"{' and '.join(lead.effects)} from {' and '.join(named[1].effects)}".replace("_", " ")
-    if push.log_odds < 1.0:
+    if push is None or push.log_odds < 1.0:
         return f"No push within the forces used so far would tell {rivals_named}; push harder, or elsewhere."
     return (
-        f"{push.sentence()} To tell {rivals_named}, each such push is worth about {push.log_odds:.1f} in natural "
+        f"{push.sentence} To tell {rivals_named}, each such push is worth about {push.log_odds:.1f} in natural "
         "log odds."
     )
 
 
-def _contender(found: Search, ranked: Ranked, context: Context) -> Contender:
+def _contender(found: Search, ranked: Ranked, context: Scope) -> Contender:
     """Return the contender that an entry of the ranking speaks of."""
     finite = (c for c in found.contenders if np.isfinite(c.log_posterior))
     return next(c for c in finite if c.fit.explanation.make(c.fit.x, context) == ranked.values)
 
 
 WORTH_TELLING = 0.02  # an explanation that is less likely needs no push against it
-# what no push alone tells apart, and what would
-EXACT = {
-    frozenset({"mass", "actuator_gain"}): (
-        "Push with a known weight added to the object: a wrong mass shrinks in proportion, a wrong force gain stays."
-    ),
-    frozenset({"floor_tilt", "wind"}): (
-        "Repeat with a known weight added: the pull of a tilted floor grows with the mass, a constant force does not."
-    ),
-    frozenset({"actuator_delay", "observation_delay"}): (
-        "Add an event that is timed by itself, such as an impact or a second sensor: only a late measurement shifts it."
-    ),
-}
+
+
+def _advice(names: set[str], vocabulary: Vocabulary) -> str | None:
+    """Return what would tell apart two of these effects that no recording like this one can."""
+    for candidate in vocabulary:
+        for other in candidate.effect.confounded:
+            if {candidate.effect.name, other.name} <= {name.partition("[")[0] for name in names}:
+                return other.advice
+    return None
 
 
 def notes(
-    recording: Recording,
+    recording: Recorded,
     measured: Measured,
     top: Contender,
     excess: float,
     held_out: Sequence[int],
     *,
     turned: bool = False,
-    beyond: Sequence[str] = (),
+    outside: Sequence[str] = (),
 ) -> tuple[str, ...]:
     """Say what a reader should know before believing the figures."""
-    out = [*recording.notes, *beyond]
+    out = [*recording.notes, *outside]
     if not measured.stated.all():
         out.append("The noise was not stated for every channel and was estimated from the recording.")
     for e, sample in measured.hung.items():
@@ -488,7 +485,7 @@ def notes(
             f"What episode {episode.index} shows from {episode.t_s[sample]:.2f} s on counts for the closure alone: "
             "whether a push there starts the body hangs on less friction than floors are even in."
         )
-    if measured.colour.lag_one.any():
+    if measured.noise_model.lag_one.any():
         out.append("The noise is correlated from sample to sample; this was taken into account.")
     dropped = int(sum((~v).sum() for v in measured.valid))
     if dropped:

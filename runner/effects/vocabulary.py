@@ -6,7 +6,7 @@ fits, compares and names. Several candidates may share a name: variants of one e
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -39,6 +39,11 @@ class Candidate:
     def make(self, x: Vector, context: Scope) -> AbstractEffect:
         """Make the effect from its fitted vector."""
         return self.effect.from_vector(x, context.at(self.target))
+
+    def with_values(self, values: Mapping[str, float]) -> AbstractEffect:
+        """Make the effect from its physical values, by name."""
+        target = {} if self.target is None else {"target": self.target}
+        return self.effect(**target, **values)
 
     def starts(self, context: Scope) -> np.ndarray:
         """Return vectors to start a fit from, (K, p); empty: zero will do."""

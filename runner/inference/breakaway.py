@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from runner.effects.base import Effects
 from runner.inference.least_squares import NONE, Fit, Fitter, bounds
-from runner.recording import Span
-from runner.systems.planar_box.simulator import Effects, Run
+from runner.systems.base import Run, Span
 
 # An episode whose fit leaves so much beyond the noise, in squared noises, is looked at: were static friction by such a
 # share of it higher or lower where the body stood, would the motion part from what was fitted just before that goes
@@ -30,9 +30,9 @@ MOST = 0.5  # share of what is fitted that may hang on breakaways; more of it is
 
 def hanging(fitter: Fitter, fit: Fit) -> dict[int, int]:
     """Return the episodes of a fit with static friction that hang on a breakaway, and from which sample on they do."""
-    if not fit.explanation.jumps:
+    if not fit.explanation.discontinuous:
         return {}
-    place = next(part.start for kind, part in fit.explanation.parts(fitter.context) if kind.jumps)
+    place = next(p.start for c, p in fit.explanation.parts(fitter.context) if c.effect.discontinuous)
     low, high = bounds(fit.explanation.parameters(fitter.context))
     out: dict[int, int] = {}
     for k, e in enumerate(fit.episodes):
@@ -47,7 +47,7 @@ def hanging(fitter: Fitter, fit: Fit) -> dict[int, int]:
         told, start = _foretold(fitter, effects[0], e, fit.starts[k])
         rows = fitter.whitened(e, [Run(each, start) for each in effects])
         rows = rows.reshape(len(x), len(fitter.measured.values[e]), -1)
-        sample = _parting(rows, told, fitter.simulator.recording.nominal.rate_hz)
+        sample = _parting(rows, told, fitter.system.rate_hz)
         if sample is not None and len(rows[0]) > SHORTEST:
             out[e] = max(sample, SHORTEST)
     left = fitter.measured.without(out).count(fit.episodes)
@@ -73,7 +73,7 @@ def _parting(rows: np.ndarray, told: int, rate_hz: float) -> int | None:
 
 def _foretold(fitter: Fitter, effects: Effects, episode: int, start: np.ndarray) -> tuple[int, np.ndarray]:
     """Return how many samples of an episode are foretold by a start that is fitted to them, and that start."""
-    samples, rate_hz = len(fitter.measured.values[episode]), fitter.simulator.recording.nominal.rate_hz
+    samples, rate_hz = len(fitter.measured.values[episode]), fitter.system.rate_hz
     lasting = max(round(LASTING_S * rate_hz), 3)
     told = min(max(round(FIRST_S * rate_hz), lasting), samples)
     for _ in range(GROWTHS):

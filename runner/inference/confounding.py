@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from runner.effects.base import EFFECTS, AbstractEffect, Context
-from runner.inference.evidence import LEVELS, Evidence, Surroundings, clip
+from runner.effects.base import Scope
+from runner.effects.vocabulary import Candidate
+from runner.inference.evidence import LEVELS, Evidence, NormalEquations, clip
 from runner.inference.least_squares import Explanation, Fit, Fitter, amplitudes
-from runner.systems.planar_box.simulator import Run
+from runner.systems.base import Run
 
 ALIKE = 0.6  # what is less alike needs no trial
 TRIALS = 3
@@ -46,7 +47,7 @@ class Rival:
         return self.log_odds < CLEAR
 
 
-def rivals(around: Surroundings, evidence: Evidence, fitter: Fitter) -> tuple[Rival, ...]:
+def rivals(around: NormalEquations, evidence: Evidence, fitter: Fitter) -> tuple[Rival, ...]:
     """Return the rivals of every effect of a fit, the most alike first."""
     screened = _screened(around, evidence, fitter.context)
     tried = [
@@ -65,40 +66,36 @@ def _trial(rival: Rival, fit: Fit, fitter: Fitter) -> float:
         values[e] = fitter.simulator.predict(e, [Run(effects, start)])[0]
     stand_in = replace(fitter, measured=replace(fitter.measured, values=tuple(values)))
     losses = []
-    for kind in EFFECTS[rival.rival]:
-        others = tuple(k for k in fit.explanation.kinds if k.name != rival.effect)
-        x, at = [], 0
-        for k in fit.explanation.kinds:
-            n = len(k.parameters(context))
-            x += list(fit.x[at : at + n]) if k in others else []
-            at += n
-        starts = kind.starts(context)
+    for candidate in fitter.system.vocabulary.by_name[rival.rival]:
+        others = tuple(c for c in fit.explanation.candidates if c.name != rival.effect)
+        x = [value for c, part in fit.explanation.parts(context) if c in others for value in fit.x[part]]
+        starts = candidate.starts(context)
         # two signs: around zero dry friction may hide the way
-        first = [starts[0]] if len(starts) else [0.1 * np.array([p.scale for p in kind.parameters(context)])]
+        first = [starts[0]] if len(starts) else [0.1 * np.array([p.scale for p in candidate.parameters(context)])]
         for start in (*first, -first[0]):
-            explanation = Explanation((*others, kind))
-            begin = np.concatenate([x, clip(kind, start, context)])
+            explanation = Explanation((*others, candidate))
+            begin = np.concatenate([x, clip(candidate, start, context)])
             tried = stand_in.fit(explanation, fit.episodes, x=begin, near=fit, iterations=12)
             losses.append(tried.total)
     return float(0.5 * min(losses))
 
 
-def _screened(around: Surroundings, evidence: Evidence, context: Context) -> tuple[Rival, ...]:
+def _screened(around: NormalEquations, evidence: Evidence, context: Scope) -> tuple[Rival, ...]:
     gram = around.gram.sum(axis=0)[:-1, :-1]
     explanation, x = around.fit.explanation, around.fit.x
     p = len(x)
     level = LEVELS[int(np.argmax(evidence.level))]
     spread = np.array([d.mismatch * level for d in around.directions])
-    kinds: dict[type[AbstractEffect], list[int]] = {}
+    by_candidate: dict[Candidate, list[int]] = {}
     for i, direction in enumerate(around.directions):
-        kinds.setdefault(direction.kind, []).append(i)
+        by_candidate.setdefault(direction.candidate, []).append(i)
     out = []
-    for kind, own in explanation.parts(context):
+    for candidate, own in explanation.parts(context):
         move = np.zeros(len(gram))
-        moved = amplitudes(kind, own, context)  # a place and a width do nothing without one
+        moved = amplitudes(candidate, own, context)  # a place and a width do nothing without one
         move[moved] = x[moved]
         scale = np.array([d.scale for d in explanation.parameters(context)])
-        for rival, members in kinds.items():
+        for rival, members in by_candidate.items():
             free = np.concatenate([FREE * scale, spread])
             free[own] = 0.0
             free[p + np.array(members)] = 0.0
@@ -110,7 +107,7 @@ def _screened(around: Surroundings, evidence: Evidence, context: Context) -> tup
                     best = total, left / total
             total, share = best
             if total > 0:
-                out.append(Rival(kind.name, rival.name, float(1 - share), float(0.5 * total * share)))
+                out.append(Rival(candidate.name, rival.name, float(1 - share), float(0.5 * total * share)))
     alike: dict[tuple[str, str], Rival] = {}
     for r in sorted(out, key=lambda r: r.log_odds):
         if r.effect != r.rival:

@@ -16,9 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from runner.effects.base import EFFECTS, AbstractEffect, Context
-from runner.effects.friction import FrictionPatch
+from runner.effects.base import Scope
+from runner.effects.vocabulary import Candidate
 from runner.inference.least_squares import Explanation, Fit, Fitter, bounds, difference_steps, is_out_of_range
+from runner.systems.base import AbstractSystem
 
 SHARE = 0.01  # of an effect's usual size: how far the simulator may be off in its direction
 TEXTURE = 0.02  # of the amplitude of the patches that span the floor (0.2): friction off by 0.4 % from place to place
@@ -30,7 +31,7 @@ class Direction:
     """One way in which an effect can move the prediction: from a vector, by a step of one entry or to another vector.
 
     Args:
-        kind: The effect.
+        candidate: The effect.
         origin: The vector that it is seen from; None: without the effect.
         vector: The vector that it goes to.
         per: How much of the unit amplitude that is; the column is divided by it.
@@ -38,56 +39,54 @@ class Direction:
         texture: Whether it is one of many that span the floor: an effect at one place leaves errors at the others.
     """
 
-    kind: type[AbstractEffect]
+    candidate: Candidate
     vector: np.ndarray
     per: float
     mismatch: float
     texture: bool = False
 
     @property
-    def key(self) -> tuple[type[AbstractEffect], bytes]:
+    def key(self) -> tuple[Candidate, bytes]:
         """What makes it the same direction in two surveys."""
-        return self.kind, self.vector.tobytes()
+        return self.candidate, self.vector.tobytes()
 
 
-def directions(context: Context) -> list[Direction]:
-    """Return the directions of all effects, amplitudes in units of each parameter's `scale`."""
+def directions(system: AbstractSystem) -> list[Direction]:
+    """Return the directions of all effects of a system, amplitudes in units of each parameter's `scale`."""
     out = []
-    for kinds in EFFECTS.values():
-        for kind in kinds:
-            parameters = kind.parameters(context)
-            starts = kind.starts(context)
-            if len(starts):
-                for start in starts:
-                    texture = issubclass(kind, FrictionPatch)
-                    out.append(Direction(kind, start, 1.0, TEXTURE if texture else 0.0, texture))
-                continue
-            steps = difference_steps(parameters, np.zeros(len(parameters)))
-            for i, parameter in enumerate(parameters):
-                vector = np.eye(len(parameters))[i] * steps[i]
-                out.append(Direction(kind, vector, float(steps[i] / parameter.scale), SHARE))
+    for candidate in system.vocabulary:
+        parameters = candidate.parameters(system.context)
+        starts = candidate.starts(system.context)
+        if len(starts):
+            texture = candidate.effect.texture
+            out += [Direction(candidate, start, 1.0, TEXTURE if texture else 0.0, texture) for start in starts]
+            continue
+        steps = difference_steps(parameters, np.zeros(len(parameters)))
+        for i, parameter in enumerate(parameters):
+            vector = np.eye(len(parameters))[i] * steps[i]
+            out.append(Direction(candidate, vector, float(steps[i] / parameter.scale), SHARE))
     return out
 
 
 @dataclass(frozen=True)
-class Survey:
+class Sensitivities:
     """How the whitened prediction moves in every direction, per episode (n, d), seen from one set of effects."""
 
     directions: tuple[Direction, ...]
     columns: tuple[np.ndarray, ...]
 
 
-def survey(fitter: Fitter, fit: Fit, every: Sequence[Direction]) -> Survey:
+def sensitivities(fitter: Fitter, fit: Fit, every: Sequence[Direction]) -> Sensitivities:
     """Simulate all directions around a fit."""
     base = fit.explanation.make(fit.x, fitter.context)
-    others = tuple(d for d in every if d.kind not in fit.explanation.kinds)
-    runs = [(*base, d.kind.from_vector(d.vector, fitter.context)) for d in others]
+    others = tuple(d for d in every if d.candidate not in fit.explanation.candidates)
+    runs = [(*base, d.candidate.make(d.vector, fitter.context)) for d in others]
     per = np.array([d.per for d in others])
-    return Survey(others, tuple(c / per for c in fitter.changes(base, runs, fit)))
+    return Sensitivities(others, tuple(c / per for c in fitter.changes(base, runs, fit)))
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class NormalEquations:
     """A fit amid the directions of a survey.
 
     `gram` holds, per fitted episode, the inner products of [own derivatives (p) | directions (d) | residual (1)],
@@ -99,15 +98,15 @@ class Surroundings:
     gram: np.ndarray
 
 
-def surroundings(fit: Fit, *known: Survey) -> Surroundings:
+def normal_equations(fit: Fit, *known: Sensitivities) -> NormalEquations:
     """Set a fit amid the directions of surveys made around it or near it; of each direction the first counts.
 
     Those of its own effects are left out, save for the texture of the floor.
     """
-    chosen: dict[tuple[type[AbstractEffect], bytes], tuple[Survey, int]] = {}
+    chosen: dict[tuple[Candidate, bytes], tuple[Sensitivities, int]] = {}
     for one in known:
         for i, d in enumerate(one.directions):
-            if d.texture or d.kind not in fit.explanation.kinds:
+            if d.texture or d.candidate not in fit.explanation.candidates:
                 chosen.setdefault(d.key, (one, i))
     gram = []
     for k, (jacobian, residual, q) in enumerate(zip(fit.jacobian, fit.residual, fit.basis.q, strict=True)):
@@ -115,10 +114,10 @@ def surroundings(fit: Fit, *known: Survey) -> Surroundings:
         whole = np.column_stack([jacobian, *columns, residual])
         whole = whole - q @ (q.T @ whole)
         gram.append(whole.T @ whole)
-    return Surroundings(fit, tuple(one.directions[i] for one, i in chosen.values()), np.array(gram))
+    return NormalEquations(fit, tuple(one.directions[i] for one, i in chosen.values()), np.array(gram))
 
 
-def together(a: Surroundings, b: Surroundings) -> Surroundings:
+def together(a: NormalEquations, b: NormalEquations) -> NormalEquations:
     """Set a fit amid what further episodes say as well, at the same parameters; only directions that both have."""
     p = len(a.fit.x)
     first = {d.key: i for i, d in enumerate(a.directions)}
@@ -127,12 +126,12 @@ def together(a: Surroundings, b: Surroundings) -> Surroundings:
     for around, chosen in ((a, [i for i, _ in shared]), (b, [j for _, j in shared])):
         keep = np.array([*range(p), *(p + i for i in chosen), around.gram.shape[1] - 1])
         gram.append(around.gram[:, keep[:, None], keep])
-    return Surroundings(a.fit, tuple(a.directions[i] for i, _ in shared), np.concatenate(gram))
+    return NormalEquations(a.fit, tuple(a.directions[i] for i, _ in shared), np.concatenate(gram))
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a fit's surroundings say of it.
+    """What a fit's normal equations say of it.
 
     Args:
         log: Log evidence, up to a constant that all explanations of a recording share.
@@ -149,12 +148,12 @@ class Evidence:
     covariance: np.ndarray
 
 
-def log_densities(fit: Fit, context: Context) -> np.ndarray:
+def log_densities(fit: Fit, context: Scope) -> np.ndarray:
     """Log prior density of each parameter, (p,): heavy-tailed in each amplitude, even over places and logarithms."""
     out = []
-    for kind, part in fit.explanation.parts(context):
-        scattered = len(kind.starts(context)) > 0
-        for k, (p, value) in enumerate(zip(kind.parameters(context), fit.x[part], strict=True)):
+    for candidate, part in fit.explanation.parts(context):
+        scattered = len(candidate.starts(context)) > 0
+        for k, (p, value) in enumerate(zip(candidate.parameters(context), fit.x[part], strict=True)):
             if scattered and k > 0:
                 out.append(-np.log(p.upper - p.lower))
             else:
@@ -165,7 +164,7 @@ def log_densities(fit: Fit, context: Context) -> np.ndarray:
     return np.array(out)
 
 
-def evidence(around: Surroundings, context: Context, known: np.ndarray | None = None) -> Evidence:
+def evidence(around: NormalEquations, context: Scope, known: np.ndarray | None = None) -> Evidence:
     """Integrate the mismatch and the parameters out.
 
     A parameter that may rest on its bound stays there; any other one there makes the explanation impossible.
@@ -224,7 +223,7 @@ def evidence(around: Surroundings, context: Context, known: np.ndarray | None = 
     )
 
 
-def promise(around: Surroundings, level: float) -> dict[type[AbstractEffect], tuple[float, np.ndarray]]:
+def predicted_gain(around: NormalEquations, level: float) -> dict[Candidate, tuple[float, np.ndarray]]:
     """Return, for every effect that a fit does not hold, the loss it would take off and a vector to start from.
 
     In the linear model around the fit, beside the mismatch at this level. Effects with scattered starts offer the
@@ -235,11 +234,11 @@ def promise(around: Surroundings, level: float) -> dict[type[AbstractEffect], tu
     inner, right = total[:-1, :-1], total[:-1, -1]
     # own parameters are free, everything else has its mismatch
     spread = np.concatenate([np.full(p, 1e4), np.array([d.mismatch for d in around.directions]) * level])
-    out: dict[type[AbstractEffect], tuple[float, np.ndarray]] = {}
-    kinds: dict[type[AbstractEffect], list[int]] = {}
+    out: dict[Candidate, tuple[float, np.ndarray]] = {}
+    by_candidate: dict[Candidate, list[int]] = {}
     for i, d in enumerate(around.directions):
-        kinds.setdefault(d.kind, []).append(i)
-    for kind, members in kinds.items():
+        by_candidate.setdefault(d.candidate, []).append(i)
+    for candidate, members in by_candidate.items():
         index = p + np.array(members)
         free = spread.copy()
         free[index] = 0.0  # it must not be explained away by its own mismatch
@@ -253,23 +252,23 @@ def promise(around: Surroundings, level: float) -> dict[type[AbstractEffect], tu
             vector = step * np.array(
                 [np.max(np.abs(around.directions[m].vector)) / abs(around.directions[m].per) for m in members]
             )
-            out[kind] = float(-g @ step), vector
+            out[candidate] = float(-g @ step), vector
         else:
             gain = g**2 / (np.diag(h) + 0.05)
             best = int(np.argmax(gain))
             amplitude = -g[best] / (h[best, best] + 0.05)
             vector = around.directions[members[best]].vector.copy()
             vector[0] *= float(np.clip(amplitude, -4, 4))
-            out[kind] = float(gain[best]), vector
+            out[candidate] = float(gain[best]), vector
     return out
 
 
-def clip(kind: type[AbstractEffect], vector: np.ndarray, context: Context) -> np.ndarray:
+def clip(candidate: Candidate, vector: np.ndarray, context: Scope) -> np.ndarray:
     """Return the nearest vector that an effect allows."""
-    low, high = bounds(kind.parameters(context))
+    low, high = bounds(candidate.parameters(context))
     return np.clip(vector, low, high)
 
 
-def joined(fit: Fit, kind: type[AbstractEffect], vector: np.ndarray) -> tuple[Explanation, np.ndarray]:
+def joined(fit: Fit, candidate: Candidate, vector: np.ndarray) -> tuple[Explanation, np.ndarray]:
     """Return a fit's explanation with one more effect, and the vector that starts it."""
-    return fit.explanation + Explanation((kind,)), np.concatenate([fit.x, vector])
+    return fit.explanation + Explanation((candidate,)), np.concatenate([fit.x, vector])

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runner.effects.base import Context
-from runner.inference.evidence import directions, evidence, surroundings, survey, together
+from runner.effects.base import Scope
+from runner.inference.evidence import directions, evidence, normal_equations, sensitivities, together
 from runner.inference.least_squares import NONE, Fit, Fitter, amplitudes
 from runner.inference.search import Contender, Search
 
@@ -81,18 +81,18 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
         if np.isfinite(c.log_posterior)
     ]
     finite.sort(key=lambda c: -c.log_posterior)
-    nominal = next(c for c in finite if not c.fit.explanation.kinds)
+    nominal = next(c for c in finite if not c.fit.explanation.candidates)
     near = finite[0].log_posterior - CLOSE
     leaders = [c for i, c in enumerate(finite) if i < LEADERS or c is nominal or c.log_posterior > near]
     before = unseen(nominal, fitter, held_out, None)
     there_by = {id(c): before if c is nominal else unseen(c, fitter, held_out, before) for c in leaders}
-    every = directions(fitter.context)
-    alone = survey(fitter, before, every)
+    every = directions(fitter.system)
+    alone = sensitivities(fitter, before, every)
     best = next((c for c in leaders if c is not nominal), nominal)
-    around_best = alone if best is nominal else survey(fitter, there_by[id(best)], every)
+    around_best = alone if best is nominal else sensitivities(fitter, there_by[id(best)], every)
     weighed, loss = [], {}
     for c in leaders:
-        there = surroundings(there_by[id(c)], *((alone,) if c is nominal else (around_best, alone)))
+        there = normal_equations(there_by[id(c)], *((alone,) if c is nominal else (around_best, alone)))
         whole = evidence(together(c.around, there), fitter.context)
         weighed.append(replace(c, log_posterior=c.log_posterior + whole.log - c.evidence.log))
         loss[id(c.fit)] = evidence(there, fitter.context, c.evidence.covariance).loss
@@ -139,19 +139,20 @@ def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], f
     return [replace(c, log_posterior=float(p)) for c, p in zip(weighed, posterior, strict=True)]
 
 
-def doubt(contender: Contender, context: Context) -> float:
+def doubt(contender: Contender, context: Scope) -> float:
     """Return the log odds against an explanation whose effects do not stand out of their own errors or the floor's.
 
     The evidence asks whether an effect's pattern is in the residual; the plain errors, the simulator's own mismatch
     included, how far it is from not being there at all. Effects that make up for another's wrong form fail that.
     """
     x, covariance, found = contender.fit.x, contender.evidence.covariance, 0.0
-    for kind, whole in contender.fit.explanation.parts(context):
-        part = amplitudes(kind, whole, context)
+    for candidate, whole in contender.fit.explanation.parts(context):
+        part = amplitudes(candidate, whole, context)
         errors_off = float(np.sqrt(x[part] @ np.linalg.pinv(covariance[part, part], hermitian=True) @ x[part]))
         found += DOUBT * max(1.0 - errors_off, 0.0) + LOST * max(1.0 - errors_off / LOST_BELOW, 0.0)
-        if kind.faint_below > 0:
-            found += FAINT * max(1.0 - abs(float(x[whole.start])) / kind.faint_below, 0.0)
+        limit = candidate.effect.detection_limit
+        if limit > 0:
+            found += FAINT * max(1.0 - abs(float(x[whole.start])) / limit, 0.0)
     return found
 
 

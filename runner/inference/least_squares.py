@@ -15,62 +15,61 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
-from runner.effects.base import AbstractEffect, Context, Parameter
+from runner.effects.base import Effects, Parameter, Scope
+from runner.effects.vocabulary import Candidate
 from runner.noise.measured import Measured
-from runner.recording import Span
-from runner.systems.planar_box.simulator import Effects, Run, Simulator
+from runner.systems.base import AbstractSimulator, AbstractSystem, Run, Span
 
-START_STEP = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])  # m, rad, m/s, rad/s
 BEHIND = 0.05  # squared noises by which a fit may be behind what others have reached, and is finished all the same
 FEWEST = 5  # samples of each channel that is measured at all that a piece of an episode must have
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """A set of effect classes; a vector of all their parameters makes it an effect."""
+    """A set of candidates; a vector of all their parameters makes effects of them."""
 
-    kinds: tuple[type[AbstractEffect], ...]
+    candidates: tuple[Candidate, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
         """The vocabulary's names, sorted; empty: none."""
-        return tuple(sorted({k.name for k in self.kinds}))
+        return tuple(sorted({c.name for c in self.candidates}))
 
-    def parameters(self, context: Context) -> tuple[Parameter, ...]:
+    def parameters(self, context: Scope) -> tuple[Parameter, ...]:
         """All parameters in the order of the vector."""
-        return tuple(p for kind in self.kinds for p in kind.parameters(context))
+        return tuple(p for c in self.candidates for p in c.parameters(context))
 
-    def parts(self, context: Context) -> tuple[tuple[type[AbstractEffect], slice], ...]:
+    def parts(self, context: Scope) -> tuple[tuple[Candidate, slice], ...]:
         """Each effect with its part of the vector."""
-        counts = np.cumsum([0, *(len(kind.parameters(context)) for kind in self.kinds)])
+        counts = np.cumsum([0, *(len(c.parameters(context)) for c in self.candidates)])
         return tuple(
-            (kind, slice(int(a), int(b))) for kind, a, b in zip(self.kinds, counts[:-1], counts[1:], strict=True)
+            (c, slice(int(a), int(b))) for c, a, b in zip(self.candidates, counts[:-1], counts[1:], strict=True)
         )
 
     @property
-    def jumps(self) -> bool:
+    def discontinuous(self) -> bool:
         """Whether a push fails to move the body at some values of it, so that the motion hangs on breakaways."""
-        return any(kind.jumps for kind in self.kinds)
+        return any(c.effect.discontinuous for c in self.candidates)
 
-    def make(self, x: np.ndarray, context: Context) -> Effects:
+    def make(self, x: np.ndarray, context: Scope) -> Effects:
         """Make the effects from a vector, in the order in which they act."""
-        return tuple(kind.from_vector(x[part], context) for kind, part in self.parts(context))
+        return tuple(c.make(x[part], context) for c, part in self.parts(context))
 
     def __add__(self, other: Explanation) -> Explanation:
-        return Explanation(self.kinds + other.kinds)
+        return Explanation(self.candidates + other.candidates)
 
 
 NONE = Explanation(())
 
 
-def amplitudes(kind: type[AbstractEffect], part: slice, context: Context) -> slice:
+def amplitudes(candidate: Candidate, part: slice, context: Scope) -> slice:
     """Return what of an effect's part of the vector makes it absent at zero: the first if it has a place or a range."""
-    return slice(part.start, part.start + 1) if len(kind.starts(context)) else part
+    return slice(part.start, part.start + 1) if len(candidate.starts(context)) else part
 
 
 @dataclass(frozen=True)
 class Basis:
-    """Derivatives of the whitened residuals by the start states, per episode: orthonormal (n, 6), triangle (6, 6)."""
+    """Derivatives of the whitened residuals by the start states, per episode: orthonormal (n, S), triangle (S, S)."""
 
     q: tuple[np.ndarray, ...]
     r: tuple[np.ndarray, ...]
@@ -83,7 +82,7 @@ class Fit:
     Args:
         explanation: Which effects.
         x: Its parameters, (p,).
-        starts: Start state of every fitted episode, (E, 6).
+        starts: Start state of every fitted episode, (E, S).
         episodes: Which episodes those are.
         residual: Whitened residuals, per episode (n,).
         jacobian: Their derivatives by the parameters, the start states projected out, per episode (n, p).
@@ -135,12 +134,17 @@ class _Point:
 
 @dataclass(frozen=True)
 class Fitter:
-    """Fits explanations to the episodes of one recording; the effects `held` are always in the model."""
+    """Fits explanations to the episodes of one system's recording; the effects `held` are always in the model."""
 
-    simulator: Simulator
+    system: AbstractSystem
+    simulator: AbstractSimulator
     measured: Measured
-    context: Context
     held: Effects = ()
+
+    @property
+    def context(self) -> Scope:
+        """What candidates are told."""
+        return self.system.context
 
     def parts(self, spans: Sequence[Span]) -> Fitter:
         """Return a fitter of parts of the episodes; to it each is an episode, with a start state of its own."""
@@ -148,11 +152,11 @@ class Fitter:
 
     def longest_s(self, episodes: Iterable[int]) -> float:
         """Return how long the longest of some episodes is, in seconds."""
-        return max(len(self.measured.values[e]) for e in episodes) / self.simulator.recording.nominal.rate_hz
+        return max(len(self.measured.values[e]) for e in episodes) / self.system.rate_hz
 
     def up_to(self, seconds: float) -> Fitter:
         """Return a fitter of the first so many seconds of every episode, at least two samples."""
-        most = max(2, int(seconds * self.simulator.recording.nominal.rate_hz * (1 + 1e-9)) + 1)
+        most = max(2, int(seconds * self.system.rate_hz * (1 + 1e-9)) + 1)
         return self.parts([Span(e, 0, min(len(v), most)) for e, v in enumerate(self.measured.values)])
 
     def pieces(self, seconds: float, episodes: Sequence[int]) -> list[Span]:
@@ -160,7 +164,7 @@ class Fitter:
         spans = []
         for e in episodes:
             n = len(self.measured.values[e])
-            count = max(1, round((n - 1) / self.simulator.recording.nominal.rate_hz / seconds))
+            count = max(1, round((n - 1) / self.system.rate_hz / seconds))
             edges = np.linspace(0, n, count + 1).round().astype(int)
             spans += [Span(e, int(a), int(b)) for a, b in pairwise(edges)]
         there = np.any([self.measured.valid[e].any(axis=0) for e in episodes], axis=0)
@@ -169,12 +173,8 @@ class Fitter:
         ]
 
     def first_starts(self, episodes: Sequence[int]) -> np.ndarray:
-        """Return rough start states from the first samples, (E, 6)."""
-        out = []
-        for e in episodes:
-            first = np.where(self.measured.valid[e][:5], self.measured.values[e][:5], np.nan)
-            out.append(np.nan_to_num(np.nanmedian(first, axis=0), nan=0.0))
-        return np.array(out)
+        """Return rough start states from the first samples, (E, S)."""
+        return np.array([self.system.initial.guess(self.measured, e) for e in episodes])
 
     def whitened(self, episode: int, runs: Sequence[Run]) -> np.ndarray:
         """Return whitened residuals of several simulations of one episode, (len(runs), n)."""
@@ -223,7 +223,7 @@ class Fitter:
             episodes: Which episodes.
             x: Where to start, (p,); None: zero, the effect absent.
             near: A fit of the same episodes whose start states, and their derivatives, are a good beginning.
-            starts: Start states that are a better one, (E, 6).
+            starts: Start states that are a better one, (E, S).
             target: A loss that others have reached; a fit that won't come near it is not finished.
             patience: So many steps are taken before that is judged.
             iterations: At most so many steps.
@@ -294,12 +294,12 @@ class Fitter:
         for k, e in enumerate(episodes):
             runs = [Run(f, starts[k]) for f in effects]
             if basis is None:
-                runs += [Run(effects[0], starts[k] + d) for d in np.diag(START_STEP)]
+                runs += [Run(effects[0], starts[k] + d) for d in np.diag(self.system.initial.steps)]
             rows = self.whitened(e, runs)
             residual.append(rows[0])
             jacobian.append(((rows[1 : len(effects)] - rows[0]) / steps[:, None]).T)
             if basis is None:
-                by_start = ((rows[len(effects) :] - rows[0]) / START_STEP[:, None]).T
+                by_start = ((rows[len(effects) :] - rows[0]) / self.system.initial.steps[:, None]).T
                 q, r = np.linalg.qr(by_start)
                 qs.append(q)
                 rs.append(r)
@@ -308,7 +308,7 @@ class Fitter:
 
     @staticmethod
     def _step(point: _Point, parameters: Sequence[Parameter], damping: float) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return a step of the parameters (p,), of the start states (E, 6), and the gain in the loss it promises."""
+        """Return a step of the parameters (p,), of the start states (E, S), and the gain in the loss it promises."""
         episodes = list(zip(point.residual, point.jacobian, point.basis.q, point.basis.r, strict=True))
         p = len(point.x)
         dx = np.zeros(p)
@@ -343,7 +343,7 @@ class Fitter:
 
 
 def _project(columns: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """Take out of columns (n, k) what an orthonormal basis (n, 6) spans."""
+    """Take out of columns (n, k) what an orthonormal basis (n, S) spans."""
     return columns - basis @ (basis.T @ columns)
 
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from runner.inference.breakaway import hanging
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter, is_out_of_range
-from runner.inference.search import NEAR, RESTED, SINGLES, Beginning, Kinds, Seed, key_of, resumed, search
-from runner.recording import Span
+from runner.inference.search import NEAR, RESTED, Beginning, Key, WarmStart, key_of, resumed, search, singles
+from runner.systems.base import Span
 
 ASTRAY = 2.5  # mean square, in noises, from which on a descent from the nominal model is not trusted
 # Into so many pieces episodes are cut, and into more as long as the nominal model goes astray in them, none shorter.
@@ -72,14 +72,14 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     late = _earliest(hung, spans)
     whole = replace(fitter, measured=fitter.measured.without(late))
 
-    def seed(fit: Fit) -> Seed:
+    def seed(fit: Fit) -> WarmStart:
         return _seed(whole, fit.explanation, fit.x, begun(fit, spans, nominal), episodes)
 
     seeds, near = {}, found.best.log_posterior - NEAR
     for c in found.contenders:
-        kinds = c.fit.explanation.kinds
-        few = len(kinds) == 1 or sum(len(k) == len(kinds) for k in seeds) < LIKELIEST
-        if kinds and few and c.log_posterior > near:
+        candidates = c.fit.explanation.candidates
+        few = len(candidates) == 1 or sum(len(k) == len(candidates) for k in seeds) < LIKELIEST
+        if candidates and few and c.log_posterior > near:
             seeds[key_of(c.fit.explanation)] = seed(c.fit)
     for c in found.contenders[:LIKELIEST]:
         key = key_of(c.fit.explanation)
@@ -88,10 +88,12 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
                 at = key_of(further.explanation)
                 seeds[at] = min(further, seeds.get(at, further), key=lambda s: s.total)
     explained = any(explains(s, whole, episodes) for s in seeds.values())
-    return Look(Beginning(seeds, SINGLES - set(seeds) if explained else frozenset[Kinds]()), late)
+    return Look(
+        Beginning(seeds, singles(fitter.system.vocabulary) - set(seeds) if explained else frozenset[Key]()), late
+    )
 
 
-def explains(seed: Seed, fitter: Fitter, episodes: Sequence[int]) -> bool:
+def explains(seed: WarmStart, fitter: Fitter, episodes: Sequence[int]) -> bool:
     """Whether a seed explains these episodes so well that no other single effect is worth a fit.
 
     Out of its range an effect does another's work, as the Stribeck effect at no speed does that of static friction.
@@ -120,11 +122,13 @@ def _earliest(hung: dict[int, int], spans: Sequence[Span]) -> dict[int, int]:
     return out
 
 
-def _seed(fitter: Fitter, explanation: Explanation, x: np.ndarray, starts: np.ndarray, episodes: Sequence[int]) -> Seed:
-    return Seed(explanation, x, starts, fitter.loss(explanation, x, starts, episodes))
+def _seed(
+    fitter: Fitter, explanation: Explanation, x: np.ndarray, starts: np.ndarray, episodes: Sequence[int]
+) -> WarmStart:
+    return WarmStart(explanation, x, starts, fitter.loss(explanation, x, starts, episodes))
 
 
-def carried(fitter: Fitter, seed: Seed, episodes: Sequence[int], longest_s: float) -> list[Seed]:
+def carried(fitter: Fitter, seed: WarmStart, episodes: Sequence[int], longest_s: float) -> list[WarmStart]:
     """Fit what was found in pieces of the episodes to longer parts, as long as it goes astray, and to the whole.
 
     Where it goes astray in a longer part already, it lacks something that does not show in pieces; with that, if there
@@ -142,7 +146,7 @@ def carried(fitter: Fitter, seed: Seed, episodes: Sequence[int], longest_s: floa
         fitter.simulator.simulated_s += longer.simulator.simulated_s
         seed = _seed(fitter, fit.explanation, fit.x, fit.starts, episodes)
     fit = fitter.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=CARRIED, polish=False)
-    return [*left_behind, Seed(fit.explanation, fit.x, fit.starts, fit.total)]
+    return [*left_behind, WarmStart(fit.explanation, fit.x, fit.starts, fit.total)]
 
 
 def _with_another(fitter: Fitter, fit: Fit) -> Fit:
@@ -150,7 +154,7 @@ def _with_another(fitter: Fitter, fit: Fit) -> Fit:
 
     The fit itself, where there is none.
     """
-    kinds, known = fit.explanation.kinds, Seed(fit.explanation, fit.x, fit.starts, fit.total)
-    beginning = Beginning({key_of(fit.explanation): known}, SINGLES - {kinds})
-    best = search(fitter, fit.episodes, most=len(kinds) + 1, starts=fit.starts, beginning=beginning).best.fit
-    return best if set(best.explanation.kinds) >= set(kinds) else fit
+    held, known = fit.explanation.candidates, WarmStart(fit.explanation, fit.x, fit.starts, fit.total)
+    beginning = Beginning({key_of(fit.explanation): known}, singles(fitter.system.vocabulary) - {held})
+    best = search(fitter, fit.episodes, most=len(held) + 1, starts=fit.starts, beginning=beginning).best.fit
+    return best if set(best.explanation.candidates) >= set(held) else fit

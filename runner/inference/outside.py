@@ -7,48 +7,48 @@ noise's is no sign that those are the cause.
 
 from __future__ import annotations
 
-from runner.effects import AbstractEffect, Context, DeadBand
-from runner.inference.evidence import directions, survey
+from runner.effects.vocabulary import Vocabulary
+from runner.inference.evidence import directions, sensitivities
 from runner.inference.least_squares import Explanation, Fitter
 from runner.inference.search import Contender, Search, contend
+from runner.systems.base import AbstractSystem
 
-BEYOND: tuple[type[AbstractEffect], ...] = (DeadBand,)
 RARE = 10.0  # log prior odds against each, beside those of the vocabulary
 COMPARABLE = 0.1  # squared noises: what leaves more than the best does, by so much, is not weighed
 STEPS = 25
 
 
-def with_beyond(found: Search, fitter: Fitter) -> Search:
+def with_outside(found: Search, fitter: Fitter) -> Search:
     """Add what is not in the vocabulary to the contenders, where it explains about as much as the best of them."""
     best = found.best.fit
-    if not best.explanation.kinds:
+    if not best.explanation.candidates:
         return found
     count = fitter.measured.count(best.episodes)
     new: list[Contender] = []
-    for kind in BEYOND:
+    for candidate in fitter.system.vocabulary.outside:
         tries = [
-            fitter.fit(Explanation((kind,)), best.episodes, starts=near.starts, iterations=STEPS)
+            fitter.fit(Explanation((candidate,)), best.episodes, starts=near.starts, iterations=STEPS)
             for near in (best, found.nominal)
         ]
         fit = min(tries, key=lambda f: f.total)
         if fit.total < best.total + COMPARABLE * count and not fit.at_bound.any():
-            every = directions(fitter.context)
-            new.append(contend(fitter, fit, survey(fitter, fit, every), against=RARE))
+            every = directions(fitter.system)
+            new.append(contend(fitter, fit, sensitivities(fitter, fit, every), against=RARE))
     return Search(tuple(sorted((*found.contenders, *new), key=lambda c: -c.log_posterior)), found.nominal)
 
 
-def said_of_beyond(found: Search, context: Context) -> list[str]:
+def said_of_outside(found: Search, system: AbstractSystem) -> list[str]:
     """Say in a sentence what it is, if something beyond the vocabulary explains a recording best."""
-    if not is_beyond(found.best):
+    if not is_outside(found.best, system.vocabulary):
         return []
     fit = found.best.fit
     said = [
         f"{one.label}, {', '.join(f'{name} {value:.3g}' for name, value in one.report().items())}"
-        for one in fit.explanation.make(fit.x, context)
+        for one in fit.explanation.make(fit.x, system.context)
     ]
     return [f"What is not among the known effects and explains the recording best is {' and '.join(said)}."]
 
 
-def is_beyond(contender: Contender) -> bool:
+def is_outside(contender: Contender, vocabulary: Vocabulary) -> bool:
     """Whether an explanation holds something that the vocabulary has no word for."""
-    return any(kind in BEYOND for kind in contender.fit.explanation.kinds)
+    return any(c in vocabulary.outside for c in contender.fit.explanation.candidates)

@@ -13,20 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from runner.effects.base import EFFECTS, AbstractEffect
-from runner.effects.friction import Friction
-from runner.effects.inertial import Mass
+from runner.effects.vocabulary import Candidate, Vocabulary
 from runner.inference.evidence import (
     Evidence,
-    Surroundings,
-    Survey,
+    NormalEquations,
+    Sensitivities,
     clip,
     directions,
     evidence,
     joined,
-    promise,
-    surroundings,
-    survey,
+    normal_equations,
+    predicted_gain,
+    sensitivities,
 )
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 
@@ -34,7 +32,6 @@ MOST_EFFECTS = 3
 BEAM = 2
 RESTED = 30  # steps of the nominal fit: where its start states are not at rest, any effect seems to help
 CANDIDATES = 8  # fitted per explanation in the beam, from the second effect on
-COMMON = (Mass, Friction)
 FINISHED = 4  # leaders whose fit is carried on until it rests
 SURVEYED = 7  # explanations of one size that are compared by evidence
 ONE_MORE = 15.0  # log prior odds against each further effect
@@ -52,10 +49,7 @@ CLIMBED, CLIMB_STEPS = 0.02, 5  # share that a climb has to take off to be follo
 # Of the nominal model's excess: where a fit leaves less, and no more than the noise, promises of further effects hold.
 LINEAR = 0.1
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
-Kinds = tuple[type[AbstractEffect], ...]
-SINGLES = frozenset((kind,) for kinds in EFFECTS.values() for kind in kinds)
-# the same motion, or nearly, under known forces on a level floor; see the confounded set for what these data say
-TWINS = ({"mass", "actuator_gain"}, {"floor_tilt", "wind"}, {"actuator_delay", "observation_delay"})
+Key = tuple[Candidate, ...]
 
 
 @dataclass(frozen=True)
@@ -66,14 +60,14 @@ class Contender:
     """
 
     fit: Fit
-    around: Surroundings = field(repr=False)
+    around: NormalEquations = field(repr=False)
     evidence: Evidence
     log_posterior: float
-    promises: dict[type[AbstractEffect], tuple[float, np.ndarray]] = field(repr=False)
+    gains: dict[Candidate, tuple[float, np.ndarray]] = field(repr=False)
 
 
 @dataclass(frozen=True)
-class Seed:
+class WarmStart:
     """Where a fit may begin: an explanation, its parameters, (p,), start states, (E, 6), and the loss there."""
 
     explanation: Explanation
@@ -86,8 +80,8 @@ class Seed:
 class Beginning:
     """What an earlier look left: seeds by their effects, and single effects that are not to be tried alone again."""
 
-    seeds: dict[Kinds, Seed] = field(default_factory=dict)
-    ruled_out: frozenset[Kinds] = frozenset()
+    seeds: dict[Key, WarmStart] = field(default_factory=dict)
+    ruled_out: frozenset[Key] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -117,20 +111,20 @@ def search(
     `starts` are start states to begin with, (E, 6). `pieces` says that they are pieces of episodes: short, so that few
     steps will do.
     """
-    every = directions(fitter.context)
+    every = directions(fitter.system)
     nominal = fitter.fit(NONE, episodes, starts=starts, iterations=RESTED)
     count = fitter.measured.count(episodes)
     seeds, ruled_out = ({}, frozenset()) if beginning is None else (dict(beginning.seeds), beginning.ruled_out)
-    alone = survey(fitter, nominal, every)
+    alone = sensitivities(fitter, nominal, every)
     contenders = [contend(fitter, nominal, alone)]
     worth = WORTH * count + WORTH_SHARE * max(nominal.total - count, 0.0)
 
-    def worthy(fit: Fit, *known: Survey) -> Contender:
+    def worthy(fit: Fit, *known: Sensitivities) -> Contender:
         contender = contend(fitter, fit, *known)
-        lacks = worth - (nominal.total - fit.total) if len(fit.explanation.kinds) == 1 else 0.0
+        lacks = worth - (nominal.total - fit.total) if len(fit.explanation.candidates) == 1 else 0.0
         return replace(contender, log_posterior=contender.log_posterior - 0.5 * max(lacks, 0.0))
 
-    beam, seen = contenders[:1], {NONE.kinds}
+    beam, seen = contenders[:1], {NONE.candidates}
     candidates = FEWEST if pieces else CANDIDATES
     for size in range(1, most + 1):
         fits: list[Fit] = []
@@ -140,7 +134,7 @@ def search(
             offers = _offers(contender, fitter)
             left = contender.fit.total - count
             if size == 1 and pieces:
-                nonlinear = {o[1] for o in offers if o[1].jumps or len(o[1].starts(fitter.context))}
+                nonlinear = {o[1] for o in offers if o[1].effect.discontinuous or len(o[1].starts(fitter.context))}
                 offers = [o for i, o in enumerate(offers) if i < CANDIDATES or o[1] in nonlinear]
             elif size == 1 and left < CLOSE * count:
                 offers = [o for i, o in enumerate(offers) if i < FEWEST or o[0] > OFFERED * worth]
@@ -151,12 +145,12 @@ def search(
                     offers = [o for o in offers[:candidates] if o[0] > OFFERED * worth]
                 else:
                     # far from a good fit the linear promise misleads: the commonest effects are always tried
-                    offers = [o for i, o in enumerate(offers) if i < candidates or o[1] in COMMON]
-            for _, kind, vector in offers:
-                explanation, x = joined(contender.fit, kind, vector)
+                    offers = [o for i, o in enumerate(offers) if i < candidates or o[1].effect.common]
+            for _, candidate, vector in offers:
+                explanation, x = joined(contender.fit, candidate, vector)
                 key = key_of(explanation)
                 # what has a place may have missed it without what is in now
-                anew = size > 1 and left > CLOSE * count and len(kind.starts(fitter.context)) > 0
+                anew = size > 1 and left > CLOSE * count and len(candidate.starts(fitter.context)) > 0
                 if key in ruled_out or (key in seen and not anew):
                     continue
                 seen.add(key)
@@ -166,11 +160,11 @@ def search(
                     **_beginning(fitter, explanation, x, contender.fit, seeds.pop(key, None)),
                     target=target,
                     # what begins at a place or a range of its own has some way to go before it can be judged
-                    patience=0 if size == 1 and not len(kind.starts(fitter.context)) else 1 if pieces else 3,
+                    patience=0 if size == 1 and not len(candidate.starts(fitter.context)) else 1 if pieces else 3,
                     iterations=8 if size == 1 or pieces else 12,
                     polish=False,
                 )
-                if kind.jumps and fit.total - count > CLOSE * count:
+                if candidate.effect.discontinuous and fit.total - count > CLOSE * count:
                     fit = _over_edges(fitter, fit, contender.fit)
                 if size == 1 or _gain(fit, contenders) > worth:
                     fits = _with(fits, fit)
@@ -191,7 +185,7 @@ def search(
                 continue  # where several are far ahead of each alone, only they come from before
             break
         fits = _finished(fitter, sorted(fits, key=lambda f: f.total), count, BEAM if pieces else FINISHED)
-        around_best = survey(fitter, fits[0], every)
+        around_best = sensitivities(fitter, fits[0], every)
         new = [worthy(fit, around_best, alone) for fit in fits[:SURVEYED]]
         best = max(c.log_posterior for c in contenders)
         left_before = min(c.fit.total for c in contenders) - count
@@ -219,7 +213,7 @@ def search(
             if beam and beam[0].fit.total - count < SETTLED * (nominal.total - count):
                 break
             near = contender.log_posterior > new[0].log_posterior - NEAR
-            if near and len(beam) < BEAM and not any(are_twins(contender.fit, b.fit) for b in beam):
+            if near and len(beam) < BEAM and not any(are_confounded(contender.fit, b.fit) for b in beam):
                 beam.append(contender)
     contenders.sort(key=lambda c: -c.log_posterior)
     return Search(tuple(contenders), nominal)
@@ -228,20 +222,24 @@ def search(
 def resumed(before: Search, fitter: Fitter) -> Beginning:
     """Return where a search of the same episodes with another account of the noise begins: where the last one ended."""
     near = [c for c in before.contenders if c.log_posterior > before.best.log_posterior - NEAR]
-    fits = [c.fit for c in near if c.fit.explanation.kinds]
+    fits = [c.fit for c in near if c.fit.explanation.candidates]
     tried = {key_of(f.explanation) for f in fits}
     seeds = {
-        key_of(f.explanation): Seed(f.explanation, f.x, f.starts, fitter.loss(f.explanation, f.x, f.starts, f.episodes))
+        key_of(f.explanation): WarmStart(
+            f.explanation, f.x, f.starts, fitter.loss(f.explanation, f.x, f.starts, f.episodes)
+        )
         for f in fits
     }
-    return Beginning(seeds, SINGLES - tried)
+    return Beginning(seeds, singles(fitter.system.vocabulary) - tried)
 
 
-def _beginning(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit, seed: Seed | None) -> dict[str, Any]:
+def _beginning(
+    fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit, seed: WarmStart | None
+) -> dict[str, Any]:
     """Return where to begin a fit: from what is near, or from the seed where that leaves less."""
     if seed is None:
-        new = explanation.kinds[-1]
-        if new.jumps:
+        new = explanation.candidates[-1]
+        if new.effect.discontinuous:
             return {"x": _sized(fitter, explanation, x, near), "near": near}
         if len(new.starts(fitter.context)):
             # the amplitude that a linear model promises may overshoot; none of it is the fit that is near
@@ -262,7 +260,7 @@ def _sized(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit) -
     def left(size: float) -> float:
         return fitter.loss(explanation, np.append(x[:-1], size), near.starts, near.episodes)
 
-    sizes = SIZES * explanation.kinds[-1].parameters(fitter.context)[0].scale
+    sizes = SIZES * explanation.candidates[-1].parameters(fitter.context)[0].scale
     i = int(np.argmin([left(s) for s in sizes]))
     finer = np.linspace(sizes[max(i - 1, 0)], sizes[min(i + 1, len(sizes) - 1)], len(sizes))
     return np.append(x[:-1], min((x[-1], *finer), key=left))
@@ -289,17 +287,17 @@ def _over_edges(fitter: Fitter, fit: Fit, without: Fit) -> Fit:
     return fit
 
 
-def _in_order(seed: Seed, explanation: Explanation, fitter: Fitter) -> np.ndarray:
+def _in_order(seed: WarmStart, explanation: Explanation, fitter: Fitter) -> np.ndarray:
     """Return a seed's parameters in the order of an explanation of the same effects."""
     parts = dict(seed.explanation.parts(fitter.context))
-    return np.concatenate([seed.x[parts[kind]] for kind in explanation.kinds])
+    return np.concatenate([seed.x[parts[c]] for c in explanation.candidates])
 
 
 def _gain(fit: Fit, contenders: Sequence[Contender]) -> float:
     """Return by how much a fit leaves less than those of fewer of its effects, whichever their variants."""
-    names, size = set(fit.explanation.names), len(fit.explanation.kinds)
+    names, size = set(fit.explanation.names), len(fit.explanation.candidates)
     simpler = [
-        c.fit for c in contenders if set(c.fit.explanation.names) <= names and len(c.fit.explanation.kinds) < size
+        c.fit for c in contenders if set(c.fit.explanation.names) <= names and len(c.fit.explanation.candidates) < size
     ]
     return min(f.total for f in simpler) - fit.total
 
@@ -335,8 +333,8 @@ def _without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], 
     before = {key_of(c.fit.explanation): c.fit.total for c in others}
     count = fitter.measured.count(episodes)
     out = []
-    for kind, part in whole.fit.explanation.parts(fitter.context):
-        rest = Explanation(tuple(k for k in whole.fit.explanation.kinds if k is not kind))
+    for candidate, part in whole.fit.explanation.parts(fitter.context):
+        rest = Explanation(tuple(c for c in whole.fit.explanation.candidates if c != candidate))
         x = np.delete(whole.fit.x, part)
         reached = before.get(key_of(rest), np.inf)
         if reached - whole.fit.total > WORTH * count:
@@ -346,38 +344,48 @@ def _without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], 
     return out
 
 
-def key_of(explanation: Explanation) -> Kinds:
+def key_of(explanation: Explanation) -> Key:
     """Return an explanation's effects in an order of their own."""
-    return tuple(sorted(explanation.kinds, key=lambda k: k.__name__))
+    return tuple(sorted(explanation.candidates, key=lambda c: c.key))
 
 
-def are_twins(a: Fit, b: Fit) -> bool:
-    """Whether two explanations differ only by names that such recordings can't tell apart."""
+def are_confounded(a: Fit, b: Fit) -> bool:
+    """Whether two explanations differ only by effects that such recordings can't tell apart."""
 
-    def plain(fit: Fit) -> list[str]:
-        return sorted(min(next((t for t in TWINS if n in t), {n})) for n in fit.explanation.names)
+    def plain(fit: Fit) -> list[tuple[str, str]]:
+        return sorted(
+            (min((c.effect.name, *(o.name for o in c.effect.confounded))), c.target or "")
+            for c in fit.explanation.candidates
+        )
 
     return plain(a) == plain(b)
 
 
-def _offers(contender: Contender, fitter: Fitter) -> list[tuple[float, type[AbstractEffect], np.ndarray]]:
+def singles(vocabulary: Vocabulary) -> frozenset[Key]:
+    """Return all explanations of one effect."""
+    return frozenset((candidate,) for candidate in vocabulary)
+
+
+def _offers(contender: Contender, fitter: Fitter) -> list[tuple[float, Candidate, np.ndarray]]:
     """Every effect that is not in yet, nor told apart from one that is, most promising first, with a start vector."""
-    held = set(contender.fit.explanation.names)
+    held = contender.fit.explanation.candidates
+    taken = {c.name for c in held}
+    alike = {(o.name, c.target) for c in held for o in c.effect.confounded}
     out = []
-    for name, kinds in EFFECTS.items():
-        if name in held or any(name in twins and twins & held for twins in TWINS):
-            continue
-        for kind in kinds:
-            if kind in contender.promises:
-                gain, vector = contender.promises[kind]
-                out.append((gain, kind, clip(kind, vector, fitter.context)))
+    for candidates in fitter.system.vocabulary.by_name.values():
+        for candidate in candidates:
+            if candidate.name in taken or (candidate.effect.name, candidate.target) in alike:
+                continue
+            if candidate in contender.gains:
+                gain, vector = contender.gains[candidate]
+                out.append((gain, candidate, clip(candidate, vector, fitter.context)))
     return sorted(out, key=lambda o: -o[0])
 
 
-def contend(fitter: Fitter, fit: Fit, *known: Survey, against: float = 0.0) -> Contender:
+def contend(fitter: Fitter, fit: Fit, *known: Sensitivities, against: float = 0.0) -> Contender:
     """Return a fit as a contender; `against` are prior log odds that it has against it beside those of its size."""
-    around = surroundings(fit, *known)
+    around = normal_equations(fit, *known)
     found = evidence(around, fitter.context)
-    size = len(fit.explanation.kinds)
+    size = len(fit.explanation.candidates)
     # little mismatch: it must not take what the next effect could explain
-    return Contender(fit, around, found, found.log - ONE_MORE * size - against, promise(around, 1.0))
+    return Contender(fit, around, found, found.log - ONE_MORE * size - against, predicted_gain(around, 1.0))

@@ -1,4 +1,4 @@
-"""Where the model misses: per channel, over time as a missing wrench, and shared among what went on and where.
+"""Where the model misses: per channel, over time as a missing force, and shared among what went on and where.
 
 The recording is cut into short windows, and the model is restarted in each from a locally smoothed measured state.
 Start states are unknowns of every window and projected out, so that a window tells of its own time alone. What is
@@ -6,8 +6,8 @@ left, in units of the noise, is reduced to its slow part (polynomials of `DEGREE
 little of it, and a missing force has hardly anything else. Its sum of squares less what noise makes of it is the
 window's *excess*. Noise that is slow itself shows where the body rests, and is allowed for everywhere.
 
-The *missing wrench* of a window is the constant force and moment that, added to the command, make the model follow the
-measurement best. Where friction holds the body, no such wrench can be seen, and it is NaN.
+The *missing force* of a window is the constant generalised force that, added to the command, makes the model follow the
+measurement best. Where friction holds the object, no such force can be seen, and it is NaN.
 
 Cells of the map are tested by permutation: the excess is shifted in circles within each episode, which keeps its
 correlation in time (for cells that are whole episodes: blocks of windows change places). Apart from the regimes
@@ -18,23 +18,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import pandas as pd
 from scipy.stats import false_discovery_control, norm
 
+from runner.effects.base import Effects
 from runner.errors import RecordingError
-from runner.simulate.gap import CHANNELS, HORIZONS_S, UNITS, WHOLE_EPISODE
-from runner.simulate.shooting import PRIOR_SIGMAS, START_STEP, Restarts, Signals, Windows, whiten, windows_of
-from runner.systems.planar_box.simulator import Effects, Run, Simulator, context_of
+from runner.noise.measured import Measured
+from runner.simulate.gap import HORIZONS_S, WHOLE_EPISODE
+from runner.simulate.shooting import PRIOR_SIGMAS, WINDOWS_AT_ONCE, whiten, windows_of
+from runner.systems.base import AbstractSimulator, AbstractSystem, Labels, Run, Windows
 
 WINDOWS_S = (0.25, 0.5, 1.0)  # a longer one is less local, and sees smaller effects: taken where a shorter sees none
-SMOOTH_S = 0.1  # half width of the local smoother
-AFTER_S = 0.1  # so long a change of command is "just" past
 DEGREE = 3
-PLACES = 5  # cells along each side of the floor map
-SECTORS = 8
 PERMUTATIONS = 3999
 FEWEST = 8  # windows
 SURE = 0.01
@@ -42,27 +39,7 @@ LEVEL = 0.05  # of the false discovery rate
 NOISE_SHARE = 0.06  # the noise may be this much larger (in variance) than stated before it counts as a gap
 BLOCK = 4  # windows that change places together where whole episodes are compared
 REST_FREEDOM = 30  # values that the noise at rest must rest on
-WEAK = 0.25  # a wrench known no better than this share of its prior is not known
-
-REGIMES = (
-    "at rest",
-    "stuck under load",
-    "pushed straight",
-    "pushed turning",
-    "coasting",
-    "spinning",
-    "just after a change of command",
-)
-PHRASES = {
-    "regime": "{}",
-    "push": "under {}",
-    "place": "around {}",
-    "heading in the world": "when moving towards {} in the world",
-    "heading in the body": "when moving towards {} in the body",
-    "speed": "at {}",
-    "time": "in {} of an episode",
-    "episode": "in {}",
-}
+WEAK = 0.25  # a force known no better than this share of its prior is not known
 
 
 @dataclass(frozen=True)
@@ -71,11 +48,10 @@ class Where:
 
     Args:
         gap: Per channel and horizon, start states fitted: `channel`, `unit`, `horizon`, `rms`, `noise`, `noises`.
-        windows: One row per window: `episode`, `t_s` (its middle), `x_m`, `y_m`, `yaw_rad`, `speed_m_s`, `rate_rad_s`,
-            a column for each factor of `cells` but the channel, `excess`, `excess_<channel>`, `freedom`.
-        wrench: The missing wrench, one row per window of the shortest length: `fx_n`, `fy_n`, `mz_n_m` (world; moment
-            about the vertical through the geometric centre), `fx_body_n`, `fy_body_n`, each with `_se`; NaN: not to be
-            seen.
+        windows: One row per window: `episode`, `t_s` (its middle), what the system's labels say of it (a column for
+            each factor of `cells` but the channel), `excess`, `excess_<channel>`, `freedom`.
+        missing_force: One row per window of the shortest length: its labels, the numbers that the system's disturbance
+            names and the system's further views of them, each with `_se`; NaN: not to be seen.
         cells: One row per cell: `factor`, `cell`, `n` (windows), `excess`, `share` (of all excess), `lift` (share over
             share of the windows), `p` (one-sided, that it is as large by chance), `q` (Benjamini-Hochberg), and for
             places `x_m`, `y_m`.
@@ -86,7 +62,7 @@ class Where:
 
     gap: pd.DataFrame
     windows: pd.DataFrame
-    wrench: pd.DataFrame
+    missing_force: pd.DataFrame
     cells: pd.DataFrame
     window_s: float
     excess: float
@@ -101,89 +77,86 @@ class Where:
 
 
 def localise(
-    simulator: Simulator, measured: Signals, starts_by_episode: Mapping[int, np.ndarray], effects: Effects = ()
+    system: AbstractSystem, measured: Measured, starts_by_episode: Mapping[int, np.ndarray], effects: Effects = ()
 ) -> Where:
     """Tell where a model misses a recording.
 
     Args:
-        simulator: Of the recording.
+        system: What was recorded.
         measured: Its channels and their noise.
-        starts_by_episode: Start state of each episode that counts, by its position, (6,): for whole episodes.
+        starts_by_episode: Start state of each episode that counts, by its position, (S,): for whole episodes.
         effects: What the model holds beyond the nominal one.
 
     Raises:
         RecordingError: If there are not even a few windows.
     """
-    recording = simulator.recording
     episodes = sorted(starts_by_episode)
-    lengths = [len(e) for e in recording.episodes]
-    restarts = Restarts(simulator, effects)
-    rate = recording.nominal.rate_hz
+    lengths = [len(e) for e in system.recording.episodes]
+    simulator, rate = system.simulator(), system.rate_hz
+    model = _Model(system, simulator, effects)
     rows = []
     for horizon in HORIZONS_S:
         windows = windows_of(lengths, max(1, round(horizon * rate)), episodes)
         if len(windows):
-            one = _linearised(restarts, windows, measured, smoothed_states(windows, measured, rate))
-            rows += _gap_rows(f"{horizon:g} s", *one.left(), measured)
+            smoothed = system.initial.guess_windows(measured, windows, smooth=True)
+            one = _linearised(model, windows, measured, smoothed)
+            rows += _gap_rows(system, f"{horizon:g} s", *one.left(), measured)
     whole = [simulator.predict(e, [Run(effects, starts_by_episode[e])])[0] - measured.values[e] for e in episodes]
     valid = np.concatenate([measured.valid[e] for e in episodes])
     squares = np.where(valid, np.concatenate(whole) ** 2, 0.0).sum(axis=0)
-    rows += _gap_rows(WHOLE_EPISODE, squares, valid.sum(axis=0) - len(episodes), measured)
+    rows += _gap_rows(system, WHOLE_EPISODE, squares, valid.sum(axis=0) - len(episodes), measured)
 
-    check_length(simulator, episodes)
-    windows = _windows(simulator, WINDOWS_S[0], episodes)
-    shortest = look = _look(restarts, windows, measured, np.ones(len(CHANNELS)))
+    check_length(system, episodes)
+    windows = _windows(system, WINDOWS_S[0], episodes)
+    shortest = look = _look(model, windows, measured, np.ones(len(system.channels)))
     noise = look.noise
     for window_s in WINDOWS_S[1:]:
-        windows = _windows(simulator, window_s, episodes)
+        windows = _windows(system, window_s, episodes)
         if look.p < SURE or len(windows) < FEWEST:
             break
-        longer = _look(restarts, windows, measured, noise)
+        longer = _look(model, windows, measured, noise)
         noise = longer.noise
         look = longer if longer.p < SURE else look
-    table = look.tags.assign(
+    table = look.labels.table.assign(
         excess=look.excess.sum(axis=1),
         freedom=look.freedom.sum(axis=1),
-        **{f"excess_{c}": look.excess[:, i] for i, c in enumerate(CHANNELS)},
+        **{f"excess_{c.name}": look.excess[:, i] for i, c in enumerate(system.channels)},
     )
-    cells = _cells(table, look.excess, look.freedom, look.places)
-    keys = shortest.tags[["episode", "t_s", "x_m", "y_m", "yaw_rad", "regime", "heading in the world"]]
-    wrench = _wrench(shortest.local, shortest.tags["yaw_rad"].to_numpy(), simulator, float(shortest.noise.max()))
+    cells = _cells(system, table, look.excess, look.freedom, look.labels.places)
+    missing = _missing_force(system, shortest, float(shortest.noise.max()))
     return Where(
         gap=pd.DataFrame(rows),
         windows=table,
-        wrench=pd.concat([keys, wrench], axis=1),
+        missing_force=pd.concat([shortest.labels.table, missing], axis=1),
         cells=cells,
         window_s=(look.local.raw.shape[1] - 1) / rate,
         excess=float(look.excess.sum()),
         freedom=float(look.freedom.sum()),
         p=look.p,
-        sentence=_sentence(cells, look.p),
+        sentence=_sentence(system, cells, look.p),
     )
 
 
-def check_length(simulator: Simulator, episodes: Sequence[int] | None = None) -> None:
+def check_length(system: AbstractSystem, episodes: Sequence[int] | None = None) -> None:
     """Refuse a recording, or these episodes of it, that is too short to tell anything.
 
     Raises:
         RecordingError: If there are not even a few windows.
     """
-    count = len(
-        _windows(simulator, WINDOWS_S[0], range(len(simulator.recording.episodes)) if episodes is None else episodes)
-    )
+    count = len(_windows(system, WINDOWS_S[0], range(len(system.recording.episodes)) if episodes is None else episodes))
     if count < FEWEST:
         raise RecordingError(
-            f"{simulator.recording.path}: {count} windows of {WINDOWS_S[0]:g} s, at least {FEWEST} are needed."
+            f"{system.recording.path}: {count} windows of {WINDOWS_S[0]:g} s, at least {FEWEST} are needed."
         )
 
 
 def closure_by_regime(
-    simulator: Simulator, measured: Signals, episodes: Sequence[int], effects: Effects, window_s: float
+    system: AbstractSystem, measured: Measured, episodes: Sequence[int], effects: Effects, window_s: float
 ) -> pd.DataFrame:
     """Return what a model misses in each regime before and after effects are added to it.
 
     Args:
-        simulator: Of the recording.
+        system: What was recorded.
         measured: Its channels and their noise.
         episodes: Those that count, by their position.
         effects: What is added.
@@ -193,13 +166,16 @@ def closure_by_regime(
         `regime`, `windows`, and `before` and `after`: mean square of the slow residual over what noise makes of it
         (1: nothing but noise), as in `Where`. Of regimes that occur only.
     """
-    windows = _windows(simulator, window_s, sorted(episodes))
+    windows = _windows(system, window_s, sorted(episodes))
     if not len(windows):
         return pd.DataFrame(columns=["regime", "windows", "before", "after"])
-    looks = [_look(Restarts(simulator, e), windows, measured, np.ones(len(CHANNELS))) for e in ((), effects)]
-    regime = looks[0].tags["regime"].to_numpy()
+    simulator = system.simulator()
+    looks = [
+        _look(_Model(system, simulator, e), windows, measured, np.ones(len(system.channels))) for e in ((), effects)
+    ]
+    regime = looks[0].labels.table["regime"].to_numpy()
     rows = []
-    for name in REGIMES:
+    for name in system.regimes:
         here = regime == name
         if here.any():
             ratios = [1.0 + float(k.excess[here].sum()) / max(float(k.freedom[here].sum()), 1e-9) for k in looks]
@@ -207,10 +183,22 @@ def closure_by_regime(
     return pd.DataFrame(rows)
 
 
-def _windows(simulator: Simulator, window_s: float, episodes: Sequence[int]) -> Windows:
-    lengths = [len(e) for e in simulator.recording.episodes]
-    samples = max(DEGREE + 1, round(window_s * simulator.recording.nominal.rate_hz))
+def _windows(system: AbstractSystem, window_s: float, episodes: Sequence[int]) -> Windows:
+    lengths = [len(e) for e in system.recording.episodes]
+    samples = max(DEGREE + 1, round(window_s * system.rate_hz))
     return windows_of(lengths, samples, episodes)
+
+
+@dataclass(frozen=True)
+class _Model:
+    """A system with effects in its model, ready for windows."""
+
+    system: AbstractSystem
+    simulator: AbstractSimulator
+    effects: Effects
+
+    def predict(self, windows: Windows, starts: np.ndarray, disturbance: np.ndarray | None = None) -> np.ndarray:
+        return self.simulator.predict_windows(self.effects, windows, starts, disturbance)
 
 
 @dataclass(frozen=True)
@@ -218,11 +206,10 @@ class _Look:
     """Windows of one length, and what they show."""
 
     local: _Linearised
-    tags: pd.DataFrame
-    places: dict[str, tuple[float, float]]
-    excess: np.ndarray  # (W, 6)
-    freedom: np.ndarray  # (W, 6)
-    noise: np.ndarray  # (6,), see `_noise_at_rest`
+    labels: Labels
+    excess: np.ndarray  # (W, C)
+    freedom: np.ndarray  # (W, C)
+    noise: np.ndarray  # (C,), see `_noise_at_rest`
 
     @property
     def p(self) -> float:
@@ -231,72 +218,49 @@ class _Look:
         return float(norm.sf((float(self.excess.sum()) - NOISE_SHARE * free) / np.sqrt(2 * max(free, 1e-9))))
 
 
-def _look(restarts: Restarts, windows: Windows, measured: Signals, shorter: np.ndarray) -> _Look:
-    simulator = restarts.simulator
-    rate = simulator.recording.nominal.rate_hz
-    first = _linearised(restarts, windows, measured, smoothed_states(windows, measured, rate))
-    local = _linearised(restarts, windows, measured, first.fitted(), wrench_steps(simulator))
-    tags, places = _tags(simulator, measured, windows)
+def _look(model: _Model, windows: Windows, measured: Measured, shorter: np.ndarray) -> _Look:
+    system = model.system
+    first = _linearised(model, windows, measured, system.initial.guess_windows(measured, windows, smooth=True))
+    local = _linearised(model, windows, measured, first.fitted(), np.diag(system.disturbance.steps))
+    labels = system.label(measured, windows)
     slow, freedom = local.slow()
-    noise = _noise_at_rest(slow, freedom, tags["regime"].to_numpy() == REGIMES[0], shorter)
-    return _Look(local, tags, places, slow / noise - freedom, freedom, noise)
-
-
-def smoothed_states(windows: Windows, signals: Signals, rate_hz: float) -> np.ndarray:
-    """Return states at the starts of windows from local cubics through poses and velocities, (W, 6)."""
-    reach = max(2, round(SMOOTH_S * rate_hz))
-    out = np.empty((len(windows), 6))
-    for w, (e, f) in enumerate(zip(windows.episode, windows.first, strict=True)):
-        span = np.arange(max(0, f - reach), min(len(signals.values[e]), f + reach + 1))
-        t = (span - f) / rate_hz
-        pose = np.stack([np.ones_like(t), t, t**2 / 2, t**3 / 6], axis=1)
-        rate = np.stack([np.zeros_like(t), np.ones_like(t), t, t**2 / 2], axis=1)
-        for c in range(3):
-            weight = signals.valid[e][span][:, [c, c + 3]] / signals.sigma[[c, c + 3]]
-            matrix = np.vstack([pose * weight[:, :1], rate * weight[:, 1:]])
-            right = (signals.values[e][span][:, [c, c + 3]] * weight).T.ravel()
-            out[w, [c, c + 3]] = np.linalg.lstsq(matrix, right, rcond=None)[0][:2]
-    return out
-
-
-def wrench_steps(simulator: Simulator) -> np.ndarray:
-    """Return small wrenches for differences, (3, 3): N, N, N m."""
-    context = context_of(simulator.recording)
-    force = 0.03 * context.friction_n
-    return np.diag([force, force, force * context.size_m])
+    noise = _noise_at_rest(slow, freedom, labels.table["regime"].to_numpy() == system.regimes[0], shorter)
+    return _Look(local, labels, slow / noise - freedom, freedom, noise)
 
 
 @dataclass(frozen=True)
 class _Linearised:
     """Windows around their start states: everything in units of the noise.
 
-    `starts` (W, 6); `residual` whitened (W, n, 6); `raw` the same in physical units; `jacobian` by the start states,
-    per noise, whitened (W, n, 6, 6), and `change` the same not whitened; `by_wrench` per step, whitened (W, n, 6, 3).
+    `starts` (W, S), `scale` of them (S,); `residual` whitened (W, n, C); `raw` the same in physical units; `jacobian`
+    by the starts, per scale, whitened (W, n, C, S), and `change` the same not whitened; `by_force` per step, whitened
+    (W, n, C, D).
     """
 
-    measured: Signals
+    measured: Measured
+    scale: np.ndarray
     starts: np.ndarray
     valid: np.ndarray
     raw: np.ndarray
     residual: np.ndarray
     change: np.ndarray
     jacobian: np.ndarray
-    by_wrench: np.ndarray
+    by_force: np.ndarray
 
     def _solve(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the inverse of the normal equations, (W, 6, 6), and the step of the start states, (W, 6), noises."""
-        w = len(self.starts)
-        matrix = self.jacobian.reshape(w, -1, 6)
-        inverse = np.linalg.inv(matrix.transpose(0, 2, 1) @ matrix + np.eye(6) / PRIOR_SIGMAS**2)
+        """Return the inverse of the normal equations, (W, S, S), and the step of the starts, (W, S), per scale."""
+        w, size = self.starts.shape
+        matrix = self.jacobian.reshape(w, -1, size)
+        inverse = np.linalg.inv(matrix.transpose(0, 2, 1) @ matrix + np.eye(size) / PRIOR_SIGMAS**2)
         right = matrix.transpose(0, 2, 1) @ self.residual.reshape(w, -1, 1)
         return inverse, -(inverse @ right)[..., 0]
 
     def fitted(self) -> np.ndarray:
         """Return start states one step closer to the measurement."""
-        return self.starts + self._solve()[1] * self.measured.sigma
+        return self.starts + self._solve()[1] * self.scale
 
     def left(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums of squares per channel, the start states fitted, physical units, and their freedom, (6,) each."""
+        """Return sums of squares per channel, the start states fitted, physical units, and their freedom, (C,) each."""
         inverse, step = self._solve()
         left = self.raw + (self.change @ step[:, None, :, None])[..., 0] * self.measured.sigma
         followed = ((self.change @ inverse[:, None]) * self.change).sum(axis=-1)
@@ -304,7 +268,7 @@ class _Linearised:
         return np.where(self.valid, left**2, 0.0).sum(axis=(0, 1)), freedom.sum(axis=(0, 1))
 
     def slow(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return sums of squares of the slow residual, and what noise makes of them, per window and channel, (W, 6)."""
+        """Return sums of squares of the slow residual, and what noise makes of them, per window and channel, (W, C)."""
         w, n, c, p = self.jacobian.shape
         basis = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, n), min(DEGREE, n - 1)))[0]
         d = basis.shape[1]
@@ -321,43 +285,49 @@ class _Linearised:
         left = (out @ part[..., None])[..., 0].reshape(w, c, d)
         return (left**2).sum(axis=2), freedom
 
-    def wrench(self, prior_steps: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the missing wrench in steps, (W, 3), and its covariance, (W, 3, 3), inflated where the fit is bad."""
-        w, n, c, _ = self.jacobian.shape
-        matrix = np.concatenate([self.jacobian, self.by_wrench], axis=-1).reshape(w, n * c, 9)
-        weak = np.diag([PRIOR_SIGMAS**-2] * 6 + [prior_steps**-2] * 3)
+    def missing_force(self, prior_steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the missing force in steps, (W, D), and its covariance, (W, D, D), inflated where the fit is bad."""
+        w, n, c, s = self.jacobian.shape
+        d = len(prior_steps)
+        matrix = np.concatenate([self.jacobian, self.by_force], axis=-1).reshape(w, n * c, s + d)
+        weak = np.diag([PRIOR_SIGMAS**-2] * s + list(prior_steps**-2.0))
         inverse = np.linalg.inv(matrix.transpose(0, 2, 1) @ matrix + weak)
         flat = self.residual.reshape(w, n * c, 1)
         solution = -(inverse @ (matrix.transpose(0, 2, 1) @ flat))
         left = flat + matrix @ solution
-        misfit = (left[..., 0] ** 2).sum(axis=1) / np.maximum(self.valid.sum(axis=(1, 2)) - 9, 1)
-        return solution[:, 6:, 0], inverse[:, 6:, 6:] * np.maximum(misfit, 1.0)[:, None, None]
+        misfit = (left[..., 0] ** 2).sum(axis=1) / np.maximum(self.valid.sum(axis=(1, 2)) - s - d, 1)
+        return solution[:, s:, 0], inverse[:, s:, s:] * np.maximum(misfit, 1.0)[:, None, None]
 
 
 def _linearised(
-    restarts: Restarts, windows: Windows, measured: Signals, starts: np.ndarray, wrenches: np.ndarray | None = None
+    model: _Model, windows: Windows, measured: Measured, starts: np.ndarray, forces: np.ndarray | None = None
 ) -> _Linearised:
-    extra = np.zeros((0, 3)) if wrenches is None else wrenches
-    offsets = np.vstack([np.zeros(6), np.diag(START_STEP), np.zeros((len(extra), 6))])
-    push = np.vstack([np.zeros((7, 3)), extra]) if len(extra) else None
-    rows = restarts.predict(windows, starts[:, None] + offsets, push)
+    steps, scale = model.system.initial.steps, model.system.initial.scale(measured.sigma)
+    size, d = len(steps), len(model.system.disturbance.steps)
+    extra = np.zeros((0, d)) if forces is None else forces
+    offsets = np.vstack([np.zeros(size), np.diag(steps), np.zeros((len(extra), size))])
+    push = np.vstack([np.zeros((1 + size, d)), extra]) if len(extra) else None
+    rows = np.concatenate(
+        [model.predict(some, starts[part, None] + offsets, push) for part, some in windows.chunks(WINDOWS_AT_ONCE)]
+    )
     values, valid = windows.of(measured.values), windows.of(measured.valid)
     raw = rows[:, 0] - values
-    moved = (rows[:, 1:7] - rows[:, :1]) / START_STEP[:, None, None] * measured.sigma[:, None, None]
+    moved = (rows[:, 1 : 1 + size] - rows[:, :1]) / steps[:, None, None] * scale[:, None, None]
     return _Linearised(
         measured=measured,
+        scale=scale,
         starts=starts,
         valid=valid,
         raw=raw,
         residual=whiten(raw, valid, measured),
         change=np.moveaxis(moved / measured.sigma, 1, -1),
         jacobian=np.moveaxis(whiten(moved, valid[:, None], measured), 1, -1),
-        by_wrench=np.moveaxis(whiten(rows[:, 7:] - rows[:, :1], valid[:, None], measured), 1, -1),
+        by_force=np.moveaxis(whiten(rows[:, 1 + size :] - rows[:, :1], valid[:, None], measured), 1, -1),
     )
 
 
 def _noise_at_rest(slow: np.ndarray, freedom: np.ndarray, rest: np.ndarray, shorter: np.ndarray) -> np.ndarray:
-    """Return how much more slow noise each channel has at rest than it should, at least 1, (6,).
+    """Return how much more slow noise each channel has at rest than it should, at least 1, (C,).
 
     Where there is too little rest to tell, noise that was slow in `shorter` windows of half the length is taken for
     slower still: its ratio squared.
@@ -368,149 +338,45 @@ def _noise_at_rest(slow: np.ndarray, freedom: np.ndarray, rest: np.ndarray, shor
     return np.where(free >= REST_FREEDOM, np.where(sure, ratio, 1.0), shorter**2)
 
 
-def _gap_rows(horizon: str, squares: np.ndarray, count: np.ndarray, measured: Signals) -> list[dict[str, object]]:
+def _gap_rows(
+    system: AbstractSystem, horizon: str, squares: np.ndarray, count: np.ndarray, measured: Measured
+) -> list[dict[str, object]]:
     rms = np.sqrt(squares / np.maximum(count, 1e-9))
     return [
         {
-            "channel": channel,
-            "unit": UNITS[c],
+            "channel": channel.name,
+            "unit": channel.unit,
             "horizon": horizon,
             "rms": float(rms[c]),
             "noise": float(measured.sigma[c]),
             "noises": float(rms[c] / measured.sigma[c]),
         }
-        for c, channel in enumerate(CHANNELS)
+        for c, channel in enumerate(system.channels)
     ]
 
 
-def _wrench(local: _Linearised, yaw: np.ndarray, simulator: Simulator, inflation: float) -> pd.DataFrame:
-    step = np.diag(wrench_steps(simulator))
-    context = context_of(simulator.recording)
-    prior_steps = 3 * max(context.friction_n, context.force_n) / step[0]
-    steps, covariance = local.wrench(prior_steps)
-    covariance = covariance * inflation
-    value, spread = steps * step, covariance * step[:, None] * step
-    turn = np.zeros((len(yaw), 3, 3))  # world to body
-    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(yaw)
-    turn[:, 0, 1], turn[:, 1, 0], turn[:, 2, 2] = np.sin(yaw), -np.sin(yaw), 1.0
-    body = (turn @ value[..., None])[..., 0]
-    body_spread = turn @ spread @ turn.transpose(0, 2, 1)
-    out: dict[str, np.ndarray] = {}
-    for values, covariances, names in (
-        (value, spread, ("fx_n", "fy_n", "mz_n_m")),
-        (body, body_spread, ("fx_body_n", "fy_body_n")),
-    ):
-        for i, name in enumerate(names):
-            error = np.sqrt(covariances[:, i, i])
-            known = error < WEAK * prior_steps * step[i]
-            out[name] = np.where(known, values[:, i], np.nan)
-            out[f"{name}_se"] = np.where(known, error, np.nan)
-    return pd.DataFrame(out)
-
-
-def _tags(
-    simulator: Simulator, measured: Signals, windows: Windows
-) -> tuple[pd.DataFrame, dict[str, tuple[float, float]]]:
-    """Return what went on in each window, from commands and measurements alone, and where the places are."""
-    recording = simulator.recording
-    context = context_of(recording)
-    size, rate = context.size_m, recording.nominal.rate_hz
-    mean = windows.of(measured.values).mean(axis=1)
-    velocity, turning = mean[:, 3:5], mean[:, 5]
-    speed, surface = np.linalg.norm(velocity, axis=1), np.abs(turning) * size
-    slow = 0.01 * np.sqrt(recording.nominal.gravity_m_s2 * size)
-    error = measured.sigma[3:] / np.sqrt(windows.samples)
-    moves, turns = speed > max(slow, 4 * error[0]), surface > max(slow, 4 * error[2] * size)
-
-    force, arm, changed = [], [], []
-    for episode in recording.episodes:
-        f, (c, s) = np.nan_to_num(episode.force_n), (np.cos(episode.pose[:, 2]), np.sin(episode.pose[:, 2]))
-        point = np.nan_to_num(episode.point_m)
-        px, py = c * point[:, 0] - s * point[:, 1], s * point[:, 0] + c * point[:, 1]
-        moment = px * f[:, 1] - py * f[:, 0]
-        size_n = np.linalg.norm(f, axis=1)
-        force.append(size_n)
-        arm.append(np.divide(moment, size_n * size, out=np.zeros_like(moment), where=size_n > 0))
-        # the moment turns with the body: a change of point is one of the command
-        jump = np.linalg.norm(np.diff(f, axis=0, prepend=f[:1]), axis=1)
-        shift = np.linalg.norm(np.diff(point * size_n[:, None], axis=0, prepend=(point * size_n[:, None])[:1]), axis=1)
-        changed.append(np.maximum(jump, shift / size) > 0.2 * context.force_n)
-    steps = windows.samples - 1
-    held, arms = windows.of(force)[:, :-1], windows.of(arm)[:, :-1]
-    pushed = (held > 1e-9 * context.force_n).mean(axis=1) > 0.5
-    lever = (arms * held).sum(axis=1) / np.maximum(held.sum(axis=1), 1e-300)
-    back = round(AFTER_S * rate)
-    after = np.array(
-        [changed[e][max(0, f - back) : f + steps].any() for e, f in zip(windows.episode, windows.first, strict=True)],
-        bool,
+def _missing_force(system: AbstractSystem, look: _Look, inflation: float) -> pd.DataFrame:
+    step, prior = system.disturbance.steps, system.disturbance.prior
+    steps, covariance = look.local.missing_force(prior / step)
+    value, spread = steps * step, covariance * inflation * step[:, None] * step
+    error = np.sqrt(np.einsum("wdd->wd", spread))
+    known = error < WEAK * prior
+    out = {}
+    for i, name in enumerate(system.disturbance.names):
+        out[name] = np.where(known[:, i], value[:, i], np.nan)
+        out[f"{name}_se"] = np.where(known[:, i], error[:, i], np.nan)
+    views = system.missing_force_views(
+        np.where(known, value, np.nan), np.where((known[:, :, None] & known[:, None, :]), spread, np.nan), look.labels
     )
-    still = ~moves & ~turns
-    regime = np.select(
-        [after, still & pushed, still, pushed & (surface > 0.3 * speed), pushed, surface > speed],
-        [REGIMES[i] for i in (6, 1, 0, 3, 2, 5)],
-        REGIMES[4],
-    )
-    push = np.select(
-        [~pushed, np.abs(lever) < 0.1, lever > 0],
-        ["no push", "a central push", "an off-centre push (counter-clockwise)"],
-        "an off-centre push (clockwise)",
-    )
-    sector = np.arctan2(velocity[:, 1], velocity[:, 0])
-    place, places = _places(mean[:, :2])
-    middle = windows.first + steps / 2
-    part = middle / np.array([len(recording.episodes[e]) for e in windows.episode])
-    tags = pd.DataFrame(
-        {
-            "episode": [f"episode {recording.episodes[e].index}" for e in windows.episode],
-            "t_s": [recording.episodes[e].t_s[0] + m / rate for e, m in zip(windows.episode, middle, strict=True)],
-            "x_m": mean[:, 0],
-            "y_m": mean[:, 1],
-            "yaw_rad": mean[:, 2],
-            "speed_m_s": speed,
-            "rate_rad_s": turning,
-            "regime": regime,
-            "push": push,
-            "place": place,
-            "heading in the world": _sector(sector, moves),
-            "heading in the body": _sector(sector - mean[:, 2], moves),
-            "speed": _speeds(speed, moves),
-            "time": np.array([f"the {q} quarter" for q in ("first", "second", "third", "last")])[
-                np.minimum(4 * part, 3).astype(int)
-            ],
-        }
-    )
-    return tags, places
-
-
-def _sector(angle: np.ndarray, moves: np.ndarray) -> np.ndarray:
-    step = 360 // SECTORS
-    degrees = (np.round(np.degrees(angle) / step).astype(int) * step + 179) % 360 - 179
-    return np.array([f"{d:d}°" if m else None for d, m in zip(degrees, moves, strict=True)], dtype=object)
-
-
-def _speeds(speed: np.ndarray, moves: np.ndarray) -> np.ndarray:
-    out = np.full(len(speed), None, dtype=object)
-    if moves.sum() >= 8:
-        edges = np.quantile(speed[moves], [0, 0.25, 0.5, 0.75, 1])
-        k = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, 3)
-        out[moves] = np.array([f"{a:.2f} to {b:.2f} m/s" for a, b in pairwise(edges)])[k[moves]]
-    return out
-
-
-def _places(xy: np.ndarray) -> tuple[np.ndarray, dict[str, tuple[float, float]]]:
-    """Return a label of the floor's cell for each position (W, 2), and the cells' centres; the cells are square."""
-    low, high = xy.min(axis=0), xy.max(axis=0)
-    side = max(float((high - low).max()) / PLACES, 1e-9)
-    cell = np.minimum((xy - low) // side, np.ceil((high - low) / side) - 1).clip(0).astype(int)
-    centre = low + (cell + 0.5) * side
-    labels = [f"x {x:.2f} m, y {y:.2f} m" for x, y in centre]
-    return np.array(labels, dtype=object), {
-        label: (float(x), float(y)) for label, (x, y) in zip(labels, centre, strict=True)
-    }
+    return pd.DataFrame(out | views)
 
 
 def _cells(
-    table: pd.DataFrame, excess: np.ndarray, freedom: np.ndarray, places: Mapping[str, tuple[float, float]]
+    system: AbstractSystem,
+    table: pd.DataFrame,
+    excess: np.ndarray,
+    freedom: np.ndarray,
+    places: Mapping[str, tuple[float, float]],
 ) -> pd.DataFrame:
     """Return share, lift and significance of every cell with windows in it."""
     total = float(excess.sum())
@@ -522,12 +388,14 @@ def _cells(
     episode = table["episode"].to_numpy()
     shifts, blocks = _shifts(episode, rng), _blocks(len(table), rng)
     rows = []
-    for c, channel in enumerate(CHANNELS):
+    for c, channel in enumerate(system.channels):
         free = float(freedom[:, c].sum())
         score = (float(excess[:, c].sum()) - NOISE_SHARE * free) / np.sqrt(2 * max(free, 1e-9))
-        rows.append(_row("channel", channel, len(table), float(excess[:, c].sum()), total, 1.0 / len(CHANNELS)))
+        rows.append(
+            _row("channel", channel.name, len(table), float(excess[:, c].sum()), total, 1.0 / len(system.channels))
+        )
         rows[-1]["p"] = float(norm.sf(score))
-    for factor in PHRASES:
+    for factor in system.factors:
         labels = table[factor].to_numpy(dtype=object)
         names = sorted({label for label in labels if isinstance(label, str)})
         inside = np.stack([labels == name for name in names], axis=1) if names else np.zeros((len(table), 0), bool)
@@ -583,7 +451,7 @@ def _blocks(count: int, rng: np.random.Generator) -> np.ndarray:
     ).reshape(PERMUTATIONS, count)
 
 
-def _sentence(cells: pd.DataFrame, p: float) -> str:
+def _sentence(system: AbstractSystem, cells: pd.DataFrame, p: float) -> str:
     """Say where the gap is, in one sentence."""
     if not p < SURE:
         return "nothing exceeds chance"
@@ -594,18 +462,13 @@ def _sentence(cells: pd.DataFrame, p: float) -> str:
     found = [r for r in rows if r["factor"] != "channel" and r["q"] < LEVEL and r["lift"] > 1]
     # what is rarer by chance comes first, and of equals what has more of the excess
     for regime in (True, False):
-        these = [r for r in found if (r["factor"] in ("regime", "push")) is regime]
+        these = [r for r in found if (r["factor"] in system.activities) is regime]
         if these:
             best = min(these, key=lambda r: (r["p"], -r["share"]))
-            parts.append(f"{_phrase(best)} ({best['share']:+.0%} of the excess)")
+            parts.append(f"{system.phrase(best['factor'], best['cell'])} ({best['share']:+.0%} of the excess)")
     if len(parts) == 1:
-        return f"{parts[0]}, wherever and whenever the body moves"
+        return f"{parts[0]}, wherever and whenever the {system.noun} moves"
     return ", ".join(parts)
 
 
-def _phrase(row: Mapping[str, object]) -> str:
-    phrase = PHRASES[str(row["factor"])].format(row["cell"])
-    return f"when {phrase}" if phrase.startswith(("pushed", "coasting", "spinning", "stuck")) else phrase
-
-
-__all__ = ["Where", "localise", "smoothed_states"]
+__all__ = ["Where", "check_length", "closure_by_regime", "localise"]

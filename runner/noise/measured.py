@@ -11,12 +11,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from runner.noise.model import Colour, Found, estimate
-from runner.recording import Episode, Recording, Span
+from runner.noise.model import Found, NoiseModel, estimate
+from runner.systems.base import AbstractSystem, Span
 
-CHANNELS = ("x", "y", "yaw", "vx", "vy", "wz")
-UNITS = ("m", "m", "rad", "m/s", "m/s", "rad/s")
-KINDS = ("position", "position", "yaw", "velocity", "velocity", "rate")
 OUTLIER_SIGMAS = 6.0
 MATERIAL = 0.05  # a noise level that moved by this share, or a colour by twice as much, is another one
 
@@ -26,17 +23,19 @@ class Measured:
     """The measured channels of all episodes.
 
     Args:
+        t_s: Times of the samples, per episode (T,).
         values: Per episode (T, C).
         sigma: Noise standard deviation of each channel, (C,).
-        colour: Of the noise of each channel.
+        noise_model: Of each channel: which part of the noise is slow.
         valid: Per episode (T, C): False for outliers and what was not measured.
         stated: Whether the owner stated the noise of each channel, (C,).
         hung: The first sample of an episode that hangs on a breakaway: from there on it says nothing to a fit.
     """
 
+    t_s: tuple[np.ndarray, ...]
     values: tuple[np.ndarray, ...]
     sigma: np.ndarray
-    colour: Colour
+    noise_model: NoiseModel
     valid: tuple[np.ndarray, ...]
     stated: np.ndarray
     hung: Mapping[int, int] = field(default_factory=dict)
@@ -50,13 +49,15 @@ class Measured:
     def whiten(self, episode: int, residual: np.ndarray) -> np.ndarray:
         """Return residuals (..., T, C) in units of the noise, its colour taken out; 0 where they don't count."""
         valid = self.counted(episode)
-        return np.where(valid, self.colour.whiten(np.where(valid, residual / self.sigma, 0.0)), 0.0)
+        return np.where(valid, self.noise_model.whiten(np.where(valid, residual / self.sigma, 0.0)), 0.0)
 
     def parts(self, spans: Sequence[Span]) -> Measured:
         """Return parts of the episodes as episodes of their own; the noise is what it was."""
-        values, valid = (tuple(v[s.episode][s.begin : s.end] for s in spans) for v in (self.values, self.valid))
+        t_s, values, valid = (
+            tuple(v[s.episode][s.begin : s.end] for s in spans) for v in (self.t_s, self.values, self.valid)
+        )
         hung = {i: max(self.hung[s.episode] - s.begin, 0) for i, s in enumerate(spans) if s.episode in self.hung}
-        return replace(self, values=values, valid=valid, hung=hung)
+        return replace(self, t_s=t_s, values=values, valid=valid, hung=hung)
 
     def without(self, hung: Mapping[int, int]) -> Measured:
         """Return the same less what hangs on a breakaway, from such a sample of an episode on."""
@@ -72,22 +73,26 @@ class Measured:
         return loss / self.count(episodes) - 1.0
 
 
-def measure(recording: Recording) -> Measured:
-    """Prepare a planar recording: the noise where it isn't stated, and its colour, from its rests; outliers."""
-    values = tuple(np.hstack([e.pose, e.twist]) for e in recording.episodes)
-    rests = [v[s] for v, e in zip(values, recording.episodes, strict=True) for s in rest_segments(e)]
-    stated = _stated(recording)
-    white = np.array([_white([v[:, columns] for v in values]) for columns in _columns().values()])
-    sigma, colour = _noise([r for r in rests if np.isfinite(r).all()], recording.episodes[0].step_s, stated, white)
-    return Measured(values, sigma, colour, tuple(_inliers(v, sigma) for v in values), np.isfinite(stated))
+def measure(system: AbstractSystem) -> Measured:
+    """Prepare a recording: the noise where it isn't stated, and its colour, from its rests; outliers."""
+    values = system.values()
+    rests = [values[e][s] for e, s in system.rests()]
+    stated = system.stated_noise()
+    groups = _groups(system)
+    white = np.array([_white([v[:, columns] for v in values]) for columns in groups])
+    rests = [r for r in rests if np.isfinite(r).all()]
+    sigma, noise_model = _noise(rests, _step_s(system), groups, stated, white)
+    t_s = tuple(np.asarray(e.t_s) for e in system.recording.episodes)
+    valid = tuple(_inliers(v, sigma) for v in values)
+    return Measured(t_s, values, sigma, noise_model, valid, np.isfinite(stated))
 
 
-def refine(measured: Measured, recording: Recording, residuals: dict[int, np.ndarray]) -> Measured:
+def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.ndarray]) -> Measured:
     """Look at the noise again in what a model leaves, which is far closer to noise than a motion is.
 
     Args:
         measured: What is known so far.
-        recording: Where it comes from.
+        system: Where it comes from.
         residuals: Per episode (T, C), prediction less measurement in physical units.
     """
     stretches = []
@@ -99,54 +104,49 @@ def refine(measured: Measured, recording: Recording, residuals: dict[int, np.nda
             if bad.any() and not bad.all():
                 filled[bad, c] = np.interp(np.flatnonzero(bad), np.flatnonzero(~bad), filled[~bad, c])
         stretches.append(np.nan_to_num(filled)[: measured.hung.get(e, len(filled))])
-    sigma, colour = _noise(stretches, recording.episodes[0].step_s, _stated(recording), measured.sigma[_firsts()])
+    groups = _groups(system)
+    otherwise = measured.sigma[[columns[0] for columns in groups]]
+    sigma, noise_model = _noise(stretches, _step_s(system), groups, system.stated_noise(), otherwise)
     valid = list(measured.valid)
     for e, residual in residuals.items():
         valid[e] = np.isfinite(measured.values[e]) & _inliers(residual, sigma)
-    return Measured(measured.values, sigma, colour, tuple(valid), measured.stated, measured.hung)
+    return replace(measured, sigma=sigma, noise_model=noise_model, valid=tuple(valid))
 
 
 def materially_different(a: Measured, b: Measured) -> bool:
     """Whether two accounts of the noise of a recording lead to other standard errors."""
     return bool(
         np.any(np.abs(np.log(a.sigma / b.sigma)) > MATERIAL)
-        or np.any(np.abs(a.colour.lag_one - b.colour.lag_one) > 2 * MATERIAL)
+        or np.any(np.abs(a.noise_model.lag_one - b.noise_model.lag_one) > 2 * MATERIAL)
     )
 
 
-def _columns() -> dict[str, list[int]]:
-    return {kind: [i for i, k in enumerate(KINDS) if k == kind] for kind in dict.fromkeys(KINDS)}
+def _groups(system: AbstractSystem) -> list[list[int]]:
+    """Return the channels of each group, which share a noise level, in the order of their first."""
+    groups = [c.group for c in system.channels]
+    return [[i for i, g in enumerate(groups) if g == group] for group in dict.fromkeys(groups)]
 
 
-def _firsts() -> list[int]:
-    return [columns[0] for columns in _columns().values()]
-
-
-def _stated(recording: Recording) -> np.ndarray:
-    """Return the stated noise of each channel, NaN where there is none, (C,)."""
-    noise = recording.nominal.noise
-    given = {
-        "position": noise.position_m,
-        "yaw": noise.yaw_rad,
-        "velocity": noise.velocity_m_s,
-        "rate": noise.rate_rad_s,
-    }
-    return np.array([np.nan if given[k] is None else given[k] for k in KINDS], float)
+def _step_s(system: AbstractSystem) -> float:
+    return system.recording.episodes[0].step_s
 
 
 def _noise(
-    stretches: Sequence[np.ndarray], step_s: float, stated: np.ndarray, otherwise: np.ndarray
-) -> tuple[np.ndarray, Colour]:
-    """Return the noise of each channel, (C,), and its colour; `otherwise` per kind where too little is there."""
-    columns = list(_columns().values())
-    known = stated[_firsts()]
-    found = estimate([[s[:, c] for s in stretches] for c in columns], step_s, known)
+    stretches: Sequence[np.ndarray],
+    step_s: float,
+    groups: Sequence[Sequence[int]],
+    stated: np.ndarray,
+    otherwise: np.ndarray,
+) -> tuple[np.ndarray, NoiseModel]:
+    """Return the noise of each channel, (C,), and its colour; `otherwise` per group where too little is there."""
+    known = stated[[columns[0] for columns in groups]]
+    found = estimate([[s[:, c] for s in stretches] for c in groups], step_s, known)
     if found is None:
         found = Found(np.where(np.isfinite(known), known, otherwise), 0.0, 0.0)
-    sigma = np.empty(len(KINDS))
-    for c, level in zip(columns, found.level, strict=True):
+    sigma = np.empty(len(stated))
+    for c, level in zip(groups, found.level, strict=True):
         sigma[c] = level
-    return sigma, Colour(np.full(len(KINDS), found.share), np.full(len(KINDS), found.memory))
+    return sigma, NoiseModel(np.full(len(stated), found.share), np.full(len(stated), found.memory))
 
 
 def _white(values: Sequence[np.ndarray]) -> float:
@@ -154,23 +154,6 @@ def _white(values: Sequence[np.ndarray]) -> float:
     # third differences leave nothing of a smooth motion: variance 20 sigma^2 for white noise
     third = np.concatenate([np.diff(v, 3, axis=0).ravel() for v in values])
     return float(np.nanmedian(np.abs(third))) / 0.6745 / np.sqrt(20.0)
-
-
-def rest_segments(episode: Episode, settle_s: float = 1.0, least_s: float = 0.3) -> list[slice]:
-    """Return where nothing has been commanded for long enough that friction has stopped the body, or it never moved."""
-    pushed = np.linalg.norm(np.nan_to_num(episode.force_n), axis=1) > 0
-    settle, least = int(settle_s / episode.step_s), max(int(least_s / episode.step_s), 8)
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], pushed, [True]]).astype(int)))
-    out = []
-    for begin, end in zip(edges[::2], edges[1::2], strict=False):
-        begin += settle
-        if end - begin >= least:
-            part = episode.twist[begin:end]
-            # at rest the mean velocity is nothing but noise
-            error = part.std(axis=0) / np.sqrt(len(part)) * 4 + 1e-12
-            if np.all(np.abs(part.mean(axis=0)) < error):
-                out.append(slice(begin, end))
-    return out
 
 
 def _inliers(values: np.ndarray, sigma: np.ndarray) -> np.ndarray:

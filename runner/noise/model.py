@@ -27,7 +27,7 @@ MEMORIES_S = 0.006, 0.25  # the slow part lasts at least and at most so long
 
 
 @dataclass(frozen=True)
-class Colour:
+class NoiseModel:
     """The colour of each channel's noise.
 
     Args:
@@ -39,7 +39,7 @@ class Colour:
     memory: np.ndarray
 
     @classmethod
-    def white(cls, channels: int) -> Colour:
+    def white(cls, channels: int) -> NoiseModel:
         """No colour."""
         return cls(np.zeros(channels), np.zeros(channels))
 

@@ -16,22 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from runner.effects.base import Effects
 from runner.errors import RecordingError
-from runner.simulate.shooting import (
-    START_STEP,
-    Predict,
-    Restarts,
-    Signals,
-    Windows,
-    first_states,
-    fit_starts,
-    unseen,
-    windows_of,
-)
-from runner.systems.planar_box.simulator import Effects, Run, Simulator
+from runner.noise.measured import Measured
+from runner.simulate.shooting import WINDOWS_AT_ONCE, Predict, fit_starts, windows_of
+from runner.systems.base import AbstractSystem, Run, Windows
 
-CHANNELS = ("x", "y", "yaw", "vx", "vy", "wz")
-UNITS = ("m", "m", "rad", "m/s", "m/s", "rad/s")
 HORIZONS_S = (0.1, 0.5, 1.0)
 WHOLE_EPISODE = "episode"
 
@@ -46,7 +36,7 @@ class Gap:
             (False: the noise is estimated), `noises` (rms / noise), `noises_expected` (the same of a perfect model),
             `windows`, `values`.
         episodes: The same for each whole episode: `episode` is its number in the recording.
-        starts: Fitted start states of the whole episodes, by position of the episode, (6,) each.
+        starts: Fitted start states of the whole episodes, by position of the episode, (S,) each.
     """
 
     table: pd.DataFrame
@@ -55,8 +45,8 @@ class Gap:
 
 
 def measure_gap(
-    simulator: Simulator,
-    signals: Signals,
+    system: AbstractSystem,
+    signals: Measured,
     *,
     effects: Effects = (),
     horizons_s: Sequence[float] = HORIZONS_S,
@@ -66,7 +56,7 @@ def measure_gap(
     """Measure the gap between a recording and its nominal model, or a corrected one.
 
     Args:
-        simulator: Of the recording.
+        system: What was recorded, and what its owner believes.
         signals: Its measured channels, and their noise.
         effects: What the corrected model holds; none: the nominal model.
         horizons_s: Lengths of windows, s.
@@ -76,56 +66,61 @@ def measure_gap(
     Raises:
         RecordingError: If a horizon is shorter than a sample, or no episode is as long as that.
     """
-    lengths = [len(e) for e in simulator.recording.episodes]
+    lengths = [len(e) for e in system.recording.episodes]
     chosen = list(range(len(lengths))) if episodes is None else list(episodes)
-    restarts = Restarts(simulator, effects)
+    simulator = system.simulator()
     rows = []
     for horizon in horizons_s:
-        samples = _samples(simulator, horizon)
+        samples = _samples(system, horizon)
         windows = windows_of(lengths, samples, chosen)
         if len(windows) == 0:
             longest = max(lengths[e] for e in chosen) - 1
             raise RecordingError(
-                f"{simulator.recording.path}: no episode is as long as the horizon {horizon:g} s; "
-                f"the longest has {longest / simulator.recording.nominal.rate_hz:g} s."
+                f"{system.recording.path}: no episode is as long as the horizon {horizon:g} s; "
+                f"the longest has {longest / system.rate_hz:g} s."
             )
         sums = [
-            _sums(lambda s, some=some: restarts.predict(some, s), some, signals, iterations=2)
-            for _, some in windows.chunks()
+            _sums(
+                system,
+                lambda s, some=some: simulator.predict_windows(effects, some, s),
+                some,
+                signals,
+                iterations=2,
+            )
+            for _, some in windows.chunks(WINDOWS_AT_ONCE)
         ]
-        rows += _rows(f"{horizon:g} s", horizon, _total(sums), signals)
+        rows += _rows(system, f"{horizon:g} s", horizon, _total(sums), signals)
         advance()
     by_episode, starts, kept = [], {}, []
     for e in chosen:
         windows = Windows(np.array([e]), np.array([0]), lengths[e])
 
         def predict(states: np.ndarray, e: int = e) -> np.ndarray:
-            true = unseen(effects, states[0], 1.0 / simulator.recording.nominal.rate_hz)
+            true = [simulator.seen_start(effects, s) for s in states[0]]
             return simulator.predict(e, [Run(effects, s) for s in true])[None]
 
-        one = _sums(predict, windows, signals, iterations=8)
+        one = _sums(system, predict, windows, signals, iterations=8)
         kept.append(one)
-        starts[e] = unseen(effects, one.starts, 1.0 / simulator.recording.nominal.rate_hz)[0]
-        number = simulator.recording.episodes[e].index
-        by_episode += [{"episode": number} | row for row in _rows(WHOLE_EPISODE, math.nan, one, signals)]
+        starts[e] = simulator.seen_start(effects, one.starts[0])
+        number = system.recording.episodes[e].index
+        by_episode += [{"episode": number} | row for row in _rows(system, WHOLE_EPISODE, math.nan, one, signals)]
         advance()
-    rows += _rows(WHOLE_EPISODE, math.nan, _total(kept), signals)
+    rows += _rows(system, WHOLE_EPISODE, math.nan, _total(kept), signals)
     return Gap(pd.DataFrame(rows), pd.DataFrame(by_episode), starts)
 
 
-def _samples(simulator: Simulator, horizon_s: float) -> int:
-    samples = round(horizon_s * simulator.recording.nominal.rate_hz)
+def _samples(system: AbstractSystem, horizon_s: float) -> int:
+    samples = round(horizon_s * system.rate_hz)
     if samples < 1:
         raise RecordingError(
-            f"horizons_s: must be at least one sample, {1 / simulator.recording.nominal.rate_hz:.4g} s, "
-            f"got {horizon_s:g} s."
+            f"horizons_s: must be at least one sample, {1 / system.rate_hz:.4g} s, got {horizon_s:g} s."
         )
     return samples
 
 
 @dataclass(frozen=True)
 class _Sums:
-    """Sums over windows and samples, per channel (6,): squares, how many values they hold, and what noise makes."""
+    """Sums over windows and samples, per channel (C,): squares, how many values they hold, and what noise makes."""
 
     windows: int
     squares: np.ndarray  # from measured starts, without the first sample, which is the start
@@ -133,16 +128,17 @@ class _Sums:
     expected: np.ndarray  # of the squares, for a perfect model
     fitted_squares: np.ndarray
     fitted_values: np.ndarray  # less their leverage
-    starts: np.ndarray  # (W, 6)
+    starts: np.ndarray  # (W, S)
 
 
-def _sums(predict: Predict, windows: Windows, signals: Signals, *, iterations: int) -> _Sums:
+def _sums(system: AbstractSystem, predict: Predict, windows: Windows, signals: Measured, *, iterations: int) -> _Sums:
     values, valid = windows.of(signals.values), windows.of(signals.valid)
-    measured = first_states(windows, signals)
-    rows = predict(np.stack([measured, *(measured + d for d in np.diag(START_STEP))], axis=1))
+    steps, scale = system.initial.steps, system.initial.scale(signals.sigma)
+    measured = system.initial.guess_windows(signals, windows, smooth=False)
+    rows = predict(np.stack([measured, *(measured + d for d in np.diag(steps))], axis=1))
     residual = rows[:, 0] - values
     # how the noise of the start state spreads
-    change = (rows[:, 1:] - rows[:, :1]) / START_STEP[:, None, None] * signals.sigma[:, None, None]
+    change = (rows[:, 1:] - rows[:, :1]) / steps[:, None, None] * scale[:, None, None]
     spread = (change**2).sum(axis=1)
     counts = valid.copy()
     counts[:, 0] = False
@@ -150,7 +146,7 @@ def _sums(predict: Predict, windows: Windows, signals: Signals, *, iterations: i
     if sound.any():
         # a start without all of its measurements says nothing of what measured starts are worth
         counts[~sound] = False
-    fitted = fit_starts(predict, values, valid, signals, measured, iterations=iterations)
+    fitted = fit_starts(predict, values, valid, signals, measured, steps, scale, iterations=iterations)
     return _Sums(
         len(windows),
         np.where(counts, residual**2, 0.0).sum(axis=(0, 1)),
@@ -177,7 +173,9 @@ def _total(sums: Sequence[_Sums]) -> _Sums:
     )
 
 
-def _rows(horizon: str, horizon_s: float, sums: _Sums, signals: Signals) -> list[dict[str, object]]:
+def _rows(
+    system: AbstractSystem, horizon: str, horizon_s: float, sums: _Sums, signals: Measured
+) -> list[dict[str, object]]:
     fitted = np.maximum(sums.fitted_values, 1e-9)
     kinds = {
         "measured": (
@@ -185,15 +183,15 @@ def _rows(horizon: str, horizon_s: float, sums: _Sums, signals: Signals) -> list
             np.sqrt(sums.expected / np.maximum(sums.values, 1)) / signals.sigma,
             sums.values,
         ),
-        "fitted": (np.sqrt(sums.fitted_squares / fitted), np.ones(len(CHANNELS)), fitted),
+        "fitted": (np.sqrt(sums.fitted_squares / fitted), np.ones(len(system.channels)), fitted),
     }
     return [
         {
             "horizon": horizon,
             "horizon_s": horizon_s,
             "starts": starts,
-            "channel": channel,
-            "unit": UNITS[c],
+            "channel": channel.name,
+            "unit": channel.unit,
             "rms": float(rms[c]),
             "noise": float(signals.sigma[c]),
             "stated": bool(signals.stated[c]),
@@ -203,5 +201,5 @@ def _rows(horizon: str, horizon_s: float, sums: _Sums, signals: Signals) -> list
             "values": float(values[c]),
         }
         for starts, (rms, expected, values) in kinds.items()
-        for c, channel in enumerate(CHANNELS)
+        for c, channel in enumerate(system.channels)
     ]

@@ -150,6 +150,11 @@ class Signals(Protocol):
         """Noise of each channel, (C,)."""
         ...
 
+    @property
+    def t_s(self) -> tuple[np.ndarray, ...]:
+        """Times of the samples of each episode, (T,)."""
+        ...
+
 
 class AbstractInitialState(ABC):
     """What of the start of an episode, or of a window of it, is unknown: S numbers.
@@ -269,11 +274,13 @@ class DrawnBody:
     shapes: tuple[Shape, ...]
 
 
-@dataclass(frozen=True)
-class Proposal:
-    """An experiment that could be done next: what to do in a sentence, and how to set it up anew."""
+class Proposal(Protocol):
+    """An experiment that could be done next."""
 
-    sentence: str
+    @property
+    def sentence(self) -> str:
+        """What to do, in a sentence or two."""
+        ...
 
 
 class AbstractSystem(ABC):
@@ -288,7 +295,9 @@ class AbstractSystem(ABC):
         disturbance: The missing generalised force.
         rate_hz: Usual samples per second.
         regimes: What may be going on, in the order in which it is listed; the first is "at rest".
-        factors: What windows are sorted by besides their regime, with a phrase for a sentence: {"speed": "at {}"}.
+        factors: What windows are sorted by, the regime and the episode among it, each with a phrase for a sentence:
+            {"speed": "at {}"}.
+        activities: Those factors that say what was done, rather than where, when or how fast.
         noun: What the object is called in a sentence: "object", "mechanism".
         plan_view: Positions in `channels` of two lengths that make a map, or None.
     """
@@ -302,6 +311,7 @@ class AbstractSystem(ABC):
     rate_hz: float
     regimes: tuple[str, ...]
     factors: Mapping[str, str]
+    activities: tuple[str, ...] = ("regime",)
     noun: str = "object"
     plan_view: tuple[int, int] | None = None
 
@@ -325,6 +335,10 @@ class AbstractSystem(ABC):
     def label(self, signals: Signals, windows: Windows) -> Labels:
         """Return what went on in windows, from commands and measurements alone."""
 
+    def phrase(self, factor: str, cell: str) -> str:
+        """Return a cell of a factor as part of a sentence: "at 0.1 to 0.2 m/s"."""
+        return self.factors[factor].format(cell)
+
     @abstractmethod
     def missing_force_views(self, values: FloatArray, spread: FloatArray, labels: Labels) -> dict[str, FloatArray]:
         """Return further columns of the table of missing forces, such as in body axes, each with its `_se`.
@@ -336,8 +350,13 @@ class AbstractSystem(ABC):
         """
 
     @abstractmethod
-    def proposals(self) -> tuple[tuple[Proposal, ...], AbstractSystem]:
-        """Return experiments that could be done next, and a system whose episode i is proposal i, nothing measured."""
+    def proposals(self) -> tuple[Sequence[Proposal], AbstractSystem, FloatArray]:
+        """Return experiments that could be done next.
+
+        Returns:
+            The experiments, a system whose episode i is experiment i with nothing measured, and the start of them
+            all, (S,).
+        """
 
     @abstractmethod
     def write_model(self, effects: Effects, folder: Path) -> tuple[str, ...]:

@@ -16,28 +16,21 @@ import numpy as np
 from dm_control import mjcf
 from mujoco import rollout
 
-from runner.effects.base import AbstractEffect, Context, Motion, Target
+from runner.effects.base import AbstractEffect
+from runner.effects.planar_box import Context, Motion, PlanarEffect, Target
 from runner.errors import RecordingError
 from runner.physics import dry_friction
 from runner.physics.scene import Base, BodyConfig, Dof, SceneConfig, build, push_columns
 from runner.recording import Contact as BearsOn
 from runner.recording import Episode, Form, Nominal, Recording, Span
-
-Effects = tuple[AbstractEffect, ...]
+from runner.systems.base import AbstractSimulator, Run, Windows
+from runner.systems.planar_box.windows import FULL, USERDATA, Effects, WindowSimulator, planar, shown_alike, unseen
 
 OBJECT = "object"
 STEP_RATE_HZ = 120.0  # at least so many physics steps a second: pose errors are then below 0.1 mm (second order)
 MODELS, PUSHED_BYTES = 128, 100e6  # kept for the next span: models, and commands
-FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS.value
-USERDATA = mujoco.mjtState.mjSTATE_USERDATA.value
-
-
-@dataclass(frozen=True)
-class Run:
-    """One open-loop simulation: effects, and the state that it starts from, (6,): x, y, yaw, vx, vy, wz."""
-
-    effects: Effects
-    start: np.ndarray
+KEPT_WINDOWS = 4  # models whose commands are ready for windows: as believed, corrected
+BASE_POINTS = 8  # along each edge: everything replays the same base
 
 
 @dataclass(frozen=True)
@@ -84,8 +77,8 @@ def context_of(recording: Recording) -> Context:
 
 
 @dataclass
-class Simulator:
-    """Simulates the episodes of a planar recording.
+class Simulator(AbstractSimulator):
+    """Simulates the episodes of a planar recording; a start is x, y, yaw, vx, vy, wz.
 
     Args:
         recording: The case.
@@ -100,7 +93,7 @@ class Simulator:
 
     recording: Recording
     step_rate_hz: float = STEP_RATE_HZ
-    grid: int = 6
+    grid: int = BASE_POINTS
     threads: int | None = None
     spans: tuple[Span, ...] | None = None
     steps_per_sample: int = field(init=False)
@@ -115,9 +108,10 @@ class Simulator:
         self.step_s = 1.0 / rate / self.steps_per_sample
         self._threads = self.threads or len(os.sched_getaffinity(0))
         self._pool = rollout.Rollout(nthread=self._threads if self._threads > 1 else 0)
-        self._compiled: dict[tuple[type[AbstractEffect], ...], _Compiled] = {}
+        self._compiled: dict[tuple[type[PlanarEffect], ...], _Compiled] = {}
         self._models: dict[Effects, mujoco.MjModel] = {}  # the latest, as many spans are simulated with the same
         self._pushed: dict[tuple[Effects, int], np.ndarray] = {}
+        self._windows: dict[Effects, WindowSimulator] = {}
         self._commands = [self._columns(e) for e in self.recording.episodes]
         whole = tuple(Span(i, 0, len(e)) for i, e in enumerate(self.recording.episodes))
         self._spans = whole if self.spans is None else self.spans
@@ -181,15 +175,15 @@ class Simulator:
         """Return what would be measured at the samples of an episode, or span, (len(runs), T, 6): pose, then twist."""
         span = self._spans[episode]
         out = np.empty((len(runs), span.end - span.begin, 6))
-        groups: dict[tuple[type[AbstractEffect], ...], list[int]] = {}
+        groups: dict[tuple[type[PlanarEffect], ...], list[int]] = {}
         for i, run in enumerate(runs):
-            groups.setdefault(tuple(type(e) for e in run.effects if e.structural), []).append(i)
+            groups.setdefault(tuple(type(e) for e in planar(run.effects) if e.structural), []).append(i)
         for members in groups.values():
             self._predict(span, [runs[i] for i in members], out, members)
         return out
 
     def _predict(self, span: Span, runs: Sequence[Run], out: np.ndarray, rows: list[int]) -> None:
-        base = self._base(runs[0].effects)
+        base = self._base(planar(runs[0].effects))
         before = span.begin * self.steps_per_sample
         n = (span.end - 1 - span.begin) * self.steps_per_sample
         if len(self._models) > MODELS:
@@ -198,10 +192,11 @@ class Simulator:
         models, control = [], np.zeros((len(runs), n, dry_friction.USERDATA_SIZE))
         start = np.zeros((len(runs), mujoco.mj_stateSize(base.model, FULL)))
         for i, run in enumerate(runs):
-            if run.effects not in self._models:
-                self._models[run.effects] = self.model(run.effects)
-            models.append(self._models[run.effects])
-            control[i, :, : dry_friction.PUSH_SIZE] = self._push(run.effects, span.episode)[before : before + n]
+            effects = planar(run.effects)
+            if effects not in self._models:
+                self._models[effects] = self.model(effects)
+            models.append(self._models[effects])
+            control[i, :, : dry_friction.PUSH_SIZE] = self._push(effects, span.episode)[before : before + n]
             start[i, 0] = before * self.step_s
             start[i, 1:7] = run.start
             # half a step ahead: MuJoCo's pose is then the one at the middle of each step (leapfrog), second order
@@ -211,7 +206,7 @@ class Simulator:
         motion = np.concatenate([start[:, None, 1:7], state[:, :, 1:7]], axis=1)
         motion[:, :, :3] -= 0.5 * self.step_s * motion[:, :, 3:]
         time = np.arange(n + 1) * self.step_s
-        for effects in dict.fromkeys(run.effects for run in runs):
+        for effects in dict.fromkeys(planar(run.effects) for run in runs):
             which = [i for i, run in enumerate(runs) if run.effects == effects]
             measured = Motion(time, motion[which, :, :3], motion[which, :, 3:])
             for effect in effects:
@@ -219,3 +214,28 @@ class Simulator:
             target = [rows[i] for i in which]
             sampled = slice(None, None, self.steps_per_sample)
             out[target, :, :3], out[target, :, 3:] = measured.pose[:, sampled], measured.twist[:, sampled]
+
+    def predict_windows(
+        self,
+        effects: Sequence[AbstractEffect],
+        windows: Windows,
+        starts: np.ndarray,
+        disturbance: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """See `AbstractSimulator`; a disturbance is a force through the geometric centre, N, world, and a moment."""
+        effects = shown_alike(planar(effects))
+        if effects not in self._windows:
+            if len(self._windows) >= KEPT_WINDOWS:
+                self._windows.clear()
+            self._windows[effects] = WindowSimulator(
+                self.recording, self.model(effects), effects, self.steps_per_sample, self.step_s
+            )
+        one = self._windows[effects]
+        before = one.simulated_s
+        out = one.predict(windows, starts, disturbance)
+        self.simulated_s += one.simulated_s - before
+        return out
+
+    def seen_start(self, effects: Sequence[AbstractEffect], start: np.ndarray) -> np.ndarray:
+        """See `AbstractSimulator`."""
+        return unseen(planar(effects), start, 1.0 / self.recording.nominal.rate_hz)

@@ -1,0 +1,170 @@
+"""The planar box: a rigid box on a flat floor, pushed by known forces, seen from above."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from runner.effects.base import Effects
+from runner.effects.planar_box import EFFECTS, DeadBand
+from runner.effects.vocabulary import Candidate, Vocabulary
+from runner.errors import RecordingError
+from runner.recording import Form, Recording
+from runner.systems.base import (
+    AbstractSystem,
+    Channel,
+    Disturbance,
+    DrawnBody,
+    FloatArray,
+    Labels,
+    Proposal,
+    Shape,
+    Signals,
+    Space,
+    Windows,
+)
+from runner.systems.planar_box.initial import PlanarStart
+from runner.systems.planar_box.labels import FACTORS, REGIMES, label
+from runner.systems.planar_box.model_file import write_model
+from runner.systems.planar_box.proposals import pushes, unmeasured
+from runner.systems.planar_box.rests import rest_segments
+from runner.systems.planar_box.simulator import OBJECT, Simulator, context_of
+from runner.systems.planar_box.windows import planar
+
+CHANNELS = (
+    Channel("x", "m", "position", "position x"),
+    Channel("y", "m", "position", "position y"),
+    Channel("yaw", "rad", "yaw", "heading", Space.CIRCLE),
+    Channel("vx", "m/s", "velocity", "velocity x"),
+    Channel("vy", "m/s", "velocity", "velocity y"),
+    Channel("wz", "rad/s", "rate", "yaw rate"),
+)
+VOCABULARY = Vocabulary(
+    tuple(Candidate(cls) for variants in EFFECTS.values() for cls in variants), outside=(Candidate(DeadBand),)
+)
+FORCE_SHARE, LARGE = 0.03, 3.0  # of friction: the step of a missing force; times the largest usual force: how large
+
+
+class PlanarBox(AbstractSystem):
+    """A planar recording of a box, see `AbstractSystem`."""
+
+    channels = CHANNELS
+    vocabulary = VOCABULARY
+    regimes = REGIMES
+    factors = FACTORS
+    activities = ("regime", "push")
+    noun = "body"
+    plan_view = (0, 1)
+    recording: Recording
+
+    def __init__(self, recording: Recording) -> None:
+        """Bind to a recording.
+
+        Raises:
+            RecordingError: If it is not planar.
+        """
+        if recording.form is not Form.PLANAR:
+            raise RecordingError(f"{recording.path}: only planar recordings (x, y, yaw) can be replayed.")
+        self.recording = recording
+        self.rate_hz = recording.nominal.rate_hz
+        self.initial = PlanarStart(self.rate_hz)
+        self.context = context_of(recording)
+        force = FORCE_SHARE * self.context.friction_n
+        large = LARGE * max(self.context.friction_n, self.context.force_n)
+        arm = np.array([1.0, 1.0, self.context.size_m])
+        self.disturbance = Disturbance(
+            ("fx_n", "fy_n", "mz_n_m"),
+            ("towards world x [N]", "towards world y [N]", "moment about z [N m]"),
+            force * arm,
+            large * arm,
+        )
+        self._simulator: Simulator | None = None
+
+    def values(self) -> tuple[FloatArray, ...]:
+        """See `AbstractSystem`."""
+        return tuple(np.hstack([e.pose, e.twist]) for e in self.recording.episodes)
+
+    def stated_noise(self) -> FloatArray:
+        """See `AbstractSystem`."""
+        noise = self.recording.nominal.noise
+        given = {
+            "position": noise.position_m,
+            "yaw": noise.yaw_rad,
+            "velocity": noise.velocity_m_s,
+            "rate": noise.rate_rad_s,
+        }
+        return np.array([np.nan if given[c.group] is None else given[c.group] for c in self.channels], float)
+
+    def rests(self) -> list[tuple[int, slice]]:
+        """See `AbstractSystem`."""
+        return [(e, s) for e, episode in enumerate(self.recording.episodes) for s in rest_segments(episode)]
+
+    def simulator(self, *, threads: int | None = None) -> Simulator:
+        """See `AbstractSystem`."""
+        if self._simulator is None or (threads is not None and threads != self._simulator.threads):
+            self._simulator = Simulator(self.recording, threads=threads)
+        return self._simulator
+
+    def label(self, signals: Signals, windows: Windows) -> Labels:
+        """See `AbstractSystem`."""
+        return label(self.recording, self.context, signals, windows)
+
+    def phrase(self, factor: str, cell: str) -> str:
+        """See `AbstractSystem`."""
+        phrase = super().phrase(factor, cell)
+        return f"when {phrase}" if phrase.startswith(("pushed", "coasting", "spinning", "stuck")) else phrase
+
+    def missing_force_views(self, values: FloatArray, spread: FloatArray, labels: Labels) -> dict[str, FloatArray]:
+        """Return the force along the body's axes, and along and left of the motion, N."""
+        yaw = labels.table["yaw_rad"].to_numpy(float)
+        moves = labels.table["heading in the world"].map(lambda h: isinstance(h, str)).to_numpy(bool)
+        velocity = labels.table[["vx_m_s", "vy_m_s"]].to_numpy(float)
+        heading = np.where(moves, np.arctan2(velocity[:, 1], velocity[:, 0]), np.nan)
+        out: dict[str, FloatArray] = {}
+        for names, angle in ((("fx_body_n", "fy_body_n"), yaw), (("along_n", "left_n"), heading)):
+            turn = np.stack(
+                [np.stack([np.cos(angle), np.sin(angle)], 1), np.stack([-np.sin(angle), np.cos(angle)], 1)], 1
+            )
+            turned = np.einsum("wij,wj->wi", turn, values[:, :2])
+            error = np.sqrt(np.einsum("wij,wjk,wik->wi", turn, spread[:, :2, :2], turn))
+            for i, name in enumerate(names):
+                out[name], out[f"{name}_se"] = turned[:, i], error[:, i]
+        return out
+
+    def proposals(self) -> tuple[Sequence[Proposal], AbstractSystem, FloatArray]:
+        """Return pushes from rest in the middle of the floor that was visited."""
+        found = pushes(self.recording, self.context)
+        system = PlanarBox(unmeasured(self.recording, found))
+        system.context = self.context
+        start = np.zeros(self.initial.size)
+        start[:2] = self.context.centre_m
+        return found, system, start
+
+    def write_model(self, effects: Effects, folder: Path) -> tuple[str, ...]:
+        """See `AbstractSystem`."""
+        return write_model(planar(effects), folder, self.simulator())
+
+    def drawn(self) -> tuple[DrawnBody, ...]:
+        """Return the box, with a mark on its top that shows the heading."""
+        hx, hy, hz = self.recording.nominal.half_size_m
+        mark = Shape("box", (0.12 * hx, 0.3 * hy, 0.01 * hz), (0.75 * hx, 0.0, hz))
+        return (DrawnBody(OBJECT, (Shape("box", (hx, hy, hz)), mark)),)
+
+    def poses(self, episode: int, channels: FloatArray) -> dict[str, FloatArray]:
+        """See `AbstractSystem`."""
+        half = channels[:, 2] / 2
+        height = np.full(len(channels), self.recording.nominal.half_size_m[2])
+        zero = np.zeros(len(channels))
+        return {
+            OBJECT: np.column_stack([channels[:, 0], channels[:, 1], height, np.cos(half), zero, zero, np.sin(half)])
+        }
+
+    def with_values(self, values: Sequence[FloatArray]) -> PlanarBox:
+        """Return the same system with other measurements, (T, 6) per episode."""
+        episodes = tuple(
+            replace(e, pose=v[:, :3], twist=v[:, 3:]) for e, v in zip(self.recording.episodes, values, strict=True)
+        )
+        return PlanarBox(replace(self.recording, episodes=episodes))

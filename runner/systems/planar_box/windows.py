@@ -1,0 +1,148 @@
+"""Windows of a recording, simulated from measured states: many at once, in one `mujoco.rollout`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import cast
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+
+from runner.effects.base import AbstractEffect
+from runner.effects.planar_box import ActuatorDelay, Motion, ObservationDelay, PlanarEffect
+from runner.physics import dry_friction
+from runner.physics.scene import push_columns
+from runner.recording import Recording
+from runner.systems.base import Windows
+
+Effects = tuple[PlanarEffect, ...]
+FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS.value
+USERDATA = mujoco.mjtState.mjSTATE_USERDATA.value
+WINDOWS_AT_ONCE = 400  # bounds the memory of one rollout
+
+
+def planar(effects: Sequence[AbstractEffect]) -> Effects:
+    """Return effects of a box as such; this system's vocabulary has no others."""
+    return cast(Effects, tuple(effects))
+
+
+def shown_alike(effects: Effects) -> Effects:
+    """Return effects that show the same in windows: a measurement that is late is a command that is late."""
+    return tuple(ActuatorDelay(e.delay_s) if isinstance(e, ObservationDelay) else e for e in effects)
+
+
+@dataclass
+class WindowSimulator:
+    """Simulates windows of a recording from given measured states, many in one rollout.
+
+    A delayed measurement can't be told from a delayed command by a clock that started with the window, and is put in
+    as such (`shown_alike`): so a window needs no motion from before it. Other effects on the measurement act at each
+    instant, and the start state is the one that they would show as the given.
+    """
+
+    recording: Recording
+    model: mujoco.MjModel
+    effects: Effects
+    steps_per_sample: int
+    step_s: float
+    simulated_s: float = field(init=False, default=0.0)
+    _commands: list[np.ndarray] = field(init=False)
+    _yaw: list[np.ndarray] = field(init=False)
+
+    def __post_init__(self) -> None:
+        threads = len(os.sched_getaffinity(0))
+        self._data = [mujoco.MjData(self.model) for _ in range(threads)]
+        self._pool = rollout.Rollout(nthread=threads if threads > 1 else 0)
+        self._commands, self._yaw = [], []
+        n = self.steps_per_sample
+        for episode in self.recording.episodes:
+            columns = np.repeat(np.nan_to_num(push_columns(episode.force_n, episode.point_m)[:-1]), n, axis=0)
+            for effect in self.effects:
+                columns = effect.edit_command(columns, self.step_s)
+            self._commands.append(columns)
+            yaw = 0.5 * (episode.pose[1:, 2] + episode.pose[:-1, 2])
+            self._yaw.append(np.repeat(yaw, n))
+
+    def predict(self, windows: Windows, starts: np.ndarray, wrench: np.ndarray | None = None) -> np.ndarray:
+        """Return what would be measured in windows.
+
+        Args:
+            windows: W of them.
+            starts: Measured states at their first samples, K for each: (W, K, 6): x, y, yaw, vx, vy, wz.
+            wrench: Added to the command, for each: force through the geometric centre, N, world axes, and moment
+                about the vertical, N m: (K, 3) or (W, K, 3).
+
+        Returns:
+            Pose and twist at the samples, the first of them the start, (W, K, samples, 6).
+        """
+        out = np.empty((*starts.shape[:2], windows.samples, 6))
+        wrench = None if wrench is None else np.broadcast_to(wrench, (*starts.shape[:2], 3))
+        for part, some in windows.chunks(WINDOWS_AT_ONCE):
+            out[part] = self._predict(some, starts[part], None if wrench is None else wrench[part])
+        return out
+
+    def _predict(self, windows: Windows, starts: np.ndarray, wrench: np.ndarray | None) -> np.ndarray:
+        per_sample, step_s = self.steps_per_sample, self.step_s
+        count, columns = starts.shape[:2]
+        steps = (windows.samples - 1) * per_sample
+        begin = windows.first * per_sample
+        true = unseen(self.effects, starts, per_sample * step_s)
+        control = np.zeros((count, columns, steps, dry_friction.USERDATA_SIZE))
+        for w in range(count):
+            span = slice(begin[w], begin[w] + steps)
+            control[w, :, :, : dry_friction.PUSH_SIZE] = self._commands[windows.episode[w]][span]
+            if wrench is not None:
+                _add_wrench(control[w], wrench[w], self._yaw[windows.episode[w]][span])
+        state = np.zeros((count, columns, mujoco.mj_stateSize(self.model, FULL)))
+        state[:, :, 0] = (begin * step_s)[:, None]
+        state[:, :, 1:7] = true
+        # poses lead by half a step, as in the simulator
+        state[:, :, 1:4] += 0.5 * step_s * true[..., 3:]
+        state = state.reshape(count * columns, -1)
+        rows, _ = self._pool.rollout(
+            [self.model] * len(state),
+            self._data,
+            state,
+            control.reshape(len(state), steps, -1),
+            control_spec=USERDATA,
+            chunk_size=max(1, min(16, len(state) // (4 * len(self._data)))),
+        )
+        self.simulated_s += len(state) * steps * step_s
+        motion = np.concatenate([state[:, None, 1:7], rows[:, per_sample - 1 :: per_sample, 1:7]], axis=1)
+        motion[:, :, :3] -= 0.5 * step_s * motion[:, :, 3:]
+        t_s = np.arange(windows.samples) * per_sample * step_s
+        seen = Motion(t_s, motion[..., :3], motion[..., 3:])
+        for effect in self.effects:
+            seen = effect.edit_measurement(seen)
+        return np.concatenate([seen.pose, seen.twist], axis=-1).reshape(count, columns, windows.samples, 6)
+
+
+def _add_wrench(control: np.ndarray, wrench: np.ndarray, yaw: np.ndarray) -> None:
+    """Add forces and moments (K, 3) to pushes (K, n, 22); the moment is a couple on an arm that turns with the body."""
+    control[:, :, :2] += wrench[:, None, :2]
+    # the push moment about z is -sin S_xx + cos S_xy (see `runner.physics.dry_friction`)
+    control[:, :, 3] -= wrench[:, 2:] * np.sin(yaw)
+    control[:, :, 4] += wrench[:, 2:] * np.cos(yaw)
+
+
+def unseen(effects: Sequence[PlanarEffect], shown: np.ndarray, step_s: float) -> np.ndarray:
+    """Return the true states (..., 6) that sensors with these effects show as the given ones.
+
+    Solved by repeated correction; a delay assumes uniform motion before.
+    """
+    state = shown.copy()
+    if not any(type(e).edit_measurement is not PlanarEffect.edit_measurement for e in effects):
+        return state
+    for _ in range(30):
+        pose = np.stack([state[..., :3], state[..., :3] + step_s * state[..., 3:]], axis=-2)
+        motion = Motion(np.array([0.0, step_s]), pose, np.stack([state[..., 3:]] * 2, axis=-2))
+        for effect in effects:
+            motion = effect.edit_measurement(motion)
+        error = shown - np.concatenate([motion.pose[..., 0, :], motion.twist[..., 0, :]], axis=-1)
+        state += error
+        if np.abs(error).max(initial=0.0) < 1e-12:
+            break
+    return state
