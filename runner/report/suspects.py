@@ -39,10 +39,11 @@ OTHERWISE = "Look for what acts only then."
 
 @dataclass(frozen=True)
 class Suspect:
-    """A cluster of the gap: where it is, and what to look at there, a sentence each."""
+    """A cluster of the gap: where it is, and what to look at there, a sentence each; its factor and cell, or None."""
 
     where: str
     advice: str
+    cell: tuple[str, str] | None = None
 
 
 def suspects(system: AbstractSystem, where: Where | None) -> tuple[Suspect, ...]:
@@ -69,6 +70,7 @@ def _of_cell(system: AbstractSystem, row: dict[str, Any]) -> Suspect:
         f"The gap is largest {system.phrase(factor, cell)}: {percent(row['share'])} of it, in {percent(_even(row))} of "
         "the time.",
         advice,
+        (factor, cell),
     )
 
 

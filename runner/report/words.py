@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from runner.effects.base import Phrase
 from runner.effects.wording import Values, listed, percent, probability
-from runner.report.statement import HALF, NONE, NOISE_LEFT, OVER, UNKNOWN, Kind, Left, Statement, state
+from runner.report.statement import NOISE_LEFT, NONE, OVER, UNKNOWN, Kind, Left, Statement, state
 from runner.report.suspects import suspects
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def label(system: AbstractSystem, effect: str) -> str:
 
 
 def phrase(system: AbstractSystem, effect: str, values: Numbers, errors: Numbers) -> Phrase:
-    """Return an effect of a system's vocabulary in words; of its variants the one that has parameters of these names."""
+    """Return an effect of a vocabulary in words; of its variants the one that has parameters of these names."""
     variants = system.vocabulary.by_name[effect]
     known = [{f.name for f in fields(v.effect)} for v in variants]  # type: ignore[arg-type]
     candidate = next(v for v, names in zip(variants, known, strict=True) if set(values) <= names)
@@ -143,7 +143,7 @@ def left_at_large(said: Statement) -> tuple[str, str]:
         return "Nothing is left", " that would matter"
     if said.left is Left.SMALL_ERRORS:
         return "Small errors are left", f"{over}: such as any simulator has, and nothing to act on"
-    cause = "none of the known effects explains it" if said.kind is Kind.UNKNOWN else "part of the gap has another cause"
+    cause = "no known effect explains it" if said.kind is Kind.UNKNOWN else "part of the gap has another cause"
     return "Something is left", f"{over}: {cause}"
 
 
@@ -247,6 +247,3 @@ def _corrections(system: AbstractSystem, top: Ranked) -> list[str]:
     if checks:
         steps.append("Confirm it by hand. " + " ".join(checks))
     return steps
-
-
-__all__ = ["HALF", "NONE", "UNKNOWN", "confounded", "equals", "explanation", "label", "next_steps", "title", "verdict"]

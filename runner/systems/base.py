@@ -21,6 +21,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
@@ -300,6 +301,7 @@ class AbstractSystem(ABC):
         activities: Those factors that say what was done, rather than where, when or how fast.
         noun: What the object is called in a sentence: "object", "mechanism".
         plan_view: Positions in `channels` of two lengths that make a map, or None.
+        force_views: Further columns of the table of missing forces that are worth a drawing, each with its label.
     """
 
     recording: Any  # a Recorded; each kind of system has its own
@@ -314,6 +316,7 @@ class AbstractSystem(ABC):
     activities: tuple[str, ...] = ("regime",)
     noun: str = "object"
     plan_view: tuple[int, int] | None = None
+    force_views: Mapping[str, str] = MappingProxyType({})
 
     @abstractmethod
     def values(self) -> tuple[FloatArray, ...]:
@@ -378,6 +381,19 @@ class AbstractSystem(ABC):
             episode: Its position in the recording.
             channels: Measured or predicted, (T, C), without NaN.
         """
+
+    def believed(self) -> tuple[tuple[str, str], ...]:
+        """Return what the owner believes of the object, for a reader: ("mass", "3 kg")."""
+        return ()
+
+    def command_arrows(self, episode: int, channels: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Return commanded forces to draw: where each acts and how large it is, world axes, (T, 3) m and N; or None.
+
+        Args:
+            episode: Its position in the recording.
+            channels: Measured or predicted, (T, C), without NaN.
+        """
+        return None
 
 
 __all__ = [
