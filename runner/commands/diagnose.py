@@ -20,8 +20,9 @@ from runner.diagnosis.verdict import ALL, FILE
 from runner.errors import check_workers
 from runner.outputs.many import diagnose_many, write_all
 from runner.progress import progress
-from runner.recording import find_cases, read_case
+from runner.recording import find_cases
 from runner.report.terminal import summary
+from runner.systems.case import open_case
 
 
 @dataclass(frozen=True)
@@ -45,9 +46,9 @@ def main(config: DiagnoseConfig, job: Job) -> int | None:
     console = Console()
     root = config.recording.parent if config.recording.is_file() else config.recording
     if len(cases) == 1 and cases[0] in (config.recording, root):
-        recording = read_case(cases[0])
+        system = open_case(cases[0])
         with progress("Diagnosing", total=None):
-            diagnosis = diagnose(recording)
+            diagnosis = diagnose(system)
             write_all(diagnosis, job.results, report=config.report)
         console.print(summary(diagnosis))
         console.print(f"{job.results / ('report.html' if config.report else FILE)}", highlight=False, soft_wrap=True)

@@ -25,9 +25,10 @@ from runner.diagnosis.corrected import read_corrected
 from runner.errors import ConfigError, check_range
 from runner.noise.measured import measure
 from runner.progress import progress
-from runner.recording import Recording, find_cases, read_case
-from runner.simulate.gap import CHANNELS, HORIZONS_S, UNITS, WHOLE_EPISODE, Gap, measure_gap
-from runner.systems.planar_box.simulator import Simulator
+from runner.recording import find_cases
+from runner.simulate.gap import HORIZONS_S, WHOLE_EPISODE, Gap, measure_gap
+from runner.systems.base import AbstractSystem
+from runner.systems.case import open_case
 
 FILE = "gap.parquet"
 EPISODES_FILE = "gap_episodes.parquet"
@@ -56,26 +57,24 @@ class GapConfig:
 def main(config: GapConfig, job: Job) -> None:
     """Measure, print and write the gap of each case."""
     folder = job.results
-    effects = () if config.model is None else read_corrected(config.model)
     # read them all before the first is simulated: a broken one is found at once
-    recordings = [read_case(path) for path in find_cases(config.recording)]
+    systems = [open_case(path) for path in find_cases(config.recording)]
+    effects = [() if config.model is None else read_corrected(config.model, s.vocabulary) for s in systems]
     console = Console()
-    total = sum(len(config.horizons_s) + len(r.episodes) for r in recordings)
+    total = sum(len(config.horizons_s) + len(s.recording.episodes) for s in systems)
     tables, episodes = [], []
     with progress("Replaying", total=total, unit="steps") as advance:
-        for recording in recordings:
-            signals = measure(recording)
-            gap = measure_gap(
-                Simulator(recording), signals, effects=effects, horizons_s=config.horizons_s, advance=advance
-            )
-            tables.append(gap.table.assign(case=str(recording.path)))
-            episodes.append(gap.episodes.assign(case=str(recording.path)))
-            if len(recordings) == 1:
-                _print(recording, gap, console)
+        for system, held in zip(systems, effects, strict=True):
+            signals, path = measure(system), str(system.recording.path)
+            gap = measure_gap(system, signals, effects=held, horizons_s=config.horizons_s, advance=advance)
+            tables.append(gap.table.assign(case=path))
+            episodes.append(gap.episodes.assign(case=path))
+            if len(systems) == 1:
+                _print(system, gap, console)
     table = _case_first(pd.concat(tables, ignore_index=True))
     table.to_parquet(folder / FILE, index=False)
     _case_first(pd.concat(episodes, ignore_index=True)).to_parquet(folder / EPISODES_FILE, index=False)
-    if len(recordings) > 1:
+    if len(systems) > 1:
         _print_many(table, console)
     console.print(f"{folder / FILE}", highlight=False, soft_wrap=True)
 
@@ -84,7 +83,8 @@ def _case_first(table: pd.DataFrame) -> pd.DataFrame:
     return table.loc[:, ["case", *(c for c in table.columns if c != "case")]]
 
 
-def _print(recording: Recording, gap: Gap, console: Console) -> None:
+def _print(system: AbstractSystem, gap: Gap, console: Console) -> None:
+    recording = system.recording
     for note in recording.notes:
         console.print(f"Note: {note}.", highlight=False)
     horizons = list(dict.fromkeys(gap.table["horizon"]))
@@ -97,17 +97,17 @@ def _print(recording: Recording, gap: Gap, console: Console) -> None:
     at = {(r["starts"], r["channel"], r["horizon"]): r for r in gap.table.to_dict("records")}
     for starts, alone in (("measured", False), ("measured", True), ("fitted", False)):
         table.add_row("[italic]noise alone[/]" if alone else f"[italic]starts {starts}[/]")
-        for c, channel in enumerate(CHANNELS):
-            unit, factor = SHOWN[UNITS[c]]
-            rows = [at[starts, channel, horizon] for horizon in horizons]
+        for c, channel in enumerate(system.channels):
+            unit, factor = SHOWN.get(channel.unit, (channel.unit, 1.0))
+            rows = [at[starts, channel.name, horizon] for horizon in horizons]
             mark = "" if rows[0]["stated"] else "~"
             if alone:
                 cells = [f"{mark}{row['noises_expected']:.2f}" for row in rows]
             else:
                 cells = [f"{row['rms'] * factor:.3g} = {mark}{row['noises']:.2f}" for row in rows]
             noise = f"{mark}{rows[0]['noise'] * factor:.3g}"
-            last = c == len(CHANNELS) - 1
-            table.add_row(f" {channel}, {unit}", noise, *cells, end_section=last)
+            last = c == len(system.channels) - 1
+            table.add_row(f" {channel.name}, {unit}", noise, *cells, end_section=last)
     _print_whole(table, console)
     console.print(
         "Starts measured: compare with what noise alone makes of it. Starts fitted: 1 for a perfect model."

@@ -97,6 +97,8 @@ class AbstractEffect(ABC):
     discontinuous: ClassVar[bool] = False  # one parameter, at some values of which the motion jumps: a push fails
     commonness: ClassVar[int] = 1  # among effects that can't be told apart the least of these stands for the rest
     confounded: ClassVar[tuple[Confounded, ...]] = ()
+    # of several variants of a name: the entry of an answer's true values that speaks of this one
+    spoken_of: ClassVar[tuple[str, str] | None] = None
 
     @classmethod
     @abstractmethod

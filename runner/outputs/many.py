@@ -17,11 +17,10 @@ from runner.diagnosis.pipeline import Diagnosis, diagnose
 from runner.diagnosis.verdict import ALL, FILE, read_json, verdict, write_json
 from runner.errors import RunnerError
 from runner.progress import progress
-from runner.recording import read_case
 from runner.report import words
 from runner.report.html import write_html
 from runner.report.record import write_rrd
-from runner.systems.planar_box.simulator import Simulator
+from runner.systems.case import open_case
 
 
 def write_all(diagnosis: Diagnosis, folder: Path, *, report: bool) -> None:
@@ -29,10 +28,15 @@ def write_all(diagnosis: Diagnosis, folder: Path, *, report: bool) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     diagnosis.closure.table.to_parquet(folder / "closure.parquet", index=False)
     diagnosis.closure.regimes.to_parquet(folder / "closure_regimes.parquet", index=False)
-    write_corrected(folder, diagnosis.effects, Simulator(diagnosis.recording, grid=8))
+    write_corrected(folder, diagnosis.effects, diagnosis.system)
     if report:
         where = diagnosis.where
-        tables = {"gap": where.gap, "windows": where.windows, "wrench": where.wrench, "cells": where.cells}
+        tables = {
+            "gap": where.gap,
+            "windows": where.windows,
+            "missing_force": where.missing_force,
+            "cells": where.cells,
+        }
         for name, table in tables.items():
             table.to_parquet(folder / f"where_{name}.parquet", index=False)
         write_html(diagnosis, folder / "report.html")
@@ -133,7 +137,7 @@ def _run(
 def _one(path: Path, folder: Path, report: bool) -> str | None:
     """Diagnose a case in a process of its own; return what was wrong with it, if anything."""
     try:
-        write_all(diagnose(read_case(path), threads=1, advise=report), folder, report=report)
+        write_all(diagnose(open_case(path), threads=1, advise=report), folder, report=report)
     except RunnerError as error:
         return str(error)
     except Exception as error:  # one case that breaks must not take the others' verdicts with it

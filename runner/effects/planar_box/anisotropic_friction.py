@@ -77,4 +77,5 @@ class AxisFriction(AnisotropicFriction):
     """The variant of anisotropic friction in which each of two body axes has a coefficient of its own."""
 
     label: ClassVar[str] = "friction with a coefficient for each of two axes of the body"
+    spoken_of: ClassVar[tuple[str, str] | None] = ("flow", "scaled")
     normality: float = 0.0

@@ -18,6 +18,7 @@ class ViscousFilm(PlanarEffect):
 
     name: ClassVar[str] = "viscous_drag"
     label: ClassVar[str] = "a viscous film under the base"
+    spoken_of: ClassVar[tuple[str, str] | None] = ("acts", "film")
     film_n_s_per_m: float
 
     def __post_init__(self) -> None:
