@@ -15,7 +15,7 @@ from runner.effects.wording import listed, number, percent, plus_minus, probabil
 from runner.report import sections, words
 from runner.report.before_after import headline_miss
 from runner.report.motions import replay
-from runner.report.statement import NONE, Statement, state
+from runner.report.statement import NONE, Statement, caveats, state
 
 if TYPE_CHECKING:
     from runner.diagnosis.pipeline import Diagnosis, Ranked
@@ -81,7 +81,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "where": sections.where(diagnosis, said, paths),
         "noise": sections.noise(diagnosis),
         "believed": _believed(diagnosis),
-        "notes": list(dict.fromkeys([*diagnosis.notes, *diagnosis.recording.notes])),
+        "notes": caveats(diagnosis),
         "effort": _effort(diagnosis),
     }
 

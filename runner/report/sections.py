@@ -39,7 +39,7 @@ def first_figure(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | N
         return None
     places = _places(found)
     about = {"sentence": spelt(diagnosis, found.sentence), "window": f"{found.window_s:.3g} s"}
-    if diagnosis.system.plan_view is not None and (places["q"] < LEVEL).any():
+    if diagnosis.system.plan_view is not None and np.any(places["q"].to_numpy(float) < LEVEL):
         svg = where_figures.place_map(diagnosis.system, places, paths, diagnosis.effects, "first")
         return about | {"kind": "map", "svg": Markup(svg), "framed": None}
     # one cell is marked, that of the first sentence's: what was done, if anything done stands out

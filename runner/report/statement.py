@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from runner.diagnosis.pipeline import UNKNOWN_EXCESS
-
 if TYPE_CHECKING:
     from runner.diagnosis.pipeline import Diagnosis, Ranked
 
@@ -23,8 +21,9 @@ NONE, UNKNOWN = "none", "unknown"
 HALF = 0.5  # an explanation less likely than that is not an answer
 OVER = 0.05  # squared noises that the nominal model leaves: less is not worth a word
 NOISE_LEFT = 0.99  # of what can be closed: the rest is as good as noise
-TRACE = 0.25  # squared noises on episodes that were not fitted: 12 % in the root mean square is as good as noise
-NOTED = UNKNOWN_EXCESS / 2  # squared noises, any simulator's small errors taken out: from here on it has another cause
+TRACE = 0.25  # of the noise's mean square: 12 % in the root of it is as good as noise
+LEFT_NOTE = "The best explanation leaves "  # what a diagnosis's own note of what is left begins with
+
 
 
 class Kind(Enum):
@@ -130,7 +129,7 @@ def _left(diagnosis: Diagnosis, kind: Kind) -> tuple[Left, float]:
         over = diagnosis.nominal_excess
         return (Left.NOISE if over < OVER else Left.SMALL_ERRORS), max(over, 0.0)
     unseen = _unseen_excess(diagnosis)
-    if diagnosis.excess > NOTED:
+    if diagnosis.excess > TRACE:
         return Left.SOMETHING, diagnosis.excess
     if kind is Kind.UNKNOWN:
         return Left.SOMETHING, unseen
@@ -150,3 +149,9 @@ def _unseen_excess(diagnosis: Diagnosis) -> float:
 
 def _known(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
+
+
+def caveats(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return what a reader should know before believing the figures; what is left is the statement's alone to say."""
+    notes = dict.fromkeys((*diagnosis.notes, *diagnosis.recording.notes))
+    return tuple(n for n in notes if not n.startswith(LEFT_NOTE))

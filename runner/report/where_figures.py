@@ -16,7 +16,7 @@ from runner.report.motions import Paths
 from runner.systems.base import AbstractSystem
 
 MOST_EPISODES = 10  # rows of the timeline: those with the largest gap
-HIGH = 99.0  # percentile of the windows that reaches to the row above
+HIGH, LEAST_TOP = 99.0, 3.0  # percentile of the windows that reaches to the row above; noise levels that do at least
 
 
 def regimes(before: Sequence[Mean], after: Sequence[Mean], titles: dict[str, str], name: str) -> list[str]:
@@ -113,25 +113,26 @@ def timeline(windows: pd.DataFrame, framed: tuple[str, str] | None, name: str) -
         framed: A factor and a cell of it whose windows are marked below each row.
         name: Of the figure's ids.
     """
-    size = np.sqrt(np.maximum(1.0 + windows["excess"] / np.maximum(windows["freedom"], 1e-9), 0.0))
-    table = windows.assign(size=size)
-    worst = table.groupby("episode", sort=False)["excess"].sum().nlargest(MOST_EPISODES).index
-    rows = [e for e in dict.fromkeys(table["episode"]) if e in worst]
-    top = max(float(np.percentile(size, HIGH)), 3.0)
+    excess, freedom, at = (windows[c].to_numpy(float) for c in ("excess", "freedom", "t_s"))
+    of = windows["episode"].to_numpy(dtype=object)
+    size = np.sqrt(np.maximum(1.0 + excess / np.maximum(freedom, 1e-9), 0.0))
+    marked = np.zeros(len(of), bool) if framed is None else windows[framed[0]].to_numpy(dtype=object) == framed[1]
+    names = list(dict.fromkeys(of))
+    worst = sorted(names, key=lambda e: -float(excess[of == e].sum()))[:MOST_EPISODES]
+    rows = [e for e in names if e in worst]
+    top = max(float(np.percentile(size, HIGH)), LEAST_TOP)
     with mpl.rc_context(STYLE):
         figure = new(4.6, 0.62 + 0.34 * len(rows), left=0.82, top=0.12)
         ax = figure.add_subplot()
         for k, episode in enumerate(rows):
-            part = table[table["episode"] == episode]
-            t, height = part["t_s"].to_numpy(float), np.minimum(part["size"].to_numpy(float) / top, 1.0)
-            step = float(np.median(np.diff(t))) if len(t) > 1 else 0.1
-            t = t - t[0] + step / 2
-            edges = np.append(t - step / 2, t[-1] + step / 2)
-            ax.stairs(k - 0.85 * height, edges, baseline=k, fill=True, color=ACCENT, lw=0)
-            ax.hlines(k, edges[0], edges[-1], color=BAND, lw=0.8)
-            if framed is not None:
-                inside = part[framed[0]].to_numpy(dtype=object) == framed[1]
-                ax.hlines(np.full(inside.sum(), k + 0.07), t[inside] - step / 2, t[inside] + step / 2, color=INK, lw=2)
+            here = of == episode
+            step = float(np.median(np.diff(at[here]))) if here.sum() > 1 else 0.1
+            begin = at[here] - at[here][0]
+            ax.stairs(k - 0.85 * np.minimum(size[here] / top, 1.0), np.append(begin, begin[-1] + step), baseline=k,
+                      fill=True, color=ACCENT, lw=0)  # fmt: skip
+            ax.hlines(k, 0.0, begin[-1] + step, color=BAND, lw=0.8)
+            below = begin[marked[here]]
+            ax.hlines(np.full(len(below), k + 0.07), below, below + step, color=INK, lw=2)
         ax.set_yticks(np.arange(len(rows)) - 0.3, rows)
         ax.set_ylim(len(rows) - 0.75, -1.0)
         ax.tick_params(axis="y", length=0)
