@@ -9,7 +9,7 @@ STAMP := .venv/.built-from-pins
 FITS := import sys; raise SystemExit(not (3, 11) <= sys.version_info < (3, 13))
 ARGS ?=
 
-.PHONY: run test check venv clean
+.PHONY: run test check golden venv clean
 
 run: $(STAMP)  ## The published experiment; other commands: make run ARGS="gap examples/..."
 	@$(BIN)/python -m runner $(ARGS)
@@ -21,6 +21,9 @@ check: $(STAMP)
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/pyright
+
+golden: $(STAMP)  ## Every number of all golden verdicts; ARGS=--refresh writes them anew
+	@$(BIN)/python -m tests.golden $(ARGS)
 
 venv: $(STAMP)
 

@@ -20,16 +20,17 @@ import pandas as pd
 import yaml
 
 from runner.diagnosis.pipeline import diagnose
-from runner.effects import AbstractEffect, ActuatorDelay, Friction
+from runner.effects.planar_box import ActuatorDelay, Friction, PlanarEffect
 from runner.recording import Episode, Form, Nominal, Recording, find_cases, read_case
 from runner.recording.data import Noise
 from runner.systems.planar_box.simulator import Run, Simulator
+from runner.systems.planar_box.system import PlanarBox
 
 RATE_HZ, EPISODES, LENGTH_S = 60.0, 8, 6.0
 NOISE = np.array([0.005, 0.005, 0.008, 0.02, 0.02, 0.03])
 
 
-def recording(effects: tuple[AbstractEffect, ...], seed: int, folder: Path) -> Recording:
+def recording(effects: tuple[PlanarEffect, ...], seed: int, folder: Path) -> Recording:
     """Return a recording of pushes at random points, with effects planted and noise on top."""
     draw = np.random.default_rng(seed)
     t = np.arange(round(LENGTH_S * RATE_HZ) + 1) / RATE_HZ
@@ -92,7 +93,7 @@ def main(folder: str | None = None) -> None:
             cases = {path.name: read_case(path) for path in find_cases(folder)}
         print(f"{'case':24s}{'first answer':>30s}{'wall s':>9s}{'simulated s':>13s}{'bare s':>9s}{'ratio':>8s}")
         for name, case in cases.items():
-            found = diagnose(case)
+            found = diagnose(PlanarBox(case))
             bare_s = 1e-6 * bare_us_per_s(case) * found.simulated_s
             first = "+".join(found.ranked[0].effects)
             print(

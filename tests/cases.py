@@ -8,8 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from runner.inference.least_squares import Fitter
+from runner.noise.measured import measure
 from runner.recording import Episode, Form, Noise, Nominal, Recording
-from runner.systems.planar_box.simulator import Effects, Run, Simulator
+from runner.systems.base import Run
+from runner.systems.planar_box.simulator import Simulator
+from runner.systems.planar_box.system import PlanarBox
+from runner.systems.planar_box.windows import Effects
 
 RATE_HZ = 60.0
 NOISE = Noise(0.002, 0.003, 0.01, 0.015)
@@ -76,3 +81,9 @@ def measured_as(
         motion += sigma * rng.normal(size=motion.shape)
         full.append(replace(episode, pose=motion[:, :3], twist=motion[:, 3:]))
     return replace(commanded, episodes=tuple(full))
+
+
+def fitter_of(recording: Recording) -> Fitter:
+    """Return a fitter of a recording, with one thread."""
+    system = PlanarBox(recording)
+    return Fitter(system, system.simulator(threads=1), measure(system))

@@ -23,7 +23,7 @@ from runner.blind.score_figures import draw
 from runner.blind.score_page import headline
 from runner.blind.score_words import notes, outcome
 from runner.diagnosis.score import calibration_error, is_right, share
-from runner.effects import AnisotropicFriction, AxisFriction, Mass, ViscousDrag, ViscousFilm
+from runner.effects.planar_box import AnisotropicFriction, AxisFriction, Mass, ViscousDrag, ViscousFilm
 from runner.errors import ResultError
 from runner.recording import Nominal, write_case
 

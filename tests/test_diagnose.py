@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runner import effects as fx
 from runner.diagnosis.next_experiment import best_push, candidates
 from runner.diagnosis.pipeline import Diagnosis, diagnose, not_none, split, strained
 from runner.diagnosis.score import read_answers, score
 from runner.diagnosis.verdict import read_verdicts, verdict, write_json
+from runner.effects import planar_box as fx
+from runner.effects.vocabulary import Candidate
 from runner.errors import RecordingError, ResultError
 from runner.inference.evidence import Surroundings, directions, evidence, surroundings, survey
 from runner.inference.held_out import confirm, doubt, further
@@ -22,7 +23,9 @@ from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.search import Contender, Search
 from runner.noise.measured import measure
 from runner.recording import Episode, Form, Noise, Nominal, Recording
-from runner.systems.planar_box.simulator import Effects, Simulator, context_of
+from runner.systems.planar_box.simulator import Simulator, context_of
+from runner.systems.planar_box.system import PlanarBox
+from runner.systems.planar_box.windows import Effects
 from tests.cases import measured_as
 
 RATE, SECONDS = 60.0, 3.0
@@ -54,7 +57,7 @@ def tilted() -> Recording:
 
 @pytest.fixture(scope="module")
 def found(tilted: Recording) -> Diagnosis:
-    return diagnose(tilted, threads=1)
+    return diagnose(PlanarBox(tilted), threads=1)
 
 
 def test_an_effect_of_no_size_is_none() -> None:
@@ -164,13 +167,13 @@ def test_what_can_be_taken_for_what_is_said(found: Diagnosis) -> None:
 def test_the_next_push_stays_within_the_forces_used_and_tells_explanations_apart(tilted: Recording) -> None:
     """What it promises is what two simulations of it differ by, and more than a push that moves nothing yields."""
     context = context_of(tilted)
-    first = Explanation((fx.Mass,)), np.array([0.1])
-    second = Explanation((fx.Friction,)), np.array([0.1])
+    first = Explanation((Candidate(fx.Mass),)), np.array([0.1])
+    second = Explanation((Candidate(fx.Friction),)), np.array([0.1])
     pushes = candidates(tilted, context)
     assert max(np.linalg.norm(p.force_n) for p in pushes) <= context.force_n * (1 + 1e-12)
-    best = best_push(tilted, measure(tilted), context, first, second, np.diag([1e-4]), threads=1)
+    best = best_push(tilted, measure(PlanarBox(tilted)), context, first, second, np.diag([1e-4]), threads=1)
     assert best.log_odds > 5.0
-    same = best_push(tilted, measure(tilted), context, first, first, np.diag([1e-4]), threads=1)
+    same = best_push(tilted, measure(PlanarBox(tilted)), context, first, first, np.diag([1e-4]), threads=1)
     assert same.log_odds == pytest.approx(0.0, abs=1e-9)
 
 
@@ -178,10 +181,10 @@ def test_what_fails_on_unseen_episodes_loses_its_lead(tilted: Recording) -> None
     """A leader whose value the episodes left out contradict is put behind the nominal model; a true one stays."""
     fitted, held_out = split([e.index for e in tilted.episodes])
     simulator = Simulator(tilted, grid=8, threads=1)
-    fitter = Fitter(simulator, measure(tilted), context_of(tilted))
+    fitter = Fitter(simulator, measure(PlanarBox(tilted)), context_of(tilted))
     nominal = fitter.fit(NONE, fitted)
     every = directions(fitter.context)
-    true = fitter.fit(Explanation((fx.FloorTilt,)), fitted, near=nominal)
+    true = fitter.fit(Explanation((Candidate(fx.FloorTilt),)), fitted, near=nominal)
     # as if the fitted episodes were as well explained by the opposite tilt
     wild = dataclasses.replace(true, x=-true.x)
     known = survey(fitter, true, every)
@@ -228,8 +231,8 @@ def test_a_gap_without_a_name_is_unknown() -> None:
 def contended(recording: Recording, kind: type[fx.AbstractEffect], vector: list[float]) -> tuple[Fitter, Contender]:
     """An effect at a vector, as if fitted, amid its surroundings."""
     simulator = Simulator(recording, grid=8, threads=1)
-    fitter = Fitter(simulator, measure(recording), context_of(recording))
-    fit = fitter.fit(Explanation((kind,)), (0, 1), x=np.array(vector), iterations=0)
+    fitter = Fitter(simulator, measure(PlanarBox(recording)), context_of(recording))
+    fit = fitter.fit(Explanation((Candidate(kind),)), (0, 1), x=np.array(vector), iterations=0)
     around = surroundings(fit, survey(fitter, fit, directions(fitter.context)))
     return fitter, Contender(fit, around, evidence(around, fitter.context), 0.0, {})
 
@@ -271,7 +274,7 @@ def test_an_effect_within_its_own_standard_error_is_doubted(
 
 def test_what_takes_the_simulator_further_away_is_doubted(tilted: Recording) -> None:
     """In episodes that were not fitted, and only where the gap is not plain: elsewhere the evidence decides."""
-    fitter = Fitter(Simulator(tilted, grid=8, threads=1), measure(tilted), context_of(tilted))
+    fitter = fitter_of(tilted)
     before, held = fitter.fit(NONE, (4, 5)), dataclasses.replace(fitter, held=(fx.FloorTilt(0.02, 0.6),))
     there = held.fit(NONE, (4, 5))
     assert further(there, before, fitter, 0.1) == 0.0
@@ -285,13 +288,13 @@ def test_what_takes_the_simulator_further_away_is_doubted(tilted: Recording) -> 
 def test_what_strains_the_simulator_s_trust_is_not_explained(tilted: Recording) -> None:
     """A wrong effect leaves most of a gap, and only mismatch of many times the usual size makes up for the rest."""
     simulator = Simulator(tilted, grid=8, threads=1)
-    fitter = Fitter(simulator, measured := measure(tilted), context_of(tilted))
+    fitter = Fitter(simulator, measured := measure(PlanarBox(tilted)), context_of(tilted))
     episodes = tuple(range(len(tilted.episodes)))
     nominal = fitter.fit(NONE, episodes)
     known = survey(fitter, nominal, directions(fitter.context))
 
     def strain(kind: type[fx.AbstractEffect]) -> float:
-        around = surroundings(fitter.fit(Explanation((kind,)), episodes, near=nominal), known)
+        around = surroundings(fitter.fit(Explanation((Candidate(kind),)), episodes, near=nominal), known)
         return strained(Contender(around.fit, around, evidence(around, fitter.context), 0.0, {}), nominal, measured)
 
     assert strain(fx.FloorTilt) < 0.01

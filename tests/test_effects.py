@@ -8,16 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runner import effects as fx
 from runner.blind.physics import Episode as BlindEpisode
 from runner.blind.physics import World, simulate
-from runner.effects.base import Motion, ahead, late
+from runner.effects import planar_box as fx
+from runner.effects.planar_box.base import Motion, ahead, late
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.multiple_shooting import begun
 from runner.noise.measured import measure
 from runner.physics.dry_friction import base_points
 from runner.recording import Episode, Form, Noise, Nominal, Recording
 from runner.systems.planar_box.simulator import Run, Simulator, context_of
+from runner.systems.planar_box.system import PlanarBox
 
 HALF, MASS, MU, RATE = (0.3, 0.3, 0.3), 2.0, 0.25, 60.0
 NOISE = Noise(0.0005, 0.0008, 0.003, 0.005)
@@ -133,7 +134,7 @@ def test_its_parameters_are_recovered(name: str) -> None:
     effect, changes, tolerance = PLANTED[name]
     recording = recorded(world(**changes), noise=1.0)
     simulator = Simulator(recording, grid=8, threads=1)
-    fitter = Fitter(simulator, measure(recording), context_of(recording))
+    fitter = Fitter(simulator, measure(PlanarBox(recording)), context_of(recording))
     explanation = Explanation((type(effect),))
     starts = type(effect).starts(fitter.context)
     episodes = range(len(recording.episodes))

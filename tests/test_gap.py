@@ -13,7 +13,7 @@ from cases import SIGMA, made
 
 from runner.__main__ import main
 from runner.diagnosis.corrected import MODEL, read_corrected, unit, write_corrected
-from runner.effects import (
+from runner.effects.planar_box import (
     ActuatorDelay,
     AnisotropicFriction,
     ComOffset,
@@ -33,6 +33,7 @@ from runner.recording import write_case
 from runner.simulate.gap import WHOLE_EPISODE, measure_gap
 from runner.simulate.shooting import Restarts, Windows, windows_of
 from runner.systems.planar_box.simulator import OBJECT, Effects, Run, Simulator
+from runner.systems.planar_box.system import PlanarBox
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "cases"
 
@@ -99,7 +100,7 @@ def test_extra_wrench_moves_the_free_body_by_newtons_law() -> None:
 def test_perfect_model_leaves_noise_alone() -> None:
     """Fitted starts: one noise at every horizon; measured starts: what the noise of sample and start makes."""
     recording, starts = made(episodes=4)
-    gap = measure_gap(Simulator(recording), measure(recording))
+    gap = measure_gap(PlanarBox(recording), measure(PlanarBox(recording)))
     assert list(dict.fromkeys(gap.table["horizon"])) == ["0.1 s", "0.5 s", "1 s", WHOLE_EPISODE]
     np.testing.assert_allclose(noises(gap.table, "fitted"), 1.0, atol=0.08)
     ratio = noises(gap.table, "measured") / noises(gap.table, "measured", "noises_expected")
@@ -114,7 +115,7 @@ def test_perfect_model_leaves_noise_alone() -> None:
 def test_gap_with_itself_is_zero() -> None:
     """Without noise, from measured starts, nothing is left, over whole episodes either."""
     recording, _ = made(noise=0.0, episodes=2)
-    gap = measure_gap(Simulator(recording), measure(recording), horizons_s=(0.5,))
+    gap = measure_gap(PlanarBox(recording), measure(PlanarBox(recording)), horizons_s=(0.5,))
     assert gap.table["rms"].to_numpy().max() < 1e-9
     assert gap.episodes["episode"].unique().tolist() == [0, 1]
 
@@ -123,7 +124,7 @@ def test_time_origin_does_not_matter() -> None:
     """A clock that begins elsewhere changes nothing."""
     recording, _ = made(episodes=2, seconds=3.0)
     late = replace(recording, episodes=tuple(replace(e, t_s=e.t_s + 100.0) for e in recording.episodes))
-    tables = [measure_gap(Simulator(r), measure(r), horizons_s=(0.5,)).table for r in (recording, late)]
+    tables = [measure_gap(PlanarBox(r), measure(PlanarBox(r)), horizons_s=(0.5,)).table for r in (recording, late)]
     np.testing.assert_allclose(tables[0]["rms"], tables[1]["rms"], rtol=1e-6)
 
 
@@ -131,7 +132,7 @@ def test_time_origin_does_not_matter() -> None:
 def test_right_effect_closes_the_gap(effect: Friction | FloorTilt | ObservationDelay) -> None:
     """The nominal model misses what was planted by far; with the effect only noise is left at every horizon."""
     recording, _ = made((effect,), episodes=2)
-    simulator, signals = Simulator(recording), measure(recording)
+    simulator, signals = Simulator(recording), measure(PlanarBox(recording))
     nominal = noises(measure_gap(simulator, signals).table, "fitted")
     corrected = noises(measure_gap(simulator, signals, effects=(effect,)).table, "fitted")
     assert nominal[-1].max() > 3
@@ -143,9 +144,9 @@ def test_too_long_and_too_short_horizons_are_refused() -> None:
     """The message says what is possible."""
     recording, _ = made(episodes=1, seconds=2.0)
     with pytest.raises(RecordingError, match=r"made: no episode is as long as the horizon 5 s; the longest has 2 s"):
-        measure_gap(Simulator(recording), measure(recording), horizons_s=(5.0,))
+        measure_gap(PlanarBox(recording), measure(PlanarBox(recording)), horizons_s=(5.0,))
     with pytest.raises(RecordingError, match=r"horizons_s: must be at least one sample, 0.01667 s, got 0.001 s"):
-        measure_gap(Simulator(recording), measure(recording), horizons_s=(0.001,))
+        measure_gap(PlanarBox(recording), measure(PlanarBox(recording)), horizons_s=(0.001,))
 
 
 MANY: Effects = (
@@ -179,7 +180,7 @@ def test_corrected_model_reads_back_and_its_mjcf_holds_the_numbers(tmp_path: Pat
 def test_no_correction_is_a_model_too(tmp_path: Path) -> None:
     """`none` writes an empty set of effects, and reads back as that."""
     recording, _ = made(noise=0.0, episodes=1, seconds=1.0)
-    assert read_corrected(write_corrected(tmp_path, (), Simulator(recording))) == ()
+    assert read_corrected(write_corrected(tmp_path, (), PlanarBox(recording))) == ()
 
 
 @pytest.mark.parametrize(
@@ -232,7 +233,7 @@ def test_command_reproduces_the_gap_with_the_model_that_was_written(
     arguments = ["gap", str(tmp_path / "case"), f"model={path}", f"out={tmp_path / 'out'}"]
     assert main(arguments) == 0
     table = pd.read_parquet(tmp_path / "out" / "gap.parquet")
-    want = measure_gap(simulator, measure(recording), effects=effect).table
+    want = measure_gap(simulator, measure(PlanarBox(recording)), effects=effect).table
     np.testing.assert_allclose(table["rms"], want["rms"], rtol=1e-9)
     out = capsys.readouterr().out
     assert "starts fitted" in out

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mujoco import rollout
 
-from runner.effects import ActuatorGain, FloorTilt, Mass, ObservationDelay, ViscousDrag
+from runner.effects.planar_box import ActuatorGain, FloorTilt, Mass, ObservationDelay, ViscousDrag
 from runner.errors import ConfigError
 from runner.physics import dry_friction
 from runner.physics.forces import Offcentre, PaperForces, Ramp, RandomForces, Straight

@@ -10,14 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runner import effects as fx
+from runner.effects import planar_box as fx
+from runner.effects.vocabulary import Candidate
 from runner.inference.breakaway import hanging
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.multiple_shooting import carried, explains, look
 from runner.inference.search import Seed
 from runner.noise.measured import measure
 from runner.recording import Episode, Form, Recording, Span
-from runner.systems.planar_box.simulator import Effects, Run, Simulator, context_of
+from runner.systems.planar_box.simulator import Effects, Run, Simulator
+from runner.systems.planar_box.system import PlanarBox
 from tests.cases import NOMINAL, RATE_HZ, measured_as
 
 FRICTION_N = 0.3 * 3.0 * 9.81
@@ -72,7 +74,7 @@ def test_a_part_moves_as_the_whole_does_there(effects: Effects) -> None:
 def test_measured_parts_keep_what_hangs() -> None:
     """The first sample that hangs on a breakaway is counted from where a part begins; the earliest counts."""
     recording = pushed(random_pushes(2, 2.0), [()] * 2)
-    measured = measure(recording).without({1: 60}).without({1: 80, 0: 100})
+    measured = measure(PlanarBox(recording)).without({1: 60}).without({1: 80, 0: 100})
     assert measured.hung == {1: 60, 0: 100}
     assert measured.counted(1)[:60].all()
     assert not measured.counted(1)[60:].any()
@@ -88,7 +90,7 @@ def test_a_look_at_pieces_finds_what_acts_late() -> None:
     """A slack tether that stiffens far from the start: the nominal model is metres off, and the look comes near it."""
     tether = fx.Tether(6.0, 0.3, -0.2, 0.8)
     recording = pushed(random_pushes(5, 5.0), [(tether,)] * 5)
-    fitter = Fitter(Simulator(recording, grid=8, threads=1), measure(recording), context_of(recording))
+    fitter = fitter_of(recording)
     nominal = fitter.fit(NONE, range(5))
     assert nominal.total > 10 * fitter.measured.count(range(5))
     seen = look(fitter, nominal)
@@ -106,9 +108,9 @@ def test_a_look_at_pieces_finds_what_acts_late() -> None:
 def test_what_does_not_show_in_pieces_is_sought_on_the_way_to_the_whole() -> None:
     """A Stribeck effect that was found without the inertia beside it goes astray in longer parts, and not with it."""
     recording = pushed(random_pushes(5, 7.0), [(fx.Stribeck(-0.3, 0.3), fx.Inertia(0.95))] * 5)
-    fitter = Fitter(Simulator(recording, grid=8, threads=1), measure(recording), context_of(recording))
+    fitter = fitter_of(recording)
     starts, count = fitter.fit(NONE, range(5)).starts, fitter.measured.count(range(5))
-    alone, x = Explanation((fx.Stribeck,)), np.array([-0.42, 0.16])
+    alone, x = Explanation((Candidate(fx.Stribeck),)), np.array([-0.42, 0.16])
     seed = Seed(alone, x, starts, fitter.loss(alone, x, starts, range(5)))
     assert seed.total > 10 * count
     first, last = carried(fitter, seed, range(5), fitter.longest_s(range(5)))
@@ -123,7 +125,7 @@ def test_what_does_not_show_in_pieces_is_sought_on_the_way_to_the_whole() -> Non
 def test_what_is_out_of_its_range_explains_nothing() -> None:
     """A Stribeck effect of the least speed stands in for static friction, a tether without slack for nothing else."""
     recording = pushed(random_pushes(2, 2.0), [()] * 2)
-    fitter = Fitter(Simulator(recording, grid=8, threads=1), measure(recording), context_of(recording))
+    fitter = fitter_of(recording)
     starts, count = np.zeros((2, 6)), fitter.measured.count(range(2))
     _, speed = fx.Stribeck.parameters(fitter.context)
     stiffness, x, _, slack = fx.Tether.parameters(fitter.context)
@@ -134,7 +136,9 @@ def test_what_is_out_of_its_range_explains_nothing() -> None:
         (fx.Tether, [stiffness.scale, 0.5 * (x.lower + x.upper), 0.0, slack.lower], 0.9 * count, True),
         (fx.Tether, [stiffness.scale, x.upper, 0.0, slack.lower], 0.9 * count, False),
     ):
-        assert explains(Seed(Explanation((kind,)), np.array(vector), starts, total), fitter, range(2)) is holds
+        assert (
+            explains(Seed(Explanation((Candidate(kind),)), np.array(vector), starts, total), fitter, range(2)) is holds
+        )
 
 
 def test_no_look_where_the_nominal_model_holds() -> None:
@@ -143,7 +147,7 @@ def test_no_look_where_the_nominal_model_holds() -> None:
         pushed(random_pushes(3, 3.0), [()] * 3),
         pushed(random_pushes(3, 0.8), [(fx.ActuatorGain(1.5),)] * 3),
     ):
-        fitter = Fitter(Simulator(recording, grid=8, threads=1), measure(recording), context_of(recording))
+        fitter = fitter_of(recording)
         assert look(fitter, fitter.fit(NONE, range(3))) is None
 
 
@@ -154,7 +158,7 @@ def on_the_edge(measured_excess: float) -> tuple[Fitter, int]:
     edge[150:200, 0] = 1.3 * FRICTION_N
     excesses = [(fx.Stiction(e),) for e in (0.29, 0.29, measured_excess)]
     recording = pushed([*strong, edge], excesses)
-    return Fitter(Simulator(recording, grid=8, threads=1), measure(recording), context_of(recording)), 150
+    return fitter_of(recording), 150
 
 
 def starting_excess() -> float:
@@ -176,7 +180,7 @@ def test_what_hangs_on_a_breakaway_is_told_from_what_is_wrong() -> None:
     """A push that a floor 1 % less even would not have let start is not fitted from there on; a wrong model is."""
     edge = starting_excess()
     fitter, begin = on_the_edge(edge - 0.004)
-    explanation = Explanation((fx.Stiction,))
+    explanation = Explanation((Candidate(fx.Stiction),))
     held = dataclasses.replace(fitter, held=(fx.Stiction(edge + 0.004),))
     starts = held.fit(NONE, range(3)).starts
     stuck = fitter.fit(explanation, range(3), x=np.array([edge + 0.004]), starts=starts, iterations=0)
@@ -187,13 +191,13 @@ def test_what_hangs_on_a_breakaway_is_told_from_what_is_wrong() -> None:
     far = fitter.fit(explanation, range(3), x=np.array([edge + 0.15]), starts=starts, iterations=0)
     assert not hanging(fitter, far)
     # and no other effect has a breakaway to hang on
-    assert not hanging(fitter, fitter.fit(Explanation((fx.Friction,)), range(3), iterations=2))
+    assert not hanging(fitter, fitter.fit(Explanation((Candidate(fx.Friction),)), range(3), iterations=2))
 
 
 def test_a_channel_that_is_never_measured_does_not_forbid_pieces() -> None:
     """One that is missing from a piece alone does: its start could not be told."""
     recording = pushed(random_pushes(2, 2.0), [()] * 2)
-    fitter = Fitter(Simulator(recording, grid=8, threads=1), measure(recording), context_of(recording))
+    fitter = fitter_of(recording)
     valid = [v.copy() for v in fitter.measured.valid]
     for v in valid:
         v[:, 5] = False

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from runner.__main__ import main
-from runner.effects import ComOffset
+from runner.effects.planar_box import ComOffset
 from runner.errors import ConfigError, ResultError
 from runner.physics.forces import Straight
 from runner.physics.scene import SceneConfig

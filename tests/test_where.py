@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from cases import RATE_HZ, made
 
-from runner.effects import ActuatorDelay, FrictionPatch, Inertia, Wind
+from runner.effects.planar_box import ActuatorDelay, FrictionPatch, Inertia, Wind
 from runner.errors import RecordingError
 from runner.localise.where import Where, localise, smoothed_states
 from runner.noise.measured import measure
 from runner.noise.model import Colour
 from runner.simulate.shooting import windows_of
-from runner.systems.planar_box.simulator import Effects, Simulator
+from runner.systems.planar_box.simulator import Effects
+from runner.systems.planar_box.system import PlanarBox
 
 PATCH = FrictionPatch(0.5, 0.8, 0.3, 0.5)
 
@@ -20,7 +21,7 @@ PATCH = FrictionPatch(0.5, 0.8, 0.3, 0.5)
 def where(planted: Effects, *, held: Effects = (), episodes: int = 5, seconds: float = 6.0, seed: int = 0) -> Where:
     """Localise the gap of a recording with these effects in it."""
     recording, starts = made(planted, episodes=episodes, seconds=seconds, seed=seed)
-    return localise(Simulator(recording), measure(recording), dict(enumerate(starts)), held)
+    return localise(PlanarBox(recording), measure(PlanarBox(recording)), dict(enumerate(starts)), held)
 
 
 @pytest.fixture(scope="module")
@@ -143,4 +144,4 @@ def test_too_little_to_look_at_is_refused() -> None:
     """A second of one episode has no eight windows."""
     recording, starts = made(episodes=1, seconds=1.0)
     with pytest.raises(RecordingError, match=r"windows of 0.25 s, at least 8 are needed"):
-        localise(Simulator(recording), measure(recording), {0: starts[0]})
+        localise(PlanarBox(recording), measure(PlanarBox(recording)), {0: starts[0]})

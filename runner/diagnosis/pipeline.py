@@ -440,9 +440,10 @@ def next_push(ranked: Sequence[Ranked], found: Search, fitter: Fitter, threads: 
     )
     rivals_named = f"{' and '.join(lead.effects)} from {' and '.join(named[1].effects)}".replace("_", " ")
     if push is None or push.log_odds < 1.0:
-        return f"No push within the forces used so far would tell {rivals_named}; push harder, or elsewhere."
+        system = fitter.system
+        return f"No {system.experiment} within {system.reach} would tell {rivals_named}; {system.reach_further}."
     return (
-        f"{push.sentence} To tell {rivals_named}, each such push is worth about {push.log_odds:.1f} in natural "
+        f"{push.sentence} To tell {rivals_named}, each such {fitter.system.experiment} is worth about {push.log_odds:.1f} in natural "
         "log odds."
     )
 

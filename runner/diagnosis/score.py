@@ -20,7 +20,7 @@ from scipy.stats import binomtest
 
 from runner.diagnosis.verdict import read_json
 from runner.errors import ResultError
-from runner.inference.search import TWINS
+from runner.effects.base import always_confounded
 
 NONE, UNKNOWN = "none", "unknown"
 BINS = 10
@@ -98,7 +98,7 @@ def score(
 
 
 def _marked(case: str, verdict: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
-    truth, accept = [e["name"] for e in answer["effects"]], set(answer["accept"])
+    truth, accept = [_full_name(e) for e in answer["effects"]], set(answer["accept"])
     ranks = [r for r in verdict["ranked"] if r["effects"]]
     first = ranks[0]["effects"]
     rank = next((i for i, r in enumerate(ranks, 1) if is_right(r["effects"], truth, accept)), None)
@@ -133,8 +133,16 @@ def _stands_for(name: str, planted: str, truth: Collection[str], accept: Collect
     """Tell whether a name counts for an effect: its own, or an accepted one that was not planted itself."""
     if name == planted:
         return True
-    twins = [pair for pair in TWINS if name in pair]
-    return name in accept and name not in truth and (not twins or any(planted in pair for pair in twins))
+    plain, other = name.partition("[")[0], planted.partition("[")[0]
+    accepted = name in accept or f"{plain}[*]" in accept
+    confounded = [pair for pair in always_confounded() if plain in pair]
+    return accepted and name not in truth and (not confounded or any(other in pair for pair in confounded))
+
+
+def _full_name(effect: dict[str, Any]) -> str:
+    """Return the name of a planted effect with its target, if it has one: `joint_friction[elbow]`."""
+    target = effect.get("target")
+    return effect["name"] if target is None else f"{effect['name']}[{target}]"
 
 
 def share(hits: Sequence[bool] | np.ndarray | pd.Series) -> tuple[float, float, float]:

@@ -141,3 +141,13 @@ class AbstractEffect(ABC):
 
 
 Effects = tuple[AbstractEffect, ...]
+
+
+def always_confounded() -> set[frozenset[str]]:
+    """Return the pairs of names, without targets, that no recording tells apart, of all kinds of systems loaded."""
+    classes, todo = [], [AbstractEffect]
+    while todo:
+        found = todo.pop().__subclasses__()
+        classes += found
+        todo += found
+    return {frozenset((c.name, o.name)) for c in classes for o in c.confounded}

@@ -29,9 +29,8 @@ INDEPENDENT_UNSEEN, INDEPENDENT_FITTED = 3.0, 1.0
 DOUBT, LOST, LOST_BELOW = 25.0, 1000.0, 0.6
 FAINT = 1000.0  # the same against one that is nothing beside the unevenness of any floor
 # A gap of this share of the noise's variance is as likely none; log odds by which each e-fold changes that; and the gap
-# from which on it is not none, whatever small errors of the simulator could do.
+# from which on the odds grow in proportion to it: what small errors of a simulator add up to has no heavy tail.
 BARELY, BY_GAP, VISIBLE = 0.3, 6.0, 1.5
-RULED_OUT = 1e4
 # Log odds against an effect where the gap is not as plain as that, for each squared noise by which the effect takes the
 # simulator further away in episodes that were not fitted; and the most of it.
 FURTHER, MOST_FURTHER = 1000.0, 100.0
@@ -158,7 +157,8 @@ def doubt(contender: Contender, context: Scope) -> float:
 
 def odds_against_none(excess: float) -> float:
     """Return the log odds against `none` from what the nominal model leaves of all episodes, in squared noises."""
-    return RULED_OUT if excess > VISIBLE else BY_GAP * float(np.log(max(excess, 0.01) / BARELY))
+    beyond = max(excess / VISIBLE - 1.0, 0.0)  # so that value and slope go on where the logarithm ends
+    return BY_GAP * (float(np.log(min(max(excess, 0.01), VISIBLE) / BARELY)) + beyond)
 
 
 def further(there: Fit, before: Fit, fitter: Fitter, gap: float) -> float:

@@ -41,6 +41,8 @@ from numba import carray, cfunc, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from runner.physics import passive
+
 MAGIC = 271828.1828
 PLANAR, UPRIGHT, FREE = 3, 4, 6
 SLIP_EPS = 1e-7  # m/s, regularises the norm of the slip
@@ -984,13 +986,11 @@ def _compile(
     return law
 
 
-_INSTALLED: list[object] = []  # keeps the callback alive for as long as MuJoCo may call it
+_INSTALLED: list[object] = []
 
 
 def install() -> None:
     """Give the law to MuJoCo, once per process. The first call on a machine compiles it (some seconds)."""
     if not _INSTALLED:
-        law = _compile(*_offsets())
-        callback = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64)(law.address)
-        _INSTALLED.extend([law, callback])
-        mujoco.set_mjcb_passive(callback)
+        _INSTALLED.append(_compile(*_offsets()))
+        passive.install(_INSTALLED[0])

@@ -56,7 +56,7 @@ def read_case(path: str | Path, *, nominal: Nominal | None = None) -> Recording:
             episode and time there, the column, the value and what is allowed.
     """
     path = Path(path)
-    file, notes = _table_file(path)
+    file, notes = table_file(path)
     nominal = nominal_file.read_nominal(file.parent) if nominal is None else nominal
     table, form = read_table(file)
     check_finite(table, form)
@@ -117,7 +117,7 @@ def _frame(recording: Recording) -> pd.DataFrame:
     return frame.drop(columns=[*FORCE, *POINT]) if unmeasured else frame
 
 
-def _table_file(path: Path) -> tuple[Path, list[str]]:
+def table_file(path: Path) -> tuple[Path, list[str]]:
     """Return the file that holds the recording, and what is to be said about it."""
     if path.is_file():
         if path.suffix not in (".parquet", ".csv"):

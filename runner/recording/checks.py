@@ -87,6 +87,24 @@ def episode_spans(table: Table) -> list[slice]:
     return spans
 
 
+def rising_steps(table: Table, span: slice) -> Float:
+    """Return the times from one sample of an episode to the next, (T - 1,).
+
+    Raises:
+        RecordingError: If one is not above zero: naming file and row.
+    """
+    t = table["t"][span]
+    steps = np.diff(t)
+    if (steps <= 0).any():
+        k = int(np.argmax(steps <= 0))
+        what = "is there twice" if steps[k] == 0 else f"follows {t[k]:.9g} s"
+        raise table.error(
+            f"column 't' must rise within an episode, {t[k + 1]:.9g} s {what}; sort by 'episode', then 't'.",
+            int(span.start) + k + 1,
+        )
+    return steps
+
+
 def check_times(table: Table, spans: list[slice], nominal: Nominal) -> None:
     """Refuse times that don't rise, are not even, or whose rate differs between episodes or from `rate_hz`.
 
@@ -95,15 +113,7 @@ def check_times(table: Table, spans: list[slice], nominal: Nominal) -> None:
     """
     rates = []
     for span in spans:
-        t = table["t"][span]
-        steps = np.diff(t)
-        if (steps <= 0).any():
-            k = int(np.argmax(steps <= 0))
-            what = "is there twice" if steps[k] == 0 else f"follows {t[k]:.9g} s"
-            raise table.error(
-                f"column 't' must rise within an episode, {t[k + 1]:.9g} s {what}; sort by 'episode', then 't'.",
-                int(span.start) + k + 1,
-            )
+        t, steps = table["t"][span], rising_steps(table, span)
         step = (t[-1] - t[0]) / (len(t) - 1)
         if np.abs(t - t[0] - step * np.arange(len(t))).max() > GRID_STEPS * step:
             usual = float(np.median(steps))

@@ -155,7 +155,7 @@ class Episode:
 
     def __post_init__(self) -> None:
         for name in ("t_s", "pose", "twist", "force_n", "point_m"):
-            object.__setattr__(self, name, _frozen(getattr(self, name)))
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
         shapes = tuple(getattr(self, name).shape for name in ("t_s", "pose", "twist", "force_n", "point_m"))
         n = len(self.t_s) if self.t_s.ndim == 1 else 0
         pushes = ((n, 3), (n, 3))
@@ -218,7 +218,8 @@ class Span:
     end: int
 
 
-def _frozen(values: ArrayLike) -> Float:
+def frozen_array(values: ArrayLike) -> Float:
+    """Return a private copy that can't be written to."""
     copy = np.array(values, dtype=np.float64)
     copy.setflags(write=False)
     return copy

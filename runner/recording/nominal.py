@@ -46,7 +46,7 @@ def read_nominal(path: str | Path) -> Nominal:
     """
     path = Path(path)
     path = path / FILE if path.is_dir() else path
-    content = _load(path)
+    content = load_mapping(path, REQUIRED)
     try:
         return _nominal(content, path)
     except RecordingError as error:
@@ -84,10 +84,14 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep=deep)
 
 
-def _load(path: Path) -> Mapping:
-    """Return the file's mapping, whatever its keys."""
+def load_mapping(path: Path, needed: Iterable[str]) -> Mapping:
+    """Return the mapping of a YAML file, whatever its keys; those that are needed are named where there is none.
+
+    Raises:
+        RecordingError: If the file is missing, no YAML, no mapping, or gives a key twice.
+    """
     if not path.is_file():
-        raise RecordingError(f"{path}: no such file; a case needs a {FILE} with {_listed(REQUIRED)}.")
+        raise RecordingError(f"{path}: no such file; a case needs a {FILE} with {_listed(needed)}.")
     try:
         content = yaml.load(path.read_text(encoding="utf-8-sig"), _Loader)
     except yaml.MarkedYAMLError as error:
@@ -99,7 +103,7 @@ def _load(path: Path) -> Mapping:
     except OSError as error:
         raise RecordingError(f"{path}: can't be read: {error.strerror}.") from None
     if content is None:
-        raise RecordingError(f"{path}: is empty; it needs {_listed(REQUIRED)}.")
+        raise RecordingError(f"{path}: is empty; it needs {_listed(needed)}.")
     if not isinstance(content, Mapping):
         raise RecordingError(f"{path}: must hold `key: value` lines, got a {type(content).__name__}.")
     return content

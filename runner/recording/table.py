@@ -11,19 +11,17 @@
 
 from __future__ import annotations
 
-import csv
 import difflib
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from runner.errors import RecordingError
 from runner.recording.data import Float, Form
+from runner.recording.raw_table import numbers, read_raw, row_place
 
 METRES, SPEEDS, RATES = ("x", "y", "z"), ("vx", "vy", "vz"), ("wx", "wy", "wz")
 QUATERNION, FORCE, POINT = ("qw", "qx", "qy", "qz"), ("fx", "fy", "fz"), ("px", "py", "pz")
@@ -79,7 +77,7 @@ class Table:
         """Return an error that names the file and, for a row from 0, its number from 1, its episode and its time."""
         if row is None:
             return RecordingError(f"{self.path}: {text}")
-        place = _place(row, self.lines)
+        place = row_place(row, self.lines)
         if {"episode", "t"} <= self.columns.keys():
             place += f" (episode {self['episode'][row]:g}, t = {self['t'][row]:.6g} s)"
         return RecordingError(f"{self.path}: {place}: {text}")
@@ -92,91 +90,17 @@ def read_table(path: Path) -> tuple[Table, Form]:
         RecordingError: If the file can't be read, has no rows, a column is missing or there twice or seems to be
             misspelt, or a value is no number.
     """
-    raw = _csv(path) if path.suffix == ".csv" else _parquet(path)
+    raw = read_raw(path)
     header = raw.header
     form = _form(header)
     _check_header(path, header, form)
     if not raw.count:
         raise RecordingError(f"{path}: has no rows; at least three samples of one episode are needed.")
     names = [name for name in (*REQUIRED[form], *OPTIONAL[form]) if name in header]
-    columns = {name: _numbers(path, name, raw.columns[header.index(name)], raw.lines) for name in names}
+    columns = {name: numbers(path, name, raw, UNITS.get(name, "")) for name in names}
     extra = tuple(name for name in header if name not in names and not name.startswith("__index_level_"))
     notes = [f"not part of the {form} form and not used: {', '.join(map(repr, extra))}"] if extra else []
     return Table(path, columns, raw.lines, extra, notes), form
-
-
-@dataclass(frozen=True)
-class _Raw:
-    """What stands in a file, before it is numbers."""
-
-    header: list[str]
-    columns: list[pa.ChunkedArray | tuple[str, ...]]
-    count: int
-    lines: list[int] | None
-
-
-def _parquet(path: Path) -> _Raw:
-    try:
-        with pq.ParquetFile(path) as file:
-            content = file.read()
-    except (pa.ArrowException, OSError) as error:
-        raise RecordingError(f"{path}: can't be read as Parquet: {' '.join(str(error).split())}") from None
-    return _Raw(list(content.column_names), list(content.columns), content.num_rows, None)
-
-
-def _csv(path: Path) -> _Raw:
-    """Blank lines are skipped."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file, strict=True)
-            header = [name.strip() for name in next(reader, [])]
-            numbered = [(reader.line_num, row) for row in reader if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise RecordingError(f"{path}: can't be read as CSV: {error}.") from None
-    if not header:
-        raise RecordingError(f"{path}: is empty; the first line must name the columns.")
-    if len(header) == 1 and re.search(r"[;\t|]", header[0]):
-        raise RecordingError(f"{path}: columns must be separated by commas, got {header[0][:40]!r}.")
-    lines = [line for line, _ in numbered]
-    for k, (_, row) in enumerate(numbered):
-        if len(row) != len(header):
-            text = f"has {len(row)} values, the header names {len(header)} columns"
-            raise RecordingError(f"{path}: {_place(k, lines)}: {text}.")
-    return _Raw(header, list(zip(*(row for _, row in numbered), strict=True)), len(lines), lines)
-
-
-def _numbers(path: Path, name: str, column: pa.ChunkedArray | tuple[str, ...], lines: list[int] | None) -> Float:
-    return _from_text(path, name, column, lines) if isinstance(column, tuple) else _from_arrow(path, name, column)
-
-
-def _from_text(path: Path, name: str, values: Sequence[str], lines: list[int] | None) -> Float:
-    """Return numbers; an empty cell is NaN."""
-    try:
-        return np.array([value.strip() or "nan" for value in values], dtype=np.float64)
-    except ValueError:
-        pass
-    for row, value in enumerate(values):
-        try:
-            float(value.strip() or "nan")
-        except ValueError:
-            raise RecordingError(
-                f"{path}: {_place(row, lines)}: column '{name}' must be a number{_unit(name)}, got {value!r}."
-            ) from None
-    raise AssertionError("NumPy and Python disagree on what a number is")
-
-
-def _from_arrow(path: Path, name: str, column: pa.ChunkedArray) -> Float:
-    """Return numbers; null is NaN. Text is taken if all of it is numbers."""
-    if pa.types.is_dictionary(column.type):
-        column = column.cast(column.type.value_type)
-    kind = column.type
-    if pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind):
-        return _from_text(path, name, [value or "" for value in column.to_pylist()], None)
-    if pa.types.is_null(kind):
-        return np.full(len(column), np.nan)
-    if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
-        raise RecordingError(f"{path}: column '{name}' must be numbers{_unit(name)}, it holds {kind}.")
-    return np.array(column.cast(pa.float64(), safe=False).to_numpy(), dtype=np.float64)
 
 
 def _form(header: list[str]) -> Form:
@@ -227,14 +151,6 @@ def _plain(name: str) -> str:
     name = re.sub(r"[\[(].*$", "", name.strip().lower()).strip()
     name = re.sub(r"[ _.](mm|cm|m|ms|s|rad|deg|n)([ _/](s|sec))?$", "", name)
     return re.sub(r"[^a-z0-9]", "", name)
-
-
-def _place(row: int, lines: list[int] | None) -> str:
-    return f"data row {row + 1}" + (f", line {lines[row]}" if lines is not None else "")
-
-
-def _unit(name: str) -> str:
-    return f" in {UNITS[name]}" if name in UNITS else ""
 
 
 def _bracket(name: str) -> str:

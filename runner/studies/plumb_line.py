@@ -24,7 +24,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from runner.config import registered
-from runner.effects import Target
+from runner.effects.planar_box import Target
 from runner.errors import ConfigError, ResultError, check_range, check_vector
 from runner.physics.scene import Contact, Dof, build, rotate
 from runner.progress import track

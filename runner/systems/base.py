@@ -300,6 +300,7 @@ class AbstractSystem(ABC):
             {"speed": "at {}"}.
         activities: Those factors that say what was done, rather than where, when or how fast.
         noun: What the object is called in a sentence: "object", "mechanism".
+        experiment: What is done to it: "push"; `reach`: what limits that so far; `reach_further`: what would go beyond.
         plan_view: Positions in `channels` of two lengths that make a map, or None.
         force_views: Further columns of the table of missing forces that are worth a drawing, each with its label.
     """
@@ -315,6 +316,9 @@ class AbstractSystem(ABC):
     factors: Mapping[str, str]
     activities: tuple[str, ...] = ("regime",)
     noun: str = "object"
+    experiment: str = "experiment"
+    reach: str = "the commands used so far"
+    reach_further: str = "command more, or otherwise"
     plan_view: tuple[int, int] | None = None
     force_views: Mapping[str, str] = MappingProxyType({})
 

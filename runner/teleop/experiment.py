@@ -16,7 +16,7 @@ from dm_control import mjcf
 from dm_control.rl.control import PhysicsError
 
 from runner.config import registered, snake_case
-from runner.effects import EFFECTS, AbstractEffect, Target
+from runner.effects.planar_box import EFFECTS, PlanarEffect, Target
 from runner.errors import ConfigError, check_range, check_vector
 from runner.physics import dry_friction, player
 from runner.physics.forces import AbstractForces
@@ -46,7 +46,7 @@ class RemoteConfig:
     com_m: Vector = (0.0, 0.0, 0.0)
     inertia_kg_m2: Vector | None = None
     friction: float = 0.3
-    effects: dict[str, AbstractEffect] = field(default_factory=dict)
+    effects: dict[str, PlanarEffect] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _ = self.body  # checks the ranges

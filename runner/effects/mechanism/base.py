@@ -7,6 +7,9 @@ channel. It acts at up to four places, each a method that does nothing unless ov
     edit_model    numbers of the compiled model: mass, damping, gains, the numbers of the compiled joint law
     edit_command  the recorded commands, outside the engine: means over physics steps
     edit_reading  the predicted channels, outside the engine
+
+A structural effect may add joints. `follows` tells a simulator which joint each of them moves with, `edit_start` puts
+them where they are when an episode or window begins.
 """
 
 from __future__ import annotations
@@ -38,10 +41,15 @@ class Command:
 
 @dataclass(frozen=True)
 class Reading:
-    """What the channels show, on the grid of physics steps: time (n,), and each channel (..., n) by name."""
+    """What the channels show, on the grid of physics steps: time (n,), and each channel (..., n) by name.
+
+    `held_before` says whether the mechanism was held in the first state until then, as at the start of an episode that
+    begins at rest; otherwise it was under way.
+    """
 
     t_s: np.ndarray
     channels: Mapping[str, np.ndarray]
+    held_before: bool = False
 
 
 @dataclass(frozen=True)
@@ -80,11 +88,22 @@ class MechanismEffect(AbstractEffect):
 
     target_kind: ClassVar[str] = "joint"  # joint | body | actuator | channel | "" for what has no target
 
+    @property
+    def follows(self) -> Mapping[str, str]:
+        """The joints that `edit_spec` adds, each with the one whose position and speed it starts with."""
+        return {}
+
     def edit_spec(self, spec: mujoco.MjSpec) -> None:
         """Add the elements that the effect needs. Names of joints, bodies and actuators must go on meaning the same."""
 
     def edit_model(self, model: mujoco.MjModel) -> None:
         """Write the effect's numbers into a compiled model that holds the nominal ones (and the spec's elements)."""
+
+    def edit_start(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Set positions and speeds of the joints that the effect has added, better than those that they follow.
+
+        `data` has those of all others, the commands and the time of the start; what follows from them is overwritten.
+        """
 
     def edit_command(self, command: Command) -> Command:
         """Return the commands that the actuators really get."""

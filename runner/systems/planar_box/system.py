@@ -59,6 +59,9 @@ class PlanarBox(AbstractSystem):
     factors = FACTORS
     activities = ("regime", "push")
     noun = "body"
+    experiment = "push"
+    reach = "the forces used so far"
+    reach_further = "push harder, or elsewhere"
     plan_view = (0, 1)
     force_views = MappingProxyType({"along_n": "along the motion [N]", "left_n": "left of the motion [N]"})
     recording: Recording

@@ -1,0 +1,97 @@
+"""Elasticity between the drive and the link of a joint."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+import mujoco
+import numpy as np
+
+from runner.effects.base import Parameter, Phrase, Vector
+from runner.effects.mechanism import parts
+from runner.effects.mechanism.base import MechanismEffect, Scope, effect
+from runner.effects.mechanism.drive import add_drive, add_spring, settle
+from runner.effects.wording import Values
+from runner.errors import check_range
+
+DAMPING_RATIO = 0.05  # of the link against the drive, as of metal gears and belts
+FRICTION_SHARE = 0.6  # of the joint's friction that sits at the drive
+FAST = 1.0  # natural frequency times step from which on the spring is taken implicitly
+
+
+@effect
+@dataclass(frozen=True)
+class Compliance(MechanismEffect):
+    """A spring of `stiffness` lies between drive and link, N m/rad or N/m; infinite: none. See `drive`.
+
+    Fitted as its inverse, which is zero where the joint is rigid. A spring that is too fast for the step is given the
+    damping h k / 2, which makes the step stable; then it follows its load without swinging.
+    """
+
+    name: ClassVar[str] = "compliance"
+    label: ClassVar[str] = "elasticity between drive and link"
+    structural: ClassVar[bool] = True
+    target: str
+    stiffness: float
+
+    def __post_init__(self) -> None:
+        if self.stiffness != math.inf:
+            check_range("compliance.stiffness", self.stiffness, 0.0, 1e15, unit="N m/rad", lower_open=True)
+
+    @property
+    def follows(self) -> Mapping[str, str]:
+        return {self.target + parts.DRIVE: self.target} if math.isfinite(self.stiffness) else {}
+
+    def edit_spec(self, spec: mujoco.MjSpec) -> None:
+        if not math.isfinite(self.stiffness):
+            return
+        tendon = add_drive(spec, self.target, FRICTION_SHARE)
+        model = spec.copy().compile()
+        link, drive = (float(model.dof_M0[parts.dof_of(model, j)]) for j in parts.sides_of(model, self.target))
+        inertia = link * drive / (link + drive)
+        frequency = math.sqrt(self.stiffness / inertia)
+        damping = 2.0 * DAMPING_RATIO * self.stiffness / frequency
+        if frequency * spec.option.timestep > FAST:
+            damping = max(damping, 0.5 * spec.option.timestep * self.stiffness)
+        add_spring(tendon, self.stiffness, damping)
+        if spec.option.integrator == mujoco.mjtIntegrator.mjINT_EULER:  # takes damping of tendons explicitly
+            spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+
+    def edit_start(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        if math.isfinite(self.stiffness):
+            settle(model, data, self.target)
+
+    @classmethod
+    def applies(cls, scope: Scope) -> bool:
+        return parts.is_axis(scope.model, scope.target) and len(parts.actuators_on(scope.model, scope.target)) > 0
+
+    @classmethod
+    def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
+        give = parts.typical_reach(context) / parts.typical_force(context)
+        unit = "rad/(N m)" if parts.is_hinge(context.model, context.target) else "m/N"
+        return (Parameter("give", unit, 0.03 * give, 0.0, give),)
+
+    @classmethod
+    def from_vector(cls, x: Vector, context: Scope) -> Self:
+        return cls(str(context.target), 1.0 / float(x[0]) if x[0] > 0 else math.inf)
+
+    @classmethod
+    def starts(cls, context: Scope) -> np.ndarray:
+        scale = cls.parameters(context)[0].scale
+        return np.array([[0.3 * scale], [scale], [3.0 * scale]])
+
+    @classmethod
+    def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
+        unit = "N m/rad" if parts.is_hinge(beliefs.model, target) else "N/m"
+        return Phrase(
+            f"drive and link of joint '{target}' are coupled elastically",
+            of.show("stiffness", unit),
+            f"Give the drive of '{target}' a body and joint of its own, \"{target}{parts.DRIVE}\", with the armature "
+            f"and {FRICTION_SHARE:.0%} of the friction, let the actuator act on it, and couple the two by "
+            f'<fixed springlength="0" stiffness="{parts.attribute(of["stiffness"])}"><joint joint="{target}" coef="1"/>'
+            f'<joint joint="{target}{parts.DRIVE}" coef="-1"/></fixed>.',
+            f"Lock the drive, load '{target}', and measure how far it gives.",
+        )

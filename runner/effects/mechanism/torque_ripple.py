@@ -1,0 +1,93 @@
+"""A torque that repeats with the position of a joint: cogging, an eccentric gear."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+import mujoco
+import numpy as np
+
+from runner.effects.base import Parameter, Phrase, Vector
+from runner.effects.mechanism import parts
+from runner.effects.mechanism.base import MechanismEffect, Scope, effect
+from runner.effects.wording import Values
+from runner.errors import check_range
+
+TRIED_CYCLES = (1.0, 2.0, 3.0, 4.0, 6.0, 7.0, 8.0, 12.0, 24.0)  # per turn: eccentric gears, poles and slots
+
+
+@effect
+@dataclass(frozen=True)
+class TorqueRipple(MechanismEffect):
+    """A torque amplitude sin(2 pi cycles q + phase), q in turns of a hinge (cycles per turn) or m (cycles per m).
+
+    Fitted by its sine and cosine parts, about the believed zero of the joint. It acts on the drive's side.
+    """
+
+    name: ClassVar[str] = "torque_ripple"
+    label: ClassVar[str] = "a torque that depends on the position"
+    commonness: ClassVar[int] = 3
+    target: str
+    amplitude: float
+    cycles: float
+    phase_rad: float
+
+    def __post_init__(self) -> None:
+        check_range("torque_ripple.amplitude", self.amplitude, 0.0, 1e9, unit="N m")
+        check_range("torque_ripple.cycles", self.cycles, 0.0, 1e6, lower_open=True)
+        check_range("torque_ripple.phase_rad", self.phase_rad, -7.0, 7.0, unit="rad")
+
+    def edit_model(self, model: mujoco.MjModel) -> None:
+        law = parts.law_of(model, parts.drive_side(model, self.target))
+        turn = 1.0 if parts.is_hinge(model, self.target) else 2.0 * math.pi
+        law["ripple_sin"] = self.amplitude * math.cos(self.phase_rad)
+        law["ripple_cos"] = self.amplitude * math.sin(self.phase_rad)
+        law["ripple_rate"] = self.cycles * turn
+
+    @classmethod
+    def applies(cls, scope: Scope) -> bool:
+        return parts.is_axis(scope.model, scope.target) and len(parts.actuators_on(scope.model, scope.target)) > 0
+
+    @classmethod
+    def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
+        force, unit = parts.typical_force(context), parts.force_unit(context.model, context.target)
+        cycles, _ = _cycles(context)
+        return (
+            Parameter("sine", unit, 0.1 * force, -3 * force, 3 * force),
+            Parameter("cosine", unit, 0.1 * force, -3 * force, 3 * force),
+            Parameter("cycles", "", cycles, 0.2 * cycles, 100 * cycles, may_rest=True),
+        )
+
+    @classmethod
+    def from_vector(cls, x: Vector, context: Scope) -> Self:
+        cycles, _ = _cycles(context)
+        return cls(str(context.target), math.hypot(x[0], x[1]), max(float(x[2]), 0.2 * cycles), math.atan2(x[1], x[0]))
+
+    @classmethod
+    def starts(cls, context: Scope) -> np.ndarray:
+        sine, cosine, _ = cls.parameters(context)
+        _, tried = _cycles(context)
+        return np.array([[0.3 * sine.scale, 0.3 * cosine.scale, cycles] for cycles in tried])
+
+    @classmethod
+    def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
+        hinge = parts.is_hinge(beliefs.model, target)
+        unit, per = parts.force_unit(beliefs.model, target), "turn" if hinge else "m"
+        rate = of["cycles"] * (1.0 if hinge else 2.0 * math.pi)
+        return Phrase(
+            f"the torque of joint '{target}' varies with its position, as by cogging or an eccentric gear",
+            f"by ±{of.show('amplitude', unit)}, {of.show('cycles')} times per {per}",
+            f"MuJoCo has no such torque: before each step add {parts.attribute(of['amplitude'])} "
+            f"sin({parts.attribute(rate)} q {'+' if of['phase_rad'] >= 0 else '-'} {abs(of['phase_rad']):.3g}) to qfrc_applied of joint '{target}'.",
+            f"Turn '{target}' slowly by hand with the drive off and feel for notches.",
+        )
+
+
+def _cycles(scope: Scope) -> tuple[float, np.ndarray]:
+    """Return the least number of cycles that the range visited can show, and those to begin with."""
+    if parts.is_hinge(scope.model, scope.target):
+        return 1.0, np.array(TRIED_CYCLES)
+    once = 0.5 / parts.typical_reach(scope)  # one in the range visited
+    return once, once * np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])

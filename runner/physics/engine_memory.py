@@ -1,0 +1,85 @@
+"""MuJoCo's memory, as the compiled callbacks see it: C structs at an address, whose fields lie at measured offsets.
+
+A callback that runs inside MuJoCo's step gets the addresses of `mjModel` and `mjData` alone. Where their fields lie is
+measured on a small model of known numbers (`offset_of`), so no header is needed; the compiled functions here then read
+them.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import mujoco
+from numba import carray, njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+
+def offset_of(address: int, wanted: int | float, size: int = 400_000) -> int:
+    """Return the byte offset of a struct's field from a value that nothing else there has.
+
+    Args:
+        address: Of the struct.
+        wanted: The value; a float is sought as a double, an int as 64 bits.
+        size: How far to look, bytes.
+
+    Raises:
+        RuntimeError: If it is not there: another build of MuJoCo than the pinned one.
+    """
+    kind = ctypes.c_double if isinstance(wanted, float) else ctypes.c_uint64
+    raw = (kind * (size // 8)).from_address(address)
+    for i in range(size // 8):
+        if raw[i] == wanted:
+            return 8 * i
+    raise RuntimeError(
+        f"mujoco {mujoco.__version__}: a field that the compiled callbacks need was not found; pin mujoco==3.17.0."
+    )
+
+
+def fingerprint(*sources: str | Path) -> int:
+    """Return a number that changes with the text of these files, below 2^60.
+
+    Numba keeps a compiled function for as long as its own file does not change, and asks nothing of the files that its
+    callees stand in. A callback that holds this number of all of them in its closure is compiled anew after any change.
+    """
+    text = b"".join(Path(source).read_bytes() for source in sorted(map(str, sources)))
+    return int(hashlib.sha256(text).hexdigest()[:15], 16)
+
+
+def _cast(typing_context, address):
+    def codegen(context, builder, signature, args):
+        return builder.inttoptr(args[0], cgutils.voidptr_t)
+
+    return types.voidptr(types.uint64), codegen
+
+
+as_pointer: Any = intrinsic(_cast)
+
+
+@njit(error_model="numpy")
+def doubles(base, offset, size):
+    """Return the array (size,) of float64 that the pointer at base + offset points to."""
+    pointer = carray(as_pointer(types.uint64(base + offset)), (1,), types.uint64)
+    return carray(as_pointer(pointer[0]), (size,), types.float64)
+
+
+@njit(error_model="numpy")
+def ints(base, offset, size):
+    """Return the array (size,) of int32 that the pointer at base + offset points to."""
+    pointer = carray(as_pointer(types.uint64(base + offset)), (1,), types.uint64)
+    return carray(as_pointer(pointer[0]), (size,), types.int32)
+
+
+@njit(error_model="numpy")
+def double(base, offset):
+    """Return the float64 at base + offset."""
+    return carray(as_pointer(types.uint64(base + offset)), (1,), types.float64)[0]
+
+
+@njit(error_model="numpy")
+def integer(base, offset):
+    """Return the int64 at base + offset."""
+    return carray(as_pointer(types.uint64(base + offset)), (1,), types.int64)[0]

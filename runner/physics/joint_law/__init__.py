@@ -1,0 +1,10 @@
+"""The compiled law of joints: friction and forces that MuJoCo's joints lack, inside its step.
+
+record    the numbers of the law in a compiled model, by joint: `reserve`, `JointLaw`
+binding   the law itself and its place in MuJoCo: `install`
+"""
+
+from runner.physics.joint_law.binding import install
+from runner.physics.joint_law.record import SIZE, JointLaw, reserve
+
+__all__ = ["SIZE", "JointLaw", "install", "reserve"]

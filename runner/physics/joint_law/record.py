@@ -1,0 +1,64 @@
+"""What the law of joints knows of a joint: numbers in the joint's `user` data, after those of the model's owner.
+
+`reserve(spec)` makes room before compiling. In the compiled model all of them are zero, and then the law leaves the
+joint alone: whoever writes nominal numbers back writes `jnt_user` as it was compiled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import mujoco
+
+MAGIC = 314159.2653
+
+FIELDS = (
+    "magic",
+    "offset",  # a constant force, N m or N
+    # dry friction times 1 + excess exp(-(|v| / excess_speed)^excess_power)
+    "excess",
+    "excess_speed",
+    "excess_power",
+    # dry friction plus load_share times the load, which the actuators of degree of freedom `load_dof` bear
+    "load_share",
+    "load_dof",
+    # friction of positive less that of negative motion, over their mean, which is the model's
+    "dry_difference",
+    "viscous_difference",
+    # ripple_sin sin(a) + ripple_cos cos(a), a = ripple_rate q; N m or N, rad per rad or m
+    "ripple_sin",
+    "ripple_cos",
+    "ripple_rate",
+    # a force from one time until another, N m or N, s
+    "push",
+    "push_from",
+    "push_until",
+)
+SIZE = len(FIELDS)
+COLUMN = {name: i for i, name in enumerate(FIELDS)}
+
+
+def reserve(spec: mujoco.MjSpec) -> None:
+    """Make room for the law in a model that is yet to be compiled; for `user` data of the owner's, too."""
+    own = max((len(joint.userdata) for joint in spec.joints), default=0)
+    spec.nuser_jnt = max(spec.nuser_jnt, own) + SIZE
+
+
+@dataclass(frozen=True)
+class JointLaw:
+    """Read and write access to the law of one hinge or slide inside a compiled model, by field name."""
+
+    model: mujoco.MjModel = field(repr=False)
+    joint: int
+
+    def __post_init__(self) -> None:
+        if self.model.nuser_jnt < SIZE:
+            raise ValueError("The model has no room for the law of joints: call `reserve` before it is compiled.")
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.model.jnt_user[self.joint, COLUMN[name] - SIZE])
+
+    def __setitem__(self, name: str, value: float) -> None:
+        row = self.model.jnt_user[self.joint]
+        row[COLUMN[name] - SIZE] = value
+        row[COLUMN["magic"] - SIZE] = MAGIC

@@ -1,0 +1,286 @@
+"""Recordings in the model form: anybody's MuJoCo model, and a log of a mechanism that it should describe.
+
+A case is a folder with `recording.parquet` (or `.csv`), the MJCF that its owner believes in, and `nominal.yaml`, whose
+key `model` names the MJCF and whose other keys say how columns and model belong together; a folder without `model` is
+in the box form. See `runner.recording.model_form_mapping` for the keys, `runner.recording.model_form_mjcf` for what an
+MJCF may refer to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from runner.errors import RecordingError, nearest
+from runner.recording.case import table_file
+from runner.recording.checks import episode_spans, rising_steps
+from runner.recording.data import Float, frozen_array
+from runner.recording.model_form_mapping import ChannelSource, ModelMapping, read_mapping
+from runner.recording.model_form_mjcf import read_mjcf
+from runner.recording.nominal import FILE, load_mapping
+from runner.recording.raw_table import RawTable, numbers, read_raw
+from runner.recording.table import Table
+
+SLOWEST_S = 1.0  # a mechanism that is sampled less often than once a second: the times are in another unit
+TURNS = 5  # a joint that goes round more often without a range: worth a note
+NORM = (0.9, 1.1)  # a quaternion of a length within is a rounded one
+
+
+@dataclass(frozen=True, eq=False)
+class MechanismEpisode:
+    """One run of a mechanism.
+
+    Args:
+        index: Its number in the recording.
+        t_s: Time of each sample, (T,), rising, not necessarily even.
+        values: Measured channels, (T, C), NaN where not measured; orientations 0 (see `orientations`).
+        commands: Held from each sample to the next, (T, K).
+        forces_n: Recorded forces on bodies, world axes, (T, F, 3).
+        points_m: Where they act, axes of the body, from its origin, (T, F, 3).
+        orientations: Measured orientation by channel without its axis, (T, 4) w, x, y, z, body to world.
+    """
+
+    index: int
+    t_s: Float
+    values: Float
+    commands: Float
+    forces_n: Float
+    points_m: Float
+    orientations: Mapping[str, Float]
+
+    def __post_init__(self) -> None:
+        for name in ("t_s", "values", "commands", "forces_n", "points_m"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        object.__setattr__(self, "orientations", {k: frozen_array(v) for k, v in self.orientations.items()})
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+    @property
+    def step_s(self) -> float:
+        """Usual time from one sample to the next."""
+        return float(np.median(np.diff(self.t_s)))
+
+
+@dataclass(frozen=True, eq=False)
+class MechanismRecording:
+    """A case: runs of one mechanism, and the model that its owner believes in.
+
+    Args:
+        path: Where it was read from.
+        model_path: The MJCF.
+        mapping: How columns and model belong together, what noise is stated, how episodes start.
+        episodes: At least one, in the order of the file.
+        notes: What was odd about the files, yet no error: one sentence each.
+    """
+
+    path: Path
+    model_path: Path
+    mapping: ModelMapping
+    episodes: tuple[MechanismEpisode, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def nominal(self) -> ModelMapping:
+        """What the owner states beside the MJCF."""
+        return self.mapping
+
+    @property
+    def step_s(self) -> float:
+        """Usual time from one sample to the next."""
+        return float(np.median(np.concatenate([np.diff(e.t_s) for e in self.episodes])))
+
+    def spec(self) -> mujoco.MjSpec:
+        """Return the MJCF, read anew: it may be edited."""
+        return read_mjcf(self.model_path)
+
+
+def is_model_form(path: str | Path) -> bool:
+    """Whether a folder's `nominal.yaml` names a model; a folder without the file, or with a broken one, does not."""
+    path = Path(path)
+    file = (path if path.is_dir() else path.parent) / FILE
+    try:
+        return file.is_file() and "model" in load_mapping(file, ("model",))
+    except RecordingError:
+        return False
+
+
+def read_model_case(path: str | Path) -> MechanismRecording:
+    """Return a case in model form, checked: keys, names in the model, columns, numbers, order, times, units.
+
+    Args:
+        path: The folder, or a table in it (`.parquet` or `.csv`).
+
+    Raises:
+        RecordingError: With the file, the key or the data row, the value and what is allowed.
+    """
+    path = Path(path)
+    file, notes = table_file(path)
+    nominal = file.parent / FILE
+    content = load_mapping(nominal, ("model", "commands", "channels"))
+    model_path = _model_path(nominal, content.get("model"))
+    model = read_mjcf(model_path).compile()
+    mapping = read_mapping(nominal, content, model)
+    raw = read_raw(file)
+    table = _table(file, raw, mapping, notes)
+    spans = episode_spans(table)
+    for span in spans:
+        steps = rising_steps(table, span)
+        if np.median(steps) > SLOWEST_S:
+            raise table.error(
+                f"column 't' rises by {np.median(steps):.4g} s per sample, allowed: at most {SLOWEST_S:g} s; "
+                "probably not in s.",
+                int(span.start),
+            )
+    _check_commands(table, mapping)
+    notes += _check_angles(table, mapping, model)
+    orientations = {o.name: _orientation(table, o.columns) for o in mapping.orientations}
+    values = _values(table, mapping, orientations)
+    kept = [c for c, source in enumerate(mapping.sources) if np.isfinite(values[:, c]).any()]
+    lacking = [s.name for c, s in enumerate(mapping.sources) if c not in kept]
+    if lacking:
+        raise table.error(f"channel '{lacking[0]}' is NaN in all {len(table)} rows; take it out of {FILE}.")
+    notes += [
+        f"'{s.name}' is not measured (NaN) in {n} of {len(table)} rows"
+        for s, n in zip(mapping.sources, np.isnan(values).sum(axis=0), strict=True)
+        if n
+    ]
+    commands = table.stack(mapping.commands) if mapping.commands else np.zeros((len(table), 0))
+    forces = _triples(table, [f.force for f in mapping.forces])
+    points = _triples(table, [f.point for f in mapping.forces])
+    episodes = tuple(
+        MechanismEpisode(
+            int(table["episode"][s.start]),
+            table["t"][s],
+            values[s],
+            commands[s],
+            forces[s],
+            points[s],
+            {name: q[s] for name, q in orientations.items()},
+        )
+        for s in spans
+    )
+    return MechanismRecording(path, model_path, mapping, episodes, tuple(notes))
+
+
+def _model_path(nominal: Path, name: object) -> Path:
+    """Return the MJCF, which must lie in the case's folder."""
+    if not isinstance(name, str) or not name:
+        raise RecordingError(f"{nominal}: model: must be the name of an MJCF file in the same folder, got {name!r}.")
+    path = nominal.parent / name
+    if Path(name).is_absolute() or ".." in Path(name).parts:
+        raise RecordingError(f"{nominal}: model: must lie in the folder of the case, got {name!r}.")
+    if not path.is_file():
+        files = [p.name for p in nominal.parent.iterdir() if p.suffix in (".xml", ".mjcf")]
+        hint = f" {nearest(name, files)}" if files else " There is no .xml file in the folder."
+        raise RecordingError(f"{nominal}: model: no file '{name}' in the folder.{hint}")
+    return path
+
+
+def _table(file: Path, raw: RawTable, mapping: ModelMapping, notes: list[str]) -> Table:
+    """Return the columns that the mapping names; others are left unread, with a note."""
+    header = raw.header
+    wanted = dict.fromkeys(["episode", "t", *mapping.columns])
+    for name in wanted:
+        if header.count(name) > 1:
+            raise RecordingError(f"{file}: column '{name}' is there {header.count(name)} times, allowed: once.")
+    missing = [name for name in wanted if name not in header]
+    if missing:
+        by = "every recording needs it" if missing[0] in ("episode", "t") else f"{FILE} names it"
+        raise RecordingError(f"{file}: missing column '{missing[0]}'; {by}. {nearest(missing[0], header)}")
+    if not raw.count:
+        raise RecordingError(f"{file}: has no rows; at least three samples of one episode are needed.")
+    columns = {name: numbers(file, name, raw, mapping.units.get(name, "")) for name in wanted}
+    extra = tuple(name for name in header if name not in wanted and not name.startswith("__index_level_"))
+    if extra:
+        notes.append(f"not named in {FILE} and not read: {', '.join(map(repr, extra))}")
+    table = Table(file, columns, raw.lines, extra)
+    for name, column in columns.items():
+        may_lack = name not in ("episode", "t", *mapping.driving)
+        bad = np.isinf(column) if may_lack else ~np.isfinite(column)
+        if bad.any():
+            row = int(np.argmax(bad))
+            more = f" ({bad.sum()} such rows)" if bad.sum() > 1 else ""
+            what = "a command must be a finite number" if name in mapping.driving else "must be a finite number"
+            raise table.error(f"column '{name}': {what}, got {column[row]}{more}.", row)
+    return table
+
+
+def _check_commands(table: Table, mapping: ModelMapping) -> None:
+    """Refuse a servo's target that is far outside of the range of its command, but inside as degrees."""
+    for name, command in mapping.commands.items():
+        if command.unit == "rad" and command.limits is not None and _degrees(table[name], command.limits):
+            raise table.error(
+                f"command '{name}' goes up to {np.abs(table[name]).max():.4g}, the range of actuator "
+                f"'{command.actuator}' is {command.limits[0]:.4g} to {command.limits[1]:.4g} rad: "
+                "probably in degrees, allowed: rad."
+            )
+
+
+def _check_angles(table: Table, mapping: ModelMapping, model: mujoco.MjModel) -> list[str]:
+    """Refuse an angle far outside of its joint's range that is inside as degrees; note one of many turns."""
+    notes = []
+    for source in mapping.sources:
+        if source.kind != "joint" or source.quantity != "position" or source.unit != "rad":
+            continue
+        values, joint = table[source.name], model.joint(source.target)
+        if joint.limited[0] and _degrees(values, (float(joint.range[0]), float(joint.range[1]))):
+            raise table.error(
+                f"channel '{source.name}' goes up to {np.nanmax(np.abs(values)):.4g}, the range of joint "
+                f"'{source.target}' is {joint.range[0]:.4g} to {joint.range[1]:.4g} rad: probably in degrees, "
+                "allowed: rad."
+            )
+        turns = float(np.nanmax(values) - np.nanmin(values)) / (2 * np.pi) if np.isfinite(values).any() else 0.0
+        if not joint.limited[0] and turns > TURNS:
+            notes.append(f"'{source.name}' spans {turns:.0f} turns; if it is in degrees, turn it into rad")
+    return notes
+
+
+def _degrees(values: Float, limits: tuple[float, float]) -> bool:
+    """Whether values lie far outside of limits, and as degrees within."""
+    low, high = limits
+    width = high - low
+    extremes = np.array([np.nanmin(values, initial=0.0), np.nanmax(values, initial=0.0)])
+    outside = max(low - extremes[0], extremes[1] - high)
+    angles = np.radians(extremes)
+    return outside > 2 * width and bool(angles[0] > low - 0.1 * width and angles[1] < high + 0.1 * width)
+
+
+def _orientation(table: Table, columns: Sequence[str]) -> Float:
+    """Return unit quaternions, (N, 4), NaN where one of the numbers is."""
+    q = table.stack(columns)
+    q = np.where(np.isnan(q).any(axis=1)[:, None], np.nan, q)
+    length = np.linalg.norm(q, axis=1)
+    bad = (length < NORM[0]) | (length > NORM[1])
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise table.error(
+            f"columns {', '.join(map(repr, columns))} must be a quaternion of unit length, got length "
+            f"{length[row]:.4g}.",
+            row,
+        )
+    return q / length[:, None]
+
+
+def _values(table: Table, mapping: ModelMapping, orientations: Mapping[str, Float]) -> Float:
+    """Return all channels, (N, C); of an orientation 0, as its residual is a turn away from what was measured."""
+    columns = []
+    for source in mapping.sources:
+        if source.quantity == "orientation":
+            columns.append(orientations[source.column][:, 0] * 0.0)
+        else:
+            columns.append(table[source.name])
+    return np.stack(columns, axis=1)
+
+
+def _triples(table: Table, columns: Sequence[Sequence[str]]) -> Float:
+    """Return triples of columns, (N, F, 3); where none are named, zeros."""
+    stacked = [table.stack(names) if names else np.zeros((len(table), 3)) for names in columns]
+    return np.stack(stacked, axis=1) if stacked else np.zeros((len(table), 0, 3))
+
+
+__all__ = ["ChannelSource", "MechanismEpisode", "MechanismRecording", "is_model_form", "read_model_case"]

@@ -1,0 +1,237 @@
+"""The unknown start of a mechanism: where every joint is, and how fast.
+
+S = 2 nv numbers: the change of position from the model's reference position in tangent coordinates (rad, m; of a free
+joint in metres and as a turn), then the velocities as MuJoCo has them. A recording whose episodes begin at rest has
+the same numbers, as windows of it don't; at the start of its episodes the velocities don't count.
+
+A guess solves the measured channels for the numbers: positions from what tells of positions, velocities from what
+tells of velocities and from the slopes of the others. What no channel tells of stays at the reference.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from runner.recording.model_form import MechanismRecording
+from runner.recording.model_form_mapping import ChannelSource
+from runner.systems.base import AbstractInitialState, FloatArray, Signals, Windows
+from runner.systems.mechanism import quaternions
+from runner.systems.mechanism.coordinates import HINGE, Coordinates
+from runner.systems.mechanism.models import OWN, Models
+from runner.systems.mechanism.observer import ACCELERATION
+
+SMOOTH_S = 0.05  # half width of the local polynomials
+FEWEST = 5  # samples that a local polynomial rests on
+BROAD = {"rad": 1.0, "m": 0.3}  # what nobody measured may be so far from the reference
+BROAD_RATE = 3.0  # and so fast, rad/s or m/s
+SLOPE = 0.03  # a slope over a window that short: its error is that of a sample over so many seconds
+ITERATIONS = 6
+DIFFERENCE = 1e-6
+VELOCITY_SENSORS = (int(mujoco.mjtStage.mjSTAGE_VEL),)
+
+
+class MechanismStart(AbstractInitialState):
+    """See the module's docstring.
+
+    Args:
+        recording: The case.
+        models: Its compiled models.
+        sigma: Rough noise of each channel, (C,), for the steps of differences.
+    """
+
+    def __init__(self, recording: MechanismRecording, models: Models, sigma: FloatArray) -> None:
+        compiled = models.compiled(())
+        self._recording, self._model, self._coordinates = recording, compiled.model, compiled.coordinates
+        self._data = mujoco.MjData(compiled.model)
+        self._sources = recording.mapping.sources
+        self._tells = [_tells(s, compiled.model) for s in self._sources]
+        self.steps = np.ones(2 * self._coordinates.nv)
+        self.steps = np.clip(self.scale(sigma), 1e-6, 0.02)
+
+    @property
+    def coordinates(self) -> Coordinates:
+        """Of the believed model."""
+        return self._coordinates
+
+    def broad(self) -> FloatArray:
+        """Return how far a joint that nobody measured may be from its reference, and how fast, (S,)."""
+        unit = np.full(self._coordinates.nv, BROAD["m"])
+        for joint in self._coordinates.joints:
+            if joint.kind == HINGE:
+                unit[joint.v] = BROAD["rad"]
+            elif joint.v.stop - joint.v.start >= 3:
+                unit[joint.v.stop - 3 : joint.v.stop] = BROAD["rad"]
+        return np.concatenate([unit, np.full(self._coordinates.nv, BROAD_RATE)])
+
+    def scale(self, sigma: FloatArray) -> FloatArray:
+        """Return how well the channels of one sample, and slopes of a few, tell each number."""
+        nv = self._coordinates.nv
+        broad = self.broad()
+        matrix = self._jacobian(np.array(self._model.qpos0))
+        position = np.array([t == "position" for t in self._tells])
+        velocity = np.array([t == "velocity" for t in self._tells])
+        rows = [matrix[position] / sigma[position, None]]
+        normal = sum((r.T @ r for r in rows), np.diag(broad[:nv] ** -2.0))
+        first = np.sqrt(np.diag(np.linalg.inv(normal)))
+        rates = [matrix[velocity] / sigma[velocity, None], matrix[position] / sigma[position, None] * SLOPE]
+        normal = sum((r.T @ r for r in rates), np.diag(broad[nv:] ** -2.0))
+        return np.concatenate([first, np.sqrt(np.diag(np.linalg.inv(normal)))])
+
+    def guess(self, signals: Signals, episode: int) -> FloatArray:
+        """Return the start from local polynomials through the first samples; at rest: level at the first."""
+        x = self._solve(signals, episode, 0, smooth=True, rests=self._recording.mapping.rests)
+        if self._recording.mapping.rests:
+            x[self._coordinates.nv :] = 0.0
+        return x
+
+    def guess_windows(self, signals: Signals, windows: Windows, *, smooth: bool) -> FloatArray:
+        """Return a start of each window, (W, S); what is not measured comes from slopes of the others either way."""
+        return np.array(
+            [
+                self._solve(signals, int(e), int(f), smooth=smooth, rests=False)
+                for e, f in zip(windows.episode, windows.first, strict=True)
+            ]
+        )
+
+    def _solve(self, signals: Signals, episode: int, first: int, *, smooth: bool, rests: bool) -> FloatArray:
+        """Return the numbers that the channels around a sample tell, (S,)."""
+        nv, broad = self._coordinates.nv, self.broad()
+        level, slope = self._local(signals, episode, first, smooth=smooth, rests=rests)
+        told = np.array([t == "position" for t in self._tells]) & np.isfinite(level)
+        x = np.zeros(nv)
+        for _ in range(ITERATIONS if told.any() else 0):
+            qpos = self._coordinates.moved(np.array(self._model.qpos0), x)
+            shown, matrix = self._shown(episode, first, qpos)[told], self._jacobian(qpos)[told]
+            weight = 1.0 / signals.sigma[told]
+            rows = np.vstack([matrix * weight[:, None], np.diag(1e-3 / broad[:nv])])
+            right = np.concatenate([(level[told] - shown) * weight, -x * 1e-3 / broad[:nv]])
+            step = np.linalg.lstsq(rows, right, rcond=None)[0]
+            x = self._coordinates.difference(self._coordinates.moved(qpos, step), np.array(self._model.qpos0))
+            if np.abs(step).max() < 1e-9:
+                break
+        matrix = self._jacobian(self._coordinates.moved(np.array(self._model.qpos0), x))
+        rates = np.array([t == "velocity" for t in self._tells]) & np.isfinite(level)
+        slopes = told & np.isfinite(slope)
+        rows = np.vstack(
+            [
+                matrix[rates] / signals.sigma[rates, None],
+                matrix[slopes] / signals.sigma[slopes, None] * SLOPE,
+                np.diag(1e-3 / broad[nv:]),
+            ]
+        )
+        right = np.concatenate(
+            [level[rates] / signals.sigma[rates], slope[slopes] / signals.sigma[slopes] * SLOPE, np.zeros(nv)]
+        )
+        return np.concatenate([x, np.linalg.lstsq(rows, right, rcond=None)[0]])
+
+    def _local(
+        self, signals: Signals, episode: int, first: int, *, smooth: bool, rests: bool
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return level and slope of each channel at a sample, (C,): of a quadratic around it, NaN where nothing is."""
+        t = self._recording.episodes[episode].t_s
+        reach = max(FEWEST, round(SMOOTH_S / self._recording.step_s))
+        span = slice(max(0, first - reach), min(len(t), first + reach + 1))
+        values = self._turned(signals.values[episode], episode, first)[span]
+        valid = signals.valid[episode][span] & np.isfinite(values)
+        time = t[span] - t[first]
+        level, slope = np.full(values.shape[1], np.nan), np.full(values.shape[1], np.nan)
+        for c in range(values.shape[1]):
+            fine = valid[:, c]
+            if not fine.any():
+                continue
+            powers = [np.ones_like(time), time**2] if rests else [np.ones_like(time), time, time**2]
+            order = min(len(powers), int(fine.sum()))
+            fitted = np.linalg.lstsq(np.stack(powers[:order], axis=1)[fine], values[fine, c], rcond=None)[0]
+            here = first - span.start
+            level[c] = fitted[0] if smooth or not fine[here] else values[here, c]
+            if not rests and order > 1:
+                slope[c] = fitted[1]
+        return level, slope
+
+    def _turned(self, values: FloatArray, episode: int, first: int) -> FloatArray:
+        """Return the values with orientations as turns from the measured one at a sample, body axes."""
+        out = np.array(values)
+        for k, source in enumerate(self._sources):
+            if source.quantity == "orientation" and source.index == 0:
+                measured = self._recording.episodes[episode].orientations[source.column]
+                out[:, k : k + 3] = quaternions.logarithm(
+                    quaternions.multiply(quaternions.inverse(self._reference(episode, first, source)), measured)
+                )
+        return out
+
+    def _reference(self, episode: int, first: int, source: ChannelSource) -> FloatArray:
+        """Return the measured orientation nearest to a sample, (4,)."""
+        measured = self._recording.episodes[episode].orientations[source.column]
+        known = np.flatnonzero(np.isfinite(measured[:, 0]))
+        return measured[known[np.argmin(np.abs(known - first))]] if len(known) else np.array([1.0, 0.0, 0.0, 0.0])
+
+    def _shown(self, episode: int, first: int, qpos: FloatArray) -> FloatArray:
+        """Return what the channels of positions show, (C,); orientations as turns from the one measured there."""
+        raw = self._raw(qpos, np.zeros(self._coordinates.nv))
+        out = np.full(len(self._sources), np.nan)
+        for k, source in enumerate(self._sources):
+            if source.quantity == "orientation":
+                reference = self._reference(episode, first, source)
+                turn = quaternions.multiply(quaternions.inverse(reference), raw[k])
+                out[k] = quaternions.logarithm(turn)[source.index]
+            elif self._tells[k] == "position":
+                out[k] = raw[k]
+        return out
+
+    def _raw(self, qpos: FloatArray, qvel: FloatArray) -> list:
+        """Return what each channel shows in a state: numbers, of an orientation the quaternion."""
+        data, model = self._data, self._model
+        data.qpos[:], data.qvel[:] = qpos, qvel
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_sensorPos(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_sensorVel(model, data)
+        out = []
+        for source in self._sources:
+            if source.kind == "joint":
+                joint = self._coordinates.by_name[source.target]
+                out.append(qvel[joint.v][0] if source.quantity == "velocity" else qpos[joint.q][0])
+            elif source.kind == "actuator":
+                out.append(np.nan)
+            else:
+                name = source.target if source.kind == "sensor" else f"{OWN}{source.quantity}:{source.target}"
+                address = int(model.sensor(name).adr[0])
+                turns = source.quantity == "orientation"
+                out.append(
+                    np.array(data.sensordata[address : address + 4])
+                    if turns
+                    else data.sensordata[address + source.index]
+                )
+        return out
+
+    def _jacobian(self, qpos: FloatArray) -> FloatArray:
+        """Return how channels change with what they tell of: with positions, or with velocities, (C, nv)."""
+        nv = self._coordinates.nv
+        still = np.zeros(nv)
+        base = self._raw(qpos, still)
+        out = np.zeros((len(self._sources), nv))
+        for i, unit in enumerate(np.eye(nv)):
+            moved = self._raw(self._coordinates.moved(qpos, unit * DIFFERENCE), still)
+            fast = self._raw(qpos, unit)
+            for k, source in enumerate(self._sources):
+                if source.quantity == "orientation":
+                    turn = quaternions.multiply(quaternions.inverse(base[k]), moved[k])
+                    out[k, i] = quaternions.logarithm(turn)[source.index] / DIFFERENCE
+                elif self._tells[k] == "position":
+                    out[k, i] = (moved[k] - base[k]) / DIFFERENCE
+                elif self._tells[k] == "velocity":
+                    out[k, i] = fast[k] - base[k]
+        return out
+
+
+def _tells(source: ChannelSource, model: mujoco.MjModel) -> str:
+    """Return what a channel tells of a state by itself: position | velocity | "" where it depends on forces."""
+    if source.kind == "actuator":
+        return ""
+    if source.kind == "sensor":
+        stage = int(model.sensor_needstage[model.sensor(source.target).id])
+        if stage == ACCELERATION:
+            return ""
+        return "velocity" if stage in VELOCITY_SENSORS else "position"
+    return "velocity" if source.quantity in ("velocity", "angular_velocity") else "position"

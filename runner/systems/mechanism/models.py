@@ -1,0 +1,215 @@
+"""Compiled models of a mechanism: as its owner believes it, with what recorded forces and sensors need, and effects.
+
+Integration. MuJoCo steps a velocity first and then the position with the new velocity. Read as a leapfrog, in which
+positions run half a step ahead, that is second order in time for forces that depend on the position. Forces
+proportional to a velocity it takes at the end of the step (`implicitfast`), which is first order: the damping D of a
+joint comes out as D (1 - h D / 2 M). Half of the step times D is therefore taken off the joint's armature: then
+(M + h D / 2) (v' - v) = h (f - D v), the trapezoidal rule, which is second order (Crank & Nicolson 1947).
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from runner.effects.mechanism.base import MechanismEffect
+from runner.physics import joint_law
+from runner.recording.model_form import MechanismRecording
+from runner.recording.model_form_mapping import AFFINE_BIAS, AT_JOINT, ForceColumns
+from runner.recording.model_form_mjcf import quiet
+from runner.systems.base import Effects, FloatArray
+from runner.systems.mechanism.coordinates import Coordinates
+
+OWN = "runner:"  # what is added to a believed model bears names that begin so
+KEPT_MODELS = 256
+LIGHTEST = 0.4  # at most this share of a joint's inertia is taken off for the trapezoidal rule
+RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+FRAME_SENSORS = {
+    "position": mujoco.mjtSensor.mjSENS_FRAMEPOS,
+    "orientation": mujoco.mjtSensor.mjSENS_FRAMEQUAT,
+    "velocity": mujoco.mjtSensor.mjSENS_FRAMELINVEL,
+    "angular_velocity": mujoco.mjtSensor.mjSENS_FRAMEANGVEL,
+}
+# a force at r in body axes is one at the origin and at the three unit points: (1 - x - y - z) o + x ex + y ey + z ez
+CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """A model with the elements that structural effects add, holding the believed numbers otherwise.
+
+    Args:
+        spec: What it was compiled from.
+        model: The model; not to be written to.
+        coordinates: Of its joints.
+        data: One per thread.
+        signature: Models of one signature can be simulated together.
+    """
+
+    spec: mujoco.MjSpec
+    model: mujoco.MjModel
+    coordinates: Coordinates
+    data: tuple[mujoco.MjData, ...]
+    signature: tuple[tuple[type, str | None], ...]
+
+
+def signature_of(effects: Effects) -> tuple[tuple[type, str | None], ...]:
+    """Return which structural effects there are, and of what."""
+    return tuple((type(e), getattr(e, "target", None)) for e in effects if e.structural)
+
+
+class Models:
+    """Compiles a recording's model with effects.
+
+    Args:
+        recording: The case.
+        threads: How many rollouts run side by side.
+    """
+
+    def __init__(self, recording: MechanismRecording, threads: int) -> None:
+        self._recording, self._threads = recording, threads
+        joint_law.install()
+        self._believed = recording.spec()
+        self._compiled: dict[Effects, Compiled] = {}
+        self._models: dict[tuple[Effects, float], mujoco.MjModel] = {}
+        model = self.compiled(()).model
+        self.file_step_s = float(model.opt.timestep)
+        self.leapfrog = int(model.opt.integrator) != RK4
+        self.believed_coordinates = self.compiled(()).coordinates
+        self.qpos0 = np.array(model.qpos0)
+
+    def spec(self, effects: Effects, *, instrumented: bool) -> mujoco.MjSpec:
+        """Return the believed MJCF with the elements of structural effects, and with what is only needed here."""
+        spec = self._believed.copy()
+        if instrumented:
+            joint_law.reserve(spec)
+            for body in spec.bodies[1:]:
+                # else an edited mass or centre of mass is silently not used
+                body.simple = 0
+            for i, force in enumerate(self._recording.mapping.forces):
+                _add_force(spec, i, force)
+            for kind, body in frame_sensors(self._recording):
+                spec.add_sensor(
+                    name=f"{OWN}{kind}:{body}",
+                    type=FRAME_SENSORS[kind],
+                    objtype=mujoco.mjtObj.mjOBJ_XBODY,
+                    objname=body,
+                )
+            for source in self._recording.mapping.sources:
+                if source.kind == "actuator":
+                    spec.add_sensor(
+                        name=f"{OWN}force:{source.target}",
+                        type=mujoco.mjtSensor.mjSENS_ACTUATORFRC,
+                        objtype=mujoco.mjtObj.mjOBJ_ACTUATOR,
+                        objname=source.target,
+                    )
+        for effect in _mechanical(effects):
+            if effect.structural:
+                effect.edit_spec(spec)
+        return spec
+
+    def compiled(self, effects: Effects) -> Compiled:
+        """Return the model with the elements of structural effects, compiled once for each set of them."""
+        key = tuple(e for e in effects if e.structural)
+        if key not in self._compiled:
+            if len(self._compiled) > KEPT_MODELS:
+                self._compiled.clear()
+            spec = self.spec(key, instrumented=True)
+            with quiet():
+                model = spec.compile()
+            same = next((c for c in self._compiled.values() if c.signature == signature_of(key)), None)
+            data = same.data if same else tuple(mujoco.MjData(model) for _ in range(self._threads))
+            self._compiled[key] = Compiled(spec, model, Coordinates(model), data, signature_of(key))
+        return self._compiled[key]
+
+    def edited(self, effects: Effects) -> mujoco.MjModel:
+        """Return the model with these effects in it, as MuJoCo would take it from a file."""
+        base = self.compiled(effects)
+        model = copy.copy(base.model)
+        for effect in _mechanical(effects):
+            effect.edit_model(model)
+        mujoco.mj_setConst(model, base.data[0])
+        return model
+
+    def model(self, effects: Effects, step_s: float) -> mujoco.MjModel:
+        """Return the model with these effects in it, ready to be stepped by `step_s`; not to be written to."""
+        key = effects, step_s
+        if key not in self._models:
+            if len(self._models) > KEPT_MODELS:
+                self._models.clear()
+            model = self.edited(effects)
+            _discretise(model, step_s, self.compiled(effects).data[0], leapfrog=self.leapfrog)
+            self._models[key] = model
+        return self._models[key]
+
+
+def _mechanical(effects: Effects) -> Sequence[MechanismEffect]:
+    """Return effects as what they are in a mechanism."""
+    for effect in effects:
+        if not isinstance(effect, MechanismEffect):
+            raise TypeError(f"{type(effect).__name__} is no effect of a mechanism")
+    return effects  # type: ignore[return-value]
+
+
+def frame_sensors(recording: MechanismRecording) -> dict[tuple[str, str], None]:
+    """Return which quantities of which bodies are measured, each once, in order."""
+    return {(s.quantity, s.target): None for s in recording.mapping.sources if s.kind == "body"}
+
+
+def force_actuators(index: int) -> list[str]:
+    """Return the actuators that a recorded force acts through: 4 corners by 3 axes."""
+    return [f"{OWN}force{index}:{corner}{axis}" for corner in range(4) for axis in "xyz"]
+
+
+def force_weights(point: FloatArray, force: FloatArray) -> FloatArray:
+    """Return what the actuators of a recorded force are commanded, (T, 12), for points and forces (T, 3)."""
+    weight = np.concatenate([1.0 - point.sum(axis=1, keepdims=True), point], axis=1)
+    return (weight[:, :, None] * force[:, None, :]).reshape(len(point), 12)
+
+
+def _add_force(spec: mujoco.MjSpec, index: int, force: ForceColumns) -> None:
+    """Add actuators that push a body along the world's axes, at its origin and at a unit along each of its axes."""
+    body, names = spec.body(force.body), iter(force_actuators(index))
+    world = f"{OWN}world{index}"
+    spec.worldbody.add_site(name=world)
+    for corner, position in enumerate(CORNERS):
+        site = f"{OWN}corner{index}:{corner}"
+        body.add_site(name=site, pos=position)
+        for axis in range(3):
+            gear = np.zeros(6)
+            gear[axis] = 1.0
+            actuator = spec.add_actuator(name=next(names), target=site, refsite=world, gear=gear)
+            actuator.trntype = mujoco.mjtTrn.mjTRN_SITE
+            actuator.set_to_motor()
+            actuator.ctrllimited = actuator.forcelimited = False
+
+
+def damping_of(model: mujoco.MjModel) -> FloatArray:
+    """Return the force per velocity of each degree of freedom, (nv,): of the joint, and of servos that act on it."""
+    damping = np.array(model.dof_damping)
+    for i in range(model.nu):
+        joint = int(model.actuator_trnid[i, 0])
+        scalar = int(model.actuator_trntype[i]) in AT_JOINT and int(model.actuator_biastype[i]) == AFFINE_BIAS
+        if scalar:
+            damping[model.jnt_dofadr[joint]] -= model.actuator_biasprm[i, 2] * model.actuator_gear[i, 0] ** 2
+    return damping
+
+
+def _discretise(model: mujoco.MjModel, step_s: float, scratch: mujoco.MjData, *, leapfrog: bool) -> None:
+    """Set the step and what belongs to it; see the module's docstring."""
+    model.opt.timestep = step_s
+    # a run that diverges must end there, not begin anew
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    if int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE):
+        # what MuJoCo does by itself unless told otherwise: a softness faster than two steps is unstable
+        time = model.dof_solref[:, 0]
+        time[(time > 0) & (time < 2 * step_s)] = 2 * step_s
+    if leapfrog:
+        model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+        off = 0.5 * step_s * np.maximum(damping_of(model), 0.0)
+        model.dof_armature -= np.minimum(off, LIGHTEST * model.dof_M0)
+        mujoco.mj_setConst(model, scratch)

@@ -1,0 +1,91 @@
+"""Golden verdicts: every number of a set of diagnoses, as it was when they were last agreed upon.
+
+`make golden` diagnoses them all and says what differs; `make golden ARGS=--refresh` writes them anew, which is a change
+of its own. The cases are the examples, a set that the blind test makes from a fixed seed, and, where they lie beside
+the project, the practice cases. Numbers may differ by rounding (the order of sums in linear algebra depends on the
+machine), not by more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from runner.blind.make import make_cases
+from runner.outputs.many import diagnose_many
+
+ROOT = Path(__file__).resolve().parents[1]
+FILE = ROOT / "tests" / "golden.json"
+PRACTICE = ROOT.parent / "shared" / "practice"
+SEED, MADE = 18, 8
+RTOL = 1e-6  # rounding is amplified by searches that take hundreds of steps
+FAINT = 1e-6  # a probability below is none, however many digits it has
+
+
+def cases(folder: Path) -> dict[str, Path]:
+    """Return the cases by name; those that are made are made in a folder."""
+    make_cases(MADE, SEED, folder / "made", folder / "answers.json")
+    found = [*(ROOT / "examples" / "cases").iterdir(), *(folder / "made").iterdir()]
+    found += PRACTICE.iterdir() if PRACTICE.is_dir() else []
+    return {p.name: p for p in sorted(found) if (p / "nominal.yaml").is_file()}
+
+
+def differences(found: Any, golden: Any, at: str = "") -> Iterator[str]:
+    """Yield what differs between two verdicts, each with its place."""
+    if isinstance(found, dict) and isinstance(golden, dict):
+        for key in sorted(found.keys() | golden.keys()):
+            if (key in found) != (key in golden):
+                yield f"{at}.{key}: {'new' if key in found else 'gone'}"
+            else:
+                yield from differences(found[key], golden[key], f"{at}.{key}")
+    elif isinstance(found, list) and isinstance(golden, list):
+        if len(found) != len(golden):
+            yield f"{at}: {len(golden)} entries, now {len(found)}"
+        for i, (a, b) in enumerate(zip(found, golden, strict=False)):
+            yield from differences(a, b, f"{at}[{i}]")
+    elif isinstance(found, float) and isinstance(golden, int | float):
+        if not math.isclose(found, golden, rel_tol=RTOL, abs_tol=FAINT if at.endswith("probability") else 0.0):
+            yield f"{at}: {golden!r}, now {found!r}"
+    elif found != golden:
+        yield f"{at}: {golden!r}, now {found!r}"
+
+
+def diagnosed(chosen: dict[str, Path], folder: Path) -> dict[str, Any]:
+    """Return the verdicts of cases."""
+    failed = diagnose_many(chosen, folder)
+    if failed:
+        raise SystemExit("\n".join(f"{name}: {problem}" for name, problem in failed.items()))
+    return json.loads((folder / "verdicts.json").read_text(encoding="utf-8"))
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Compare, or refresh; return the exit code."""
+    parser = argparse.ArgumentParser(prog="make golden", description=__doc__)
+    parser.add_argument("--refresh", action="store_true", help="write the verdicts anew")
+    parser.add_argument("names", nargs="*", help="cases; all by default")
+    parsed = parser.parse_args(arguments)
+    golden = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        chosen = {n: p for n, p in cases(folder).items() if not parsed.names or n in parsed.names}
+        found = diagnosed(chosen, folder / "verdicts")
+    if parsed.refresh:
+        FILE.write_text(json.dumps(golden | found, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+        print(f"{len(found)} verdicts: {FILE}")
+        return 0
+    wrong = {n: list(differences(v, golden.get(n, {}))) for n, v in found.items()}
+    for n, lines in wrong.items():
+        print(f"{n}: {'as it was' if not lines else f'{len(lines)} differences'}")
+        print("".join(f"  {line}\n" for line in lines[:12]), end="")
+    print(f"{sum(not lines for lines in wrong.values())} of {len(wrong)} as they were; {len(golden)} are known")
+    return 1 if any(wrong.values()) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
