@@ -49,7 +49,7 @@ def write_rrd(diagnosis: Diagnosis, path: str | Path) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     paths = sorted(replay(diagnosis), key=lambda p: (not p.held_out, p.episode))
     poses = _Poses(diagnosis, paths)
-    with written(path, blueprint(diagnosis, poses.followed, poses.size_m), "runner diagnosis") as log:
+    with written(path, blueprint(diagnosis, poses.followed, poses.begin_m, poses.size_m), "runner diagnosis") as log:
         log.send_recording_name(diagnosis.case)
         log.send_property("verdict", rr.AnyValues(sentence=words.verdict(diagnosis), gap_closed=diagnosis.gap_closed))
         for name, text in (("verdict", _verdict(diagnosis)), ("ranking", _ranking(diagnosis))):
@@ -69,6 +69,7 @@ class _Poses:
     Attributes:
         of: By model and body, per episode (T, 7): x, y, z, qw, qx, qy, qz.
         followed: The body that moves most: it leaves the trail.
+        begin_m: Where it is at first, (3,).
         size_m: Typical half extent of a body.
         lift_m: How far above a body's origin trails and arrows lie.
     """
@@ -83,6 +84,7 @@ class _Poses:
                     self.of.setdefault((model, body), []).append(pose)
         way = {b.name: sum(_length(p[:, :3]) for p in self.of.get(("measured", b.name), ())) for b in bodies}
         self.followed = max(way, key=lambda name: way[name])
+        self.begin_m = self.of["measured", self.followed][0][0, :3] if paths else np.zeros(3)
         self.size_m = max(float(np.mean(s.size_m)) for b in bodies for s in b.shapes)
         tops = [s.position_m[2] + _height(s) for b in bodies for s in b.shapes]
         self.lift_m = 0.0 if system.plan_view is None else ABOVE * max(tops)
@@ -139,8 +141,8 @@ def _send_look(log: rr.RecordingStream, diagnosis: Diagnosis, poses: _Poses) -> 
             widths=[1.6] * len(names) + [0.6] * 2,
         )
         log.log(f"residual/{channel.name}", lines, static=True)
-    for i, (name, label) in enumerate(zip(system.disturbance.names, system.disturbance.labels, strict=True)):
-        lines = rr.SeriesLines(colors=[FORCE[i % len(FORCE)]], names=[label], widths=[2.0])
+    for i, name in enumerate(system.disturbance.names):
+        lines = rr.SeriesLines(colors=[FORCE[i % len(FORCE)]], names=["missing force"], widths=[2.0])
         log.log(f"missing_force/{name}", lines, static=True)
 
 

@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 TRAIL_S = 4.0  # how much of the way is seen behind a body
 PAPER, INK = (247, 247, 245), (60, 62, 66)
-COLOURS = {"measured": (58, 62, 70), "nominal": (130, 135, 142), "corrected": (213, 94, 0)}
+COLOURS = {"measured": (84, 89, 98), "nominal": (130, 135, 142), "corrected": (213, 94, 0)}
 COMMAND = (0, 158, 115)
 # of the components of the missing force, in turn: told apart by those who see few colours, too
 FORCE = ((0, 114, 178), (204, 121, 167), (0, 158, 115), (86, 180, 233), (230, 159, 0), (120, 94, 240))
 MOST = 12  # residuals, and
 MOST_FORCES = 6  # components of the missing force that have a plot
-DISTANCE = 9.0  # of the eye, in sizes of the body that it follows
+DISTANCE = 7.0  # of the eye, in sizes of the body that it follows
 
 
 def models(diagnosis: Diagnosis) -> list[str]:
@@ -33,12 +33,13 @@ def drawn_channels(system: AbstractSystem) -> tuple[Channel, ...]:
     return system.channels[:MOST]
 
 
-def blueprint(diagnosis: Diagnosis, followed: str, size_m: float) -> rrb.Blueprint:
+def blueprint(diagnosis: Diagnosis, followed: str, begin_m: np.ndarray, size_m: float) -> rrb.Blueprint:
     """Return the layout.
 
     Args:
         diagnosis: What is shown.
         followed: The body that the eye follows.
+        begin_m: Where it is at first, (3,).
         size_m: Typical half extent of a body.
     """
     system = diagnosis.system
@@ -56,8 +57,8 @@ def blueprint(diagnosis: Diagnosis, followed: str, size_m: float) -> rrb.Bluepri
         background=list(PAPER),
         line_grid=rrb.LineGrid3D(visible=True, spacing=0.5, color=[120, 124, 130, 90]),
         eye_controls=rrb.EyeControls3D(
-            position=tuple(DISTANCE * size_m * np.array([0.35, -0.7, 0.62])),
-            look_target=(0.0, 0.0, 0.0),
+            position=tuple(begin_m + DISTANCE * size_m * np.array([0.35, -0.7, 0.62])),
+            look_target=tuple(begin_m),
             eye_up=(0, 0, 1),
             tracking_entity=f"/world/measured/{followed}",
         ),
@@ -75,9 +76,9 @@ def blueprint(diagnosis: Diagnosis, followed: str, size_m: float) -> rrb.Bluepri
     forces = [
         rrb.TimeSeriesView(
             origin=f"/missing_force/{name}",
-            name=f"missing force {label}",
+            name=label,
             background=paper,
-            plot_legend=rrb.PlotLegend(visible=False),
+            plot_legend=rrb.PlotLegend(visible=True, corner=rrb.Corner2D.LeftTop),
         )
         for name, label in list(zip(disturbance.names, disturbance.labels, strict=True))[:MOST_FORCES]
     ]

@@ -81,7 +81,7 @@ def place_map(system: AbstractSystem, places: pd.DataFrame, paths: Sequence[Path
     gaps = np.concatenate([np.diff(np.unique(np.round(v, 6))) for v in (x, y)])
     side = float(gaps[gaps > 1e-6].min()) if (gaps > 1e-6).any() else 0.1
     with mpl.rc_context(STYLE):
-        figure = new(4.6, 3.9, left=0.55, top=0.08)
+        figure = new(4.0, 3.5, left=0.55, top=0.08)
         ax = figure.add_subplot()
         top = max(float(np.nanmax(lift)), 1.0)
         for px, py, value, q in zip(x, y, lift, places["q"], strict=True):
@@ -122,7 +122,7 @@ def timeline(windows: pd.DataFrame, framed: tuple[str, str] | None, name: str) -
     rows = [e for e in names if e in worst]
     top = max(float(np.percentile(size, HIGH)), LEAST_TOP)
     with mpl.rc_context(STYLE):
-        figure = new(4.6, 0.62 + 0.34 * len(rows), left=0.82, top=0.12)
+        figure = new(4.0, 0.62 + 0.32 * len(rows), left=0.82, top=0.12)
         ax = figure.add_subplot()
         for k, episode in enumerate(rows):
             here = of == episode
