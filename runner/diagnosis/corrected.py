@@ -9,7 +9,8 @@ it; `corrected.yaml` names all of them:
     units: {friction: {mu: ''}, wind: {force_n: N, direction_rad: rad}}
     model: [model.xml]
 
-In a mechanism the names have targets: `joint_friction[elbow]: {...}`. Where one name of the vocabulary has several variants, the parameters' names tell which is meant.
+In a mechanism the names have targets: `joint_friction[elbow]: {...}`. Where one name of the vocabulary has several
+variants, the parameters' names tell which is meant.
 """
 
 from __future__ import annotations

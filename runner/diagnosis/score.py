@@ -19,8 +19,8 @@ import pandas as pd
 from scipy.stats import binomtest
 
 from runner.diagnosis.verdict import read_json
-from runner.errors import ResultError
 from runner.effects.base import always_confounded
+from runner.errors import ResultError
 
 NONE, UNKNOWN = "none", "unknown"
 BINS = 10

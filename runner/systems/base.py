@@ -152,8 +152,8 @@ class Signals(Protocol):
         ...
 
     @property
-    def t_s(self) -> tuple[np.ndarray, ...]:
-        """Times of the samples of each episode, (T,)."""
+    def spans(self) -> tuple[Span, ...]:
+        """Where in the recording each episode lies: parts of episodes are taken for episodes of their own."""
         ...
 
 
@@ -292,6 +292,7 @@ class AbstractSystem(ABC):
         channels: What is measured, C of them.
         initial: The unknown start.
         vocabulary: What may differ between world and model.
+        beliefs: What effects are told when they put themselves into words.
         context: What candidates of the vocabulary are told when they describe themselves; opaque to the diagnosis.
         disturbance: The missing generalised force.
         rate_hz: Usual samples per second.
@@ -309,6 +310,7 @@ class AbstractSystem(ABC):
     channels: tuple[Channel, ...]
     initial: AbstractInitialState
     vocabulary: Vocabulary
+    beliefs: Any
     context: Any
     disturbance: Disturbance
     rate_hz: float

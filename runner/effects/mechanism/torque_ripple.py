@@ -76,11 +76,12 @@ class TorqueRipple(MechanismEffect):
         hinge = parts.is_hinge(beliefs.model, target)
         unit, per = parts.force_unit(beliefs.model, target), "turn" if hinge else "m"
         rate = of["cycles"] * (1.0 if hinge else 2.0 * math.pi)
+        angle = f"{parts.attribute(rate)} q {'+' if of['phase_rad'] >= 0 else '-'} {abs(of['phase_rad']):.3g}"
         return Phrase(
             f"the torque of joint '{target}' varies with its position, as by cogging or an eccentric gear",
             f"by ±{of.show('amplitude', unit)}, {of.show('cycles')} times per {per}",
             f"MuJoCo has no such torque: before each step add {parts.attribute(of['amplitude'])} "
-            f"sin({parts.attribute(rate)} q {'+' if of['phase_rad'] >= 0 else '-'} {abs(of['phase_rad']):.3g}) to qfrc_applied of joint '{target}'.",
+            f"sin({angle}) to qfrc_applied of joint '{target}'.",
             f"Turn '{target}' slowly by hand with the drive off and feel for notches.",
         )
 

@@ -38,6 +38,9 @@ FRAME_SENSORS = {
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 
 
+Signature = tuple[tuple[tuple[type, str | None], ...], tuple[int, ...]]
+
+
 @dataclass(frozen=True)
 class Compiled:
     """A model with the elements that structural effects add, holding the believed numbers otherwise.
@@ -54,12 +57,15 @@ class Compiled:
     model: mujoco.MjModel
     coordinates: Coordinates
     data: tuple[mujoco.MjData, ...]
-    signature: tuple[tuple[type, str | None], ...]
+    signature: Signature
 
 
-def signature_of(effects: Effects) -> tuple[tuple[type, str | None], ...]:
-    """Return which structural effects there are, and of what."""
-    return tuple((type(e), getattr(e, "target", None)) for e in effects if e.structural)
+def _signature(effects: Effects, model: mujoco.MjModel) -> Signature:
+    """Return which structural effects there are, of what, and how large the model is: some add nothing at zero."""
+    return (
+        tuple((type(e), getattr(e, "target", None)) for e in effects if e.structural),
+        (int(model.nq), int(model.nv), int(model.nbody), int(model.ntendon), int(model.neq)),
+    )
 
 
 class Models:
@@ -74,6 +80,7 @@ class Models:
         self._recording, self._threads = recording, threads
         joint_law.install()
         self._believed = recording.spec()
+        self.folder = recording.model_path.parent
         self._compiled: dict[Effects, Compiled] = {}
         self._models: dict[tuple[Effects, float], mujoco.MjModel] = {}
         model = self.compiled(()).model
@@ -107,7 +114,7 @@ class Models:
                         objtype=mujoco.mjtObj.mjOBJ_ACTUATOR,
                         objname=source.target,
                     )
-        for effect in _mechanical(effects):
+        for effect in mechanical(effects):
             if effect.structural:
                 effect.edit_spec(spec)
         return spec
@@ -121,16 +128,17 @@ class Models:
             spec = self.spec(key, instrumented=True)
             with quiet():
                 model = spec.compile()
-            same = next((c for c in self._compiled.values() if c.signature == signature_of(key)), None)
+            signature = _signature(key, model)
+            same = next((c for c in self._compiled.values() if c.signature == signature), None)
             data = same.data if same else tuple(mujoco.MjData(model) for _ in range(self._threads))
-            self._compiled[key] = Compiled(spec, model, Coordinates(model), data, signature_of(key))
+            self._compiled[key] = Compiled(spec, model, Coordinates(model), data, signature)
         return self._compiled[key]
 
     def edited(self, effects: Effects) -> mujoco.MjModel:
         """Return the model with these effects in it, as MuJoCo would take it from a file."""
         base = self.compiled(effects)
         model = copy.copy(base.model)
-        for effect in _mechanical(effects):
+        for effect in mechanical(effects):
             effect.edit_model(model)
         mujoco.mj_setConst(model, base.data[0])
         return model
@@ -147,7 +155,7 @@ class Models:
         return self._models[key]
 
 
-def _mechanical(effects: Effects) -> Sequence[MechanismEffect]:
+def mechanical(effects: Effects) -> Sequence[MechanismEffect]:
     """Return effects as what they are in a mechanism."""
     for effect in effects:
         if not isinstance(effect, MechanismEffect):
@@ -208,8 +216,17 @@ def _discretise(model: mujoco.MjModel, step_s: float, scratch: mujoco.MjData, *,
         # what MuJoCo does by itself unless told otherwise: a softness faster than two steps is unstable
         time = model.dof_solref[:, 0]
         time[(time > 0) & (time < 2 * step_s)] = 2 * step_s
+    if not _can_touch(model):
+        # hardly a constraint is left, and what looks for more costs a fifth of a step
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
     if leapfrog:
         model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
         off = 0.5 * step_s * np.maximum(damping_of(model), 0.0)
         model.dof_armature -= np.minimum(off, LIGHTEST * model.dof_M0)
         mujoco.mj_setConst(model, scratch)
+
+
+def _can_touch(model: mujoco.MjModel) -> bool:
+    """Whether any two geoms of a model may be in contact."""
+    kinds, partners = np.array(model.geom_contype), np.array(model.geom_conaffinity)
+    return model.npair > 0 or model.nflex > 0 or bool((kinds[:, None] & partners[None, :]).any())

@@ -44,17 +44,19 @@ CHANNELS = (
     Channel("vy", "m/s", "velocity", "velocity y"),
     Channel("wz", "rad/s", "rate", "yaw rate"),
 )
-VOCABULARY = Vocabulary(
-    tuple(Candidate(cls) for variants in EFFECTS.values() for cls in variants), outside=(Candidate(DeadBand),)
-)
 FORCE_SHARE, LARGE = 0.03, 3.0  # of friction: the step of a missing force; times the largest usual force: how large
+
+
+def vocabulary() -> Vocabulary:
+    """Return every effect that is registered for a box, whoever has written it."""
+    known = tuple(Candidate(cls) for variants in EFFECTS.values() for cls in variants)
+    return Vocabulary(known, outside=(Candidate(DeadBand),))
 
 
 class PlanarBox(AbstractSystem):
     """A planar recording of a box, see `AbstractSystem`."""
 
     channels = CHANNELS
-    vocabulary = VOCABULARY
     regimes = REGIMES
     factors = FACTORS
     activities = ("regime", "push")
@@ -75,6 +77,7 @@ class PlanarBox(AbstractSystem):
         if recording.form is not Form.PLANAR:
             raise RecordingError(f"{recording.path}: only planar recordings (x, y, yaw) can be replayed.")
         self.recording = recording
+        self.vocabulary, self.beliefs = vocabulary(), recording.nominal
         self.rate_hz = recording.nominal.rate_hz
         self.initial = PlanarStart(self.rate_hz)
         self.context = context_of(recording)
