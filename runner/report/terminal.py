@@ -30,7 +30,7 @@ def summary(diagnosis: Diagnosis) -> RenderableType:
     if (gap := gap_table(diagnosis)) is not None:
         parts.append(Padding(gap, (1, 0, 0, 0)))
     if diagnosis.next_push:
-        parts.append(Text(f"Next push: {diagnosis.next_push}"))
+        parts.append(Text(f"Next {diagnosis.system.experiment}: {diagnosis.next_push}"))
     parts += [Text(f"Note: {note}", style="dim") for note in caveats(diagnosis)]
     return Group(*parts)
 

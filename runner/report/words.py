@@ -52,7 +52,7 @@ def phrase(system: AbstractSystem, effect: str, values: Numbers, errors: Numbers
     variants = system.vocabulary.by_name[effect]
     known = [{f.name for f in fields(v.effect)} for v in variants]  # type: ignore[arg-type]
     candidate = next(v for v, names in zip(variants, known, strict=True) if set(values) <= names)
-    return candidate.effect.phrase(Values(values, errors), system.recording.nominal, candidate.target)
+    return candidate.effect.phrase(Values(values, errors), system.beliefs, candidate.target)
 
 
 def phrases(system: AbstractSystem, ranked: Ranked) -> list[Phrase]:
@@ -202,7 +202,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         steps = _corrections(diagnosis.system, said.top)
     if diagnosis.next_push:
         text = diagnosis.next_push.strip()
-        steps.append(f"Next push: {text}" + ("" if text.endswith((".", "!")) else "."))
+        steps.append(f"Next {diagnosis.system.experiment}: {text}" + ("" if text.endswith((".", "!")) else "."))
     if said.top.probability < SURE:
         steps.append(
             "The answer is likely, not certain: record more episodes, with stronger and more varied commands, "
