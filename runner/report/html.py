@@ -73,7 +73,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "steps": [_with_code(step) for step in words.next_steps(diagnosis)],
         "facts": facts(diagnosis, said),
         "first": sections.first_figure(diagnosis, paths),
-        "ranking": _ranking(diagnosis, said),
+        "ranking": ranking(diagnosis, said),
         "corrected": said.corrected,
         "trajectories": sections.trajectories(diagnosis, paths),
         "closure": sections.closure(diagnosis),
@@ -111,7 +111,8 @@ def facts(diagnosis: Diagnosis, said: Statement) -> list[tuple[str, str]]:
     return out
 
 
-def _ranking(diagnosis: Diagnosis, said: Statement) -> dict[str, Any]:
+def ranking(diagnosis: Diagnosis, said: Statement) -> dict[str, Any]:
+    """Return the explanations, likeliest first, and the sum of those that are not shown."""
     system = diagnosis.system
     rows = []
     for ranked in said.order[:SHOWN]:

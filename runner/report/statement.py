@@ -25,7 +25,6 @@ TRACE = 0.25  # of the noise's mean square: 12 % in the root of it is as good as
 LEFT_NOTE = "The best explanation leaves "  # what a diagnosis's own note of what is left begins with
 
 
-
 class Kind(Enum):
     """What sort of answer it is."""
 

@@ -20,6 +20,7 @@ OF_REGIMES = {
     "is told at once: a delay, a ramp, backlash.",
     "at rest": "Check the sensor: what is at rest should show nothing but its noise.",
     "stuck": "Check what holds it: friction at rest, a stop, a cable.",
+    "break": "Check what holds it: friction at rest, a stop, a cable.",
     "revers": "Check for backlash, and for friction that depends on the direction.",
     "satur": "Check the limits of the actuators.",
 }
@@ -31,8 +32,8 @@ OF_FACTORS = {
     "time": "Look for what changes in the course of an episode: warming up, wear, a clock or a sensor that drifts.",
     "episode": "Find out what was different then, and diagnose the recording without it.",
     "joint": "Look at that joint: its drive, its bearing, its cable, the calibration of its encoder.",
+    "load": "Look for what depends on load: friction in gears and bearings, a link or a drive that yields.",
     "position": "Look at what is there: a stop, a cable, a part that binds.",
-    "pose": "Look at what is there: a stop, a cable, a part that binds.",
 }
 OTHERWISE = "Look for what acts only then."
 
@@ -53,8 +54,8 @@ def suspects(system: AbstractSystem, where: Where | None) -> tuple[Suspect, ...]
     rows = where.cells.to_dict("records")
     standing = [r for r in rows if r["factor"] != "channel" and r["q"] < LEVEL and r["lift"] > 1]
     out = []
-    for done in (True, False):
-        these = [r for r in standing if (r["factor"] in system.activities) is done]
+    for activity in (True, False):
+        these = [r for r in standing if (r["factor"] in system.activities) is activity]
         if these:
             # as in the sentence of where the gap is: what is rarer by chance first, then what has more of it
             out.append(_of_cell(system, min(these, key=lambda r: (r["p"], -r["share"]))))

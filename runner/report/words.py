@@ -211,9 +211,18 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     if said.settled:
         steps.append(
             "Record again, other commands than before, and let the corrected model predict them: "
-            "`runner gap recording=NEW model=corrected.yaml` should show the noise and no more."
+            f"`runner gap recording=NEW model=corrected.yaml` {_to_be_expected(said)}"
         )
     return steps
+
+
+def _to_be_expected(said: Statement) -> str:
+    """Return what a corrected model should miss of another recording."""
+    if said.left is Left.NOISE:
+        return "should show the noise and no more."
+    if said.left is Left.SMALL_ERRORS:
+        return "should show no more than what is left here."
+    return "will show what is left here too, as long as its cause is not found."
 
 
 def _suspicions(diagnosis: Diagnosis) -> list[str]:
