@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import fcntl
 import functools
 import os
 import shlex
@@ -13,6 +12,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from filelock import lock_descriptor
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.types import RunMode
@@ -164,13 +164,10 @@ def _folder(out: str | None, experiment: str, *, empty: bool = False) -> Iterato
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"out: can't make the folder '{out or RESULTS}': {error.strerror}.") from error
-    handle = os.open(folder, os.O_RDONLY)
+    handle = os.open(folder, os.O_RDONLY)  # the folder itself is held: no lock file is left among the results
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(handle)
-        raise ConfigError(f"out: another run is writing to '{folder}'; name another folder.") from None
-    try:
+        if not lock_descriptor(handle, blocking=False):
+            raise ConfigError(f"out: another run is writing to '{folder}'; name another folder.")
         if empty and any(folder.iterdir()):  # looked at once it is held: another may just have been at work here
             raise ConfigError(f"out: '{folder}' is not empty; name a new folder, or go on with resume={folder}.")
         yield folder
