@@ -17,15 +17,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import mujoco
 import numpy as np
 import yaml
 from dm_control import mjcf
+from pydantic import BaseModel, StrictFloat, ValidationError
 
 from runner.effects import EFFECTS, AbstractEffect
 from runner.errors import ConfigError, ResultError, nearest
+from runner.storage.checked import dotted, must, refusal
 from runner.systems.planar_box.simulator import OBJECT, Effects, Simulator
 
 FILE = "corrected.yaml"
@@ -119,6 +121,13 @@ def _enter(root: mjcf.RootElement, model: mujoco.MjModel) -> None:
         tendon.springlength = model.tendon_lengthspring[number].copy()
 
 
+_Values = Annotated[dict[str, Annotated[StrictFloat, must("be a number")]], must("be {parameter: value}")]
+
+
+class _Corrected(BaseModel):
+    effects: dict[str, _Values] | None
+
+
 def read_corrected(path: str | Path) -> Effects:
     """Return the effects that `corrected.yaml` names.
 
@@ -137,24 +146,21 @@ def read_corrected(path: str | Path) -> Effects:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ResultError(f"{path}: no YAML: {str(error).splitlines()[0]}.") from error
-    entries = content.get("effects") if isinstance(content, Mapping) else None
-    if entries is None and isinstance(content, Mapping) and "effects" in content:
-        entries = {}
-    if not isinstance(entries, Mapping):
+    try:
+        effects = _Corrected.model_validate(content).effects or {}
+    except ValidationError as error:
+        place, text = refusal(error)
+        if len(place) > 1:
+            raise ConfigError(f"{path}: {dotted(place)}: {text}") from None
         raise ResultError(
             f"{path}: must hold 'effects: {{name: {{parameter: value}}}}', as a diagnosis's corrected.yaml does."
-        )
-    return tuple(_effect(path, str(name), values) for name, values in entries.items())
+        ) from None
+    return tuple(_effect(path, name, values) for name, values in effects.items())
 
 
-def _effect(path: Path, name: str, values: Any) -> AbstractEffect:
+def _effect(path: Path, name: str, values: Mapping[str, float]) -> AbstractEffect:
     if name not in EFFECTS:
         raise ConfigError(f"{path}: effects.{name}: no such effect. {nearest(name, EFFECTS)}")
-    if not isinstance(values, Mapping):
-        raise ConfigError(f"{path}: effects.{name}: must be {{parameter: value}}, got {values!r}.")
-    for key, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ConfigError(f"{path}: effects.{name}.{key}: must be a number, got {value!r}.")
     variants = EFFECTS[name]
     fitting = [v for v in variants if _accepts(v, set(values))]
     if not fitting:
@@ -167,7 +173,7 @@ def _effect(path: Path, name: str, values: Any) -> AbstractEffect:
             f"{path}: effects.{name}: must have {wanted}, got {', '.join(map(repr, values)) or 'nothing'}."
         )
     try:
-        return fitting[0](**{k: float(v) for k, v in values.items()})
+        return fitting[0](**values)
     except ConfigError as error:
         raise ConfigError(f"{path}: effects.{error}") from error
 
