@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hydra import initialize_config_dir
+from hydra.core.config_loader import ConfigLoader
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.object_type import ObjectType
 from hydra.types import RunMode
@@ -32,17 +33,18 @@ class Composer:
     """Composes the config of one command."""
 
     name: str
-    hydra: Any
+    loader: ConfigLoader
 
     def compose(self, overrides: Sequence[str], *, mode: RunMode = RunMode.RUN) -> DictConfig:
         """Return the composed config, with Hydra's own below `hydra`."""
-        return self.hydra.compose_config(
-            config_name=self.config_name,
-            overrides=[*QUIET, *overrides],
-            run_mode=mode,
-            with_log_configuration=False,
-            validate_sweep_overrides=mode is RunMode.RUN,
+        # not `hydra.compose`, which refuses several values for a key: those of a sweep
+        return self.loader.load_configuration(
+            self.config_name, [*QUIET, *overrides], mode, validate_sweep_overrides=mode is RunMode.RUN
         )
+
+    def bare(self, overrides: Sequence[str]) -> DictConfig:
+        """Return Hydra's own config below `hydra` and nothing else: what a launcher works with."""
+        return self.loader.load_configuration(None, [*QUIET, *overrides], RunMode.MULTIRUN)
 
     @property
     def config_name(self) -> str:
@@ -57,7 +59,7 @@ class Composer:
         found: dict[str, tuple[str, ...]] = {}
         for group in (str(g) for entry in defaults if isinstance(entry, DictConfig) for g in entry):
             if not group.startswith("override "):
-                names = self.hydra.config_loader.get_group_options(group, ObjectType.CONFIG)
+                names = self.loader.get_group_options(group, ObjectType.CONFIG)
                 found[group] = tuple(sorted(n for n in names if not n.startswith("schema_")))
         return found
 
@@ -67,9 +69,7 @@ def composer(name: str, command: Command[Any]) -> Iterator[Composer]:
     """Start Hydra for a command, with the schemas of everything that its module imported."""
     config.store_schemas(module(name), command.config)
     with initialize_config_dir(str(config_dir()), job_name="runner", version_base="1.3"):
-        hydra = GlobalHydra.instance().hydra
-        assert hydra is not None
-        yield Composer(name, hydra)
+        yield Composer(name, GlobalHydra.instance().config_loader())
 
 
 def without_hydra(composed: DictConfig) -> DictConfig:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import os
 import shlex
 from collections.abc import Iterator, Sequence
@@ -13,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from filelock import lock_descriptor
-from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
@@ -21,10 +19,10 @@ from omegaconf import DictConfig, OmegaConf
 from runner import commands, config
 from runner.commands import Command, Job
 from runner.commands._arguments import take
-from runner.commands._compose import QUIET, Composer, composer, without_hydra
+from runner.commands._compose import Composer, composer, without_hydra
 from runner.commands._explain import built, explain
 from runner.commands._jobs import overridden, write_config
-from runner.commands._sweep import explain_sweep, literal, sweep, whole_chunk
+from runner.commands._sweep import explain_sweep, sweep, whole_chunk
 from runner.errors import ConfigError
 from runner.teleop.tables import SWEEP, still_held
 
@@ -50,7 +48,7 @@ def execute(name: str, overrides: Sequence[str], *, multirun: bool) -> int:
             return _resume(name, command, hydra, Path(resume), overrides, whole_chunk(chunk))
         composed = None if multirun else composed_for(hydra, overrides)
         if composed is not None and composed.hydra.mode is not RunMode.MULTIRUN:
-            return _once(name, command, hydra, composed, out, overrides)
+            return _once(name, command, hydra, composed, out)
         if command.keeps is None:
             raise ConfigError(f"runner {name}: keeps no results, so it can't be swept with -m.")
         experiment = _swept_name(hydra, overrides) or command.keeps
@@ -93,33 +91,14 @@ def composed_for(hydra: Composer, overrides: Sequence[str]) -> DictConfig:
         raise explain(error, overrides, hydra) from error
 
 
-def _once(
-    name: str, command: Command[Any], hydra: Composer, composed: DictConfig, out: str | None, overrides: Sequence[str]
-) -> int:
+def _once(name: str, command: Command[Any], hydra: Composer, composed: DictConfig, out: str | None) -> int:
     value = built(command, without_hydra(composed), hydra.groups())
     if command.keeps is None:
-        HydraConfig.instance().set_config(composed)
         return command.main(value, _job(None, composed)) or 0
-    experiment = composed.hydra.runtime.choices.get("experiment") or command.keeps
-    with _folder(out, experiment) as folder:
-        returned = hydra.hydra.run(
-            config_name=hydra.config_name,
-            task_function=functools.partial(_task, name, value),
-            overrides=[*QUIET, *overrides, f"hydra.run.dir={literal(folder)}"],
-        )
-        if isinstance(returned.return_value, Exception):
-            raise returned.return_value
-        return returned.return_value
-
-
-def _task(name: str, value: Any, composed: DictConfig) -> int | Exception:
-    """The job of a single run, called by Hydra, which would print more than the error if it were raised here."""
-    try:
-        job = _job(Path(HydraConfig.get().runtime.output_dir), composed)
-        write_config(job.results, name, HydraConfig.get().overrides.task, job.config)
-        return commands.load(name).main(value, job) or 0
-    except Exception as error:
-        return error
+    with _folder(out, composed.hydra.runtime.choices.get("experiment") or command.keeps) as folder:
+        job = _job(folder, composed)
+        write_config(folder, name, composed.hydra.overrides.task, job.config)
+        return command.main(value, job) or 0
 
 
 def _swept_name(hydra: Composer, overrides: Sequence[str]) -> str | None:
@@ -193,10 +172,10 @@ def _job(folder: Path | None, composed: DictConfig) -> Job:
     own = without_hydra(composed)
     plain = OmegaConf.to_container(own, resolve=True, enum_to_str=True)
     assert isinstance(plain, dict)
-    parsed = OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task))
+    parsed = OverridesParser.create().parse_overrides(list(composed.hydra.overrides.task))
     return Job(
         folder=folder,
         config={str(k): v for k, v in plain.items()},
         overrides=overridden(parsed),
-        experiment=HydraConfig.get().runtime.choices.get("experiment"),
+        experiment=composed.hydra.runtime.choices.get("experiment"),
     )
