@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from runner import config
 from runner.commands import Command, module
+from runner.commands._trust import check_hydra, check_launcher, check_sources, of_launcher
 
 # no files and no logging of Hydra's own beside the results
 QUIET = ("hydra.output_subdir=null", "hydra/job_logging=none", "hydra/hydra_logging=none")
@@ -36,15 +38,27 @@ class Composer:
     loader: ConfigLoader
 
     def compose(self, overrides: Sequence[str], *, mode: RunMode = RunMode.RUN) -> DictConfig:
-        """Return the composed config, with Hydra's own below `hydra`."""
+        """Return the composed config, with Hydra's own below `hydra`.
+
+        Raises:
+            ConfigError: If it sets what could run something.
+        """
+        check_sources(overrides)
         # not `hydra.compose`, which refuses several values for a key: those of a sweep
-        return self.loader.load_configuration(
+        composed = self.loader.load_configuration(
             self.config_name, [*QUIET, *overrides], mode, validate_sweep_overrides=mode is RunMode.RUN
         )
+        check_hydra(composed, _reference(self.loader, of_launcher(overrides)))
+        return composed
 
-    def bare(self, overrides: Sequence[str]) -> DictConfig:
-        """Return Hydra's own config below `hydra` and nothing else: what a launcher works with."""
-        return self.loader.load_configuration(None, [*QUIET, *overrides], RunMode.MULTIRUN)
+    def bare(self, overrides: Sequence[str], *, place: str) -> DictConfig:
+        """Return Hydra's own config alone, which a launcher works with, of a sweep in a folder.
+
+        Args:
+            overrides: Of the sweep; those of the launcher are taken.
+            place: The folder, as Hydra takes it literally.
+        """
+        return _bare(self.loader, (*of_launcher(overrides), f"hydra.sweep.dir={place}", "hydra.sweep.subdir=."))
 
     @property
     def config_name(self) -> str:
@@ -62,6 +76,15 @@ class Composer:
                 names = self.loader.get_group_options(group, ObjectType.CONFIG)
                 found[group] = tuple(sorted(n for n in names if not n.startswith("schema_")))
         return found
+
+
+def _bare(loader: ConfigLoader, overrides: Sequence[str]) -> DictConfig:
+    composed = loader.load_configuration(None, [*QUIET, *overrides], RunMode.MULTIRUN)
+    check_launcher(composed)
+    return composed
+
+
+_reference = functools.lru_cache(maxsize=2)(_bare)
 
 
 @contextmanager

@@ -23,6 +23,7 @@ from runner.commands._compose import Composer, composer, without_hydra
 from runner.commands._explain import built, explain
 from runner.commands._jobs import overridden, write_config
 from runner.commands._sweep import explain_sweep, sweep, whole_chunk
+from runner.commands._trust import check_kept
 from runner.errors import ConfigError
 from runner.teleop.tables import SWEEP, still_held
 
@@ -122,13 +123,14 @@ def _resume(
     before, *settings = shlex.split(memory.read_text(encoding="utf-8"))
     if before != name:
         raise ConfigError(f"resume: '{folder}' is a sweep of 'runner {before}', not of 'runner {name}'.")
-    own = [o for o in overrides if not o.startswith("hydra")]
+    own = [o for o in overrides if not o.lstrip("+~").startswith("hydra")]
     if own:
         raise ConfigError(f"resume: goes on with the settings of before, so '{own[0]}' can't be changed.")
+    check_kept(name, memory, settings, overrides)
     with _folder(str(folder), ""):
         if still_held(folder):
             raise ConfigError(f"resume: a process of the sweep in '{folder}' is still doing runs; end it, or wait.")
-        return sweep(name, command, hydra, folder, [*settings, *overrides], chunk)
+        return sweep(name, command, hydra, folder, [*(s for s in settings if s not in overrides), *overrides], chunk)
 
 
 @contextmanager

@@ -32,6 +32,7 @@ from runner.commands import Command, Job
 from runner.commands._compose import Composer
 from runner.commands._explain import built, explain
 from runner.commands._jobs import ConfigWriter, JobComposer
+from runner.commands._trust import read_nothing_kept
 from runner.errors import ConfigError, RunnerError
 from runner.progress import progress
 from runner.teleop import tables
@@ -78,13 +79,13 @@ def sweep(
         ConfigError: If one of the jobs can't be composed; nothing has been run then.
     """
     place = folder.absolute()
-    launcher = [o for o in overrides if o.lstrip("+~").startswith(("hydra/launcher", "hydra.launcher"))]
     try:
         composed = hydra.compose(overrides, mode=RunMode.MULTIRUN)
-        own = hydra.bare([*launcher, f"hydra.sweep.dir={literal(place)}", "hydra.sweep.subdir=."])
+        own = hydra.bare(overrides, place=literal(place))
         alone = own.hydra.runtime.choices["hydra/launcher"] == "basic"  # all in this process
         swept = [f"{key}={values}" for key, values in (composed.hydra.sweeper.params or {}).items()]
-        jobs = combinations([*swept, *composed.hydra.overrides.task], hydra)
+        sources = [o for o in overrides if o.startswith("hydra.searchpath=")]
+        jobs = combinations([*sources, *swept, *composed.hydra.overrides.task], hydra)
         with _watched(folder) as expect:
             missing = _missing(jobs, hydra, place)
             expect(len(missing))
@@ -185,6 +186,7 @@ def _launch(work: _Work, own: DictConfig, hydra: Composer) -> None:
         return
     # nothing is called when a job begins or ends: a callback of Hydra's that does nothing stands for all of them
     context = HydraContext(config_loader=hydra.loader, callbacks=cast(Any, Callback()))
+    read_nothing_kept(own)
     launcher = Plugins.instance().instantiate_launcher(
         hydra_context=context, task_function=functools.partial(_chunk, work), config=own
     )
