@@ -9,6 +9,7 @@ from typing import NamedTuple
 import mujoco
 from numba import carray, cfunc, types
 
+from runner.numba_cache import fingerprint
 from runner.physics import engine_memory
 from runner.physics.dry_friction.planar import Engine, step_planar
 from runner.physics.dry_friction.push import push_free, push_upright
@@ -84,7 +85,7 @@ def _measure() -> Offsets:
         userdata=of_data("userdata"),
         qfrc_applied=of_data("qfrc_applied"),
         qfrc_passive=of_data("qfrc_passive"),
-        sources=engine_memory.fingerprint(engine_memory.__file__, *Path(__file__).parent.glob("*.py")),
+        sources=fingerprint(engine_memory.__file__, *Path(__file__).parent.glob("*.py")),
     )
 
 
