@@ -443,8 +443,8 @@ def next_push(ranked: Sequence[Ranked], found: Search, fitter: Fitter, threads: 
         system = fitter.system
         return f"No {system.experiment} within {system.reach} would tell {rivals_named}; {system.reach_further}."
     return (
-        f"{push.sentence} To tell {rivals_named}, each such {fitter.system.experiment} is worth about {push.log_odds:.1f} in natural "
-        "log odds."
+        f"{push.sentence} To tell {rivals_named}, each such {fitter.system.experiment} is worth about "
+        f"{push.log_odds:.1f} in natural log odds."
     )
 
 

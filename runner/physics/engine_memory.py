@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
+import numpy as np
 from numba import carray, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
@@ -37,6 +38,18 @@ def offset_of(address: int, wanted: int | float, size: int = 400_000) -> int:
     raise RuntimeError(
         f"mujoco {mujoco.__version__}: a field that the compiled callbacks need was not found; pin mujoco==3.17.0."
     )
+
+
+def offset_of_array(address: int, array: np.ndarray, size: int) -> int:
+    """Return where a struct points to an array, of (near) `size` bytes.
+
+    That is the last of equal pointers: arrays that are empty, which stand before, point to where the next one begins.
+    """
+    raw = np.ctypeslib.as_array((ctypes.c_uint64 * (size // 8)).from_address(address))
+    hits = np.flatnonzero(raw == array.ctypes.data)
+    if not len(hits):
+        raise RuntimeError(f"mujoco {mujoco.__version__}: an array was not found; pin mujoco==3.17.0.")
+    return 8 * int(hits[-1])
 
 
 def fingerprint(*sources: str | Path) -> int:

@@ -10,7 +10,7 @@ import mujoco
 from runner.effects.base import Confounded, Parameter, Phrase, Vector
 from runner.effects.mechanism import parts
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
-from runner.effects.wording import Values, number
+from runner.effects.wording import Values
 from runner.errors import check_range
 
 
@@ -70,7 +70,7 @@ class AsymmetricFriction(MechanismEffect):
             f"in the positive direction {of.show('dry', '%', 100)} more dry and {of.show('viscous', '%', 100)} more "
             "viscous friction than in the negative, relative to their mean",
             f'Add <general joint="{target}" gainprm="0" biastype="affine" biasprm="{parts.attribute(offset)} 0 0"/> to '
-            f"the actuators, a constant {number(offset)} {unit}. MuJoCo has no viscous friction by direction: apply "
-            f"{number(bend)} |v| besides.",
+            f"the actuators. MuJoCo has no viscous friction by direction: apply {parts.attribute(bend)} |v| "
+            f"besides, in {unit}.",
             f"Pull '{target}' slowly both ways with a force gauge.",
         )

@@ -13,13 +13,12 @@ import numpy as np
 from runner.effects.base import Parameter, Phrase, Vector
 from runner.effects.mechanism import parts
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
-from runner.effects.mechanism.drive import add_drive, add_spring, settle
+from runner.effects.mechanism.drive import add_drive, couple, fit_to_step, settle
 from runner.effects.wording import Values
 from runner.errors import check_range
 
 DAMPING_RATIO = 0.05  # of the link against the drive, as of metal gears and belts
 FRICTION_SHARE = 0.6  # of the joint's friction that sits at the drive
-FAST = 1.0  # natural frequency times step from which on the spring is taken implicitly
 
 
 @effect
@@ -27,8 +26,7 @@ FAST = 1.0  # natural frequency times step from which on the spring is taken imp
 class Compliance(MechanismEffect):
     """A spring of `stiffness` lies between drive and link, N m/rad or N/m; infinite: none. See `drive`.
 
-    Fitted as its inverse, which is zero where the joint is rigid. A spring that is too fast for the step is given the
-    damping h k / 2, which makes the step stable; then it follows its load without swinging.
+    Fitted as its inverse, which is zero where the joint is rigid.
     """
 
     name: ClassVar[str] = "compliance"
@@ -40,6 +38,7 @@ class Compliance(MechanismEffect):
     def __post_init__(self) -> None:
         if self.stiffness != math.inf:
             check_range("compliance.stiffness", self.stiffness, 0.0, 1e15, unit="N m/rad", lower_open=True)
+        object.__setattr__(self, "structural", math.isfinite(self.stiffness))  # what is rigid needs nothing built
 
     @property
     def follows(self) -> Mapping[str, str]:
@@ -48,17 +47,14 @@ class Compliance(MechanismEffect):
     def edit_spec(self, spec: mujoco.MjSpec) -> None:
         if not math.isfinite(self.stiffness):
             return
-        tendon = add_drive(spec, self.target, FRICTION_SHARE)
-        model = spec.copy().compile()
-        link, drive = (float(model.dof_M0[parts.dof_of(model, j)]) for j in parts.sides_of(model, self.target))
-        inertia = link * drive / (link + drive)
-        frequency = math.sqrt(self.stiffness / inertia)
-        damping = 2.0 * DAMPING_RATIO * self.stiffness / frequency
-        if frequency * spec.option.timestep > FAST:
-            damping = max(damping, 0.5 * spec.option.timestep * self.stiffness)
-        add_spring(tendon, self.stiffness, damping)
+        add_drive(spec, self.target, FRICTION_SHARE)
+        couple(spec, self.target, stiffness=self.stiffness, damping_ratio=DAMPING_RATIO)
         if spec.option.integrator == mujoco.mjtIntegrator.mjINT_EULER:  # takes damping of tendons explicitly
             spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+
+    def edit_model(self, model: mujoco.MjModel) -> None:
+        if math.isfinite(self.stiffness):
+            fit_to_step(model, self.target)
 
     def edit_start(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         if math.isfinite(self.stiffness):

@@ -73,7 +73,6 @@ class Disturbance(MechanismEffect):
         return Phrase(
             f"joint '{target}' is pushed by something that is not in the log, for some time",
             f"{of.show('force', unit)} from {of.show('from_s', 's')} until {of.show('until_s', 's')}",
-            f"Apply qfrc_applied = {applied} {unit} to joint '{target}' during that time, or leave that time out of what "
-            "is compared.",
+            f"Apply qfrc_applied = {applied} {unit} to joint '{target}' during that time, or compare the rest alone.",
             "Look at a video of that time: a hand, a cable, an obstacle.",
         )

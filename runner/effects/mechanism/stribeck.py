@@ -67,11 +67,12 @@ class Stribeck(MechanismEffect):
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
         unit = "rad/s" if parts.is_hinge(beliefs.model, target) else "m/s"
         more = of["relative_excess"] > 0
+        factor = f"1 {of['relative_excess']:+.3g} exp(-(v / {of['speed']:.3g})^2)"
         return Phrase(
             f"dry friction of joint '{target}' {'falls' if more else 'rises'} with speed",
             f"at rest it is {of.show('relative_excess', '%', 100, magnitude=True)} {'more' if more else 'less'} than "
             f"at speed, and has changed by two thirds of that at {of.show('speed', unit)}",
             f'MuJoCo has no such friction: keep frictionloss of <joint name="{target}"> and, before each step, '
-            f"multiply it by 1 {'+' if more else '-'} {abs(of['relative_excess']):.3g} exp(-(v / {of['speed']:.3g})^2).",
+            f"multiply it by {factor}.",
             f"Drive '{target}' at several slow steady speeds and note the force of each.",
         )

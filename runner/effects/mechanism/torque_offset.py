@@ -54,10 +54,10 @@ class TorqueOffset(MechanismEffect):
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
+        bias = parts.attribute(of["offset"])
         return Phrase(
             f"something pulls joint '{target}' steadily to one side",
             of.show("offset", parts.force_unit(beliefs.model, target)),
-            f'Add <general joint="{target}" gainprm="0" biastype="affine" biasprm="{parts.attribute(of["offset"])} 0 0"/> '
-            "to the actuators.",
+            f'Add <general joint="{target}" gainprm="0" biastype="affine" biasprm="{bias} 0 0"/> to the actuators.',
             f"Command nothing, shake '{target}' out of its friction, and see where it creeps.",
         )

@@ -15,6 +15,7 @@ from runner.effects.mechanism.base import MechanismEffect, Scope, effect
 from runner.effects.wording import Values
 from runner.errors import check_range
 
+USUAL_CYCLES = 4.0
 TRIED_CYCLES = (1.0, 2.0, 3.0, 4.0, 6.0, 7.0, 8.0, 12.0, 24.0)  # per turn: eccentric gears, poles and slots
 
 
@@ -53,41 +54,40 @@ class TorqueRipple(MechanismEffect):
     @classmethod
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
         force, unit = parts.typical_force(context), parts.force_unit(context.model, context.target)
-        cycles, _ = _cycles(context)
         return (
             Parameter("sine", unit, 0.1 * force, -3 * force, 3 * force),
             Parameter("cosine", unit, 0.1 * force, -3 * force, 3 * force),
-            Parameter("cycles", "", cycles, 0.2 * cycles, 100 * cycles, may_rest=True),
+            Parameter("log_cycles_ratio", "", 1.0, -3.0, 3.5, may_rest=True),
         )
 
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:
-        cycles, _ = _cycles(context)
-        return cls(str(context.target), math.hypot(x[0], x[1]), max(float(x[2]), 0.2 * cycles), math.atan2(x[1], x[0]))
+        cycles = _usual_cycles(context) * math.exp(x[2])
+        return cls(str(context.target), math.hypot(x[0], x[1]), cycles, math.atan2(x[1], x[0]))
 
     @classmethod
     def starts(cls, context: Scope) -> np.ndarray:
         sine, cosine, _ = cls.parameters(context)
-        _, tried = _cycles(context)
-        return np.array([[0.3 * sine.scale, 0.3 * cosine.scale, cycles] for cycles in tried])
+        ratios = np.array(TRIED_CYCLES) / USUAL_CYCLES
+        return np.array([[0.3 * sine.scale, 0.3 * cosine.scale, math.log(ratio)] for ratio in ratios])
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
         hinge = parts.is_hinge(beliefs.model, target)
         unit, per = parts.force_unit(beliefs.model, target), "turn" if hinge else "m"
         rate = of["cycles"] * (1.0 if hinge else 2.0 * math.pi)
+        angle = f"{parts.attribute(rate)} q {'+' if of['phase_rad'] >= 0 else '-'} {abs(of['phase_rad']):.3g}"
         return Phrase(
             f"the torque of joint '{target}' varies with its position, as by cogging or an eccentric gear",
             f"by ±{of.show('amplitude', unit)}, {of.show('cycles')} times per {per}",
             f"MuJoCo has no such torque: before each step add {parts.attribute(of['amplitude'])} "
-            f"sin({parts.attribute(rate)} q {'+' if of['phase_rad'] >= 0 else '-'} {abs(of['phase_rad']):.3g}) to qfrc_applied of joint '{target}'.",
+            f"sin({angle}) to qfrc_applied of joint '{target}'.",
             f"Turn '{target}' slowly by hand with the drive off and feel for notches.",
         )
 
 
-def _cycles(scope: Scope) -> tuple[float, np.ndarray]:
-    """Return the least number of cycles that the range visited can show, and those to begin with."""
+def _usual_cycles(scope: Scope) -> float:
+    """Return the cycles, per turn or m, that the fitted ones are compared with: of a slide, so many over its range."""
     if parts.is_hinge(scope.model, scope.target):
-        return 1.0, np.array(TRIED_CYCLES)
-    once = 0.5 / parts.typical_reach(scope)  # one in the range visited
-    return once, once * np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
+        return USUAL_CYCLES
+    return USUAL_CYCLES * 0.5 / parts.typical_reach(scope)

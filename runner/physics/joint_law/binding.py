@@ -35,7 +35,7 @@ import numpy as np
 from numba import carray, cfunc, njit, types
 
 from runner.physics import engine_memory, passive
-from runner.physics.engine_memory import as_pointer, double, doubles, integer, ints, offset_of
+from runner.physics.engine_memory import as_pointer, double, doubles, integer, ints, offset_of, offset_of_array
 from runner.physics.joint_law.record import COLUMN, MAGIC, SIZE
 
 OFFSET, EXCESS, EXCESS_SPEED, EXCESS_POWER = (COLUMN[n] for n in ("offset", "excess", "excess_speed", "excess_power"))
@@ -99,10 +99,10 @@ def _measure() -> Offsets:
     m, d = model._address, data._address
 
     def of_model(name: str) -> int:
-        return _of_array(m, getattr(model, name), MODEL_BYTES)
+        return offset_of_array(m, getattr(model, name), MODEL_BYTES)
 
     def of_data(name: str) -> int:
-        return _of_array(d, getattr(data, name), DATA_BYTES)
+        return offset_of_array(d, getattr(data, name), DATA_BYTES)
 
     return Offsets(
         nuser_jnt=offset_of(m, 7919, 4000),
@@ -130,18 +130,6 @@ def _measure() -> Offsets:
         iefc_frictionloss=of_data("iefc_frictionloss"),
         sources=engine_memory.fingerprint(engine_memory.__file__, *Path(__file__).parent.glob("*.py")),
     )
-
-
-def _of_array(address: int, array: np.ndarray, size: int) -> int:
-    """Return where a struct points to an array, of (near) `size` bytes.
-
-    That is the last of equal pointers: arrays that are empty, which stand before, point to where the next one begins.
-    """
-    raw = np.ctypeslib.as_array((ctypes.c_uint64 * (size // 8)).from_address(address))
-    hits = np.flatnonzero(raw == array.ctypes.data)
-    if not len(hits):
-        raise RuntimeError(f"mujoco {mujoco.__version__}: an array was not found; pin mujoco==3.17.0.")
-    return 8 * int(hits[-1])
 
 
 def _of_ints(address: int, wanted: tuple[int, ...]) -> int:

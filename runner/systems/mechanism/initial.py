@@ -15,7 +15,7 @@ import numpy as np
 
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import ChannelSource
-from runner.systems.base import AbstractInitialState, FloatArray, Signals, Windows
+from runner.systems.base import AbstractInitialState, FloatArray, Signals, Span, Windows
 from runner.systems.mechanism import quaternions
 from runner.systems.mechanism.coordinates import HINGE, Coordinates
 from runner.systems.mechanism.models import OWN, Models
@@ -26,7 +26,8 @@ FEWEST = 5  # samples that a local polynomial rests on
 BROAD = {"rad": 1.0, "m": 0.3}  # what nobody measured may be so far from the reference
 BROAD_RATE = 3.0  # and so fast, rad/s or m/s
 SLOPE = 0.03  # a slope over a window that short: its error is that of a sample over so many seconds
-ITERATIONS = 6
+ITERATIONS, CLOSE = 6, 1e-7  # of positions that show what was measured; rad or m
+WEAK = 1e-3  # what is not measured is held at its reference by so much of its breadth
 DIFFERENCE = 1e-6
 VELOCITY_SENSORS = (int(mujoco.mjtStage.mjSTAGE_VEL),)
 
@@ -80,8 +81,9 @@ class MechanismStart(AbstractInitialState):
 
     def guess(self, signals: Signals, episode: int) -> FloatArray:
         """Return the start from local polynomials through the first samples; at rest: level at the first."""
-        x = self._solve(signals, episode, 0, smooth=True, rests=self._recording.mapping.rests)
-        if self._recording.mapping.rests:
+        rests = self._recording.mapping.rests and signals.spans[episode].begin == 0
+        x = self._solve(signals, episode, 0, smooth=True, rests=rests)
+        if rests:
             x[self._coordinates.nv :] = 0.0
         return x
 
@@ -94,30 +96,34 @@ class MechanismStart(AbstractInitialState):
             ]
         )
 
+    def positions(self, episode: int, channels: FloatArray) -> FloatArray:
+        """Return positions of all joints that show the channels (T, C) at the samples of an episode, (T, nq)."""
+        start = np.array(self._model.qpos0)
+        out = np.empty((len(channels), self._coordinates.nq))
+        for k, values in enumerate(channels):
+            told = np.array([t == "position" for t in self._tells]) & np.isfinite(values)
+            level = np.where(told, values, np.nan)
+            start = out[k] = self._posed(level, episode, k, np.ones(len(values)), start)
+        return out
+
     def _solve(self, signals: Signals, episode: int, first: int, *, smooth: bool, rests: bool) -> FloatArray:
         """Return the numbers that the channels around a sample tell, (S,)."""
         nv, broad = self._coordinates.nv, self.broad()
         level, slope = self._local(signals, episode, first, smooth=smooth, rests=rests)
+        # from here on the episode is that of the recording
+        episode, first = signals.spans[episode].episode, signals.spans[episode].begin + first
         told = np.array([t == "position" for t in self._tells]) & np.isfinite(level)
-        x = np.zeros(nv)
-        for _ in range(ITERATIONS if told.any() else 0):
-            qpos = self._coordinates.moved(np.array(self._model.qpos0), x)
-            shown, matrix = self._shown(episode, first, qpos)[told], self._jacobian(qpos)[told]
-            weight = 1.0 / signals.sigma[told]
-            rows = np.vstack([matrix * weight[:, None], np.diag(1e-3 / broad[:nv])])
-            right = np.concatenate([(level[told] - shown) * weight, -x * 1e-3 / broad[:nv]])
-            step = np.linalg.lstsq(rows, right, rcond=None)[0]
-            x = self._coordinates.difference(self._coordinates.moved(qpos, step), np.array(self._model.qpos0))
-            if np.abs(step).max() < 1e-9:
-                break
-        matrix = self._jacobian(self._coordinates.moved(np.array(self._model.qpos0), x))
+        reference = np.array(self._model.qpos0)
+        qpos = self._posed(np.where(told, level, np.nan), episode, first, signals.sigma, reference)
+        x = self._coordinates.difference(qpos, reference)
+        matrix = self._jacobian(qpos)
         rates = np.array([t == "velocity" for t in self._tells]) & np.isfinite(level)
         slopes = told & np.isfinite(slope)
         rows = np.vstack(
             [
                 matrix[rates] / signals.sigma[rates, None],
                 matrix[slopes] / signals.sigma[slopes, None] * SLOPE,
-                np.diag(1e-3 / broad[nv:]),
+                np.diag(WEAK / broad[nv:]),
             ]
         )
         right = np.concatenate(
@@ -125,14 +131,40 @@ class MechanismStart(AbstractInitialState):
         )
         return np.concatenate([x, np.linalg.lstsq(rows, right, rcond=None)[0]])
 
+    def _posed(self, level: FloatArray, episode: int, sample: int, sigma: FloatArray, begin: FloatArray) -> FloatArray:
+        """Return positions (nq,) that show these levels, (C,), as nearly as the noise says; NaN counts for nothing.
+
+        Args:
+            level: Of each channel.
+            episode: Whose measured orientations turns are relative to.
+            sample: At which.
+            sigma: Noise of each channel, (C,).
+            begin: Where to begin, (nq,); what no channel tells of stays near the reference.
+        """
+        told = np.isfinite(level)
+        nv, reference = self._coordinates.nv, np.array(self._model.qpos0)
+        weight, weak = 1.0 / sigma[told], WEAK / self.broad()[:nv]
+        qpos = begin
+        for _ in range(ITERATIONS if told.any() else 0):
+            shown, matrix = self._shown(episode, sample, qpos)[told], self._jacobian(qpos)[told]
+            away = self._coordinates.difference(qpos, reference)
+            rows = np.vstack([matrix * weight[:, None], np.diag(weak)])
+            right = np.concatenate([(level[told] - shown) * weight, -away * weak])
+            step = np.linalg.lstsq(rows, right, rcond=None)[0]
+            qpos = self._coordinates.moved(qpos, step)
+            if np.abs(step).max() < CLOSE:
+                break
+        return qpos
+
     def _local(
         self, signals: Signals, episode: int, first: int, *, smooth: bool, rests: bool
     ) -> tuple[FloatArray, FloatArray]:
         """Return level and slope of each channel at a sample, (C,): of a quadratic around it, NaN where nothing is."""
-        t = self._recording.episodes[episode].t_s
+        whole = signals.spans[episode]
+        t = self._recording.episodes[whole.episode].t_s[whole.begin : whole.end]
         reach = max(FEWEST, round(SMOOTH_S / self._recording.step_s))
         span = slice(max(0, first - reach), min(len(t), first + reach + 1))
-        values = self._turned(signals.values[episode], episode, first)[span]
+        values = self._turned(signals.values[episode], whole, first)[span]
         valid = signals.valid[episode][span] & np.isfinite(values)
         time = t[span] - t[first]
         level, slope = np.full(values.shape[1], np.nan), np.full(values.shape[1], np.nan)
@@ -149,14 +181,16 @@ class MechanismStart(AbstractInitialState):
                 slope[c] = fitted[1]
         return level, slope
 
-    def _turned(self, values: FloatArray, episode: int, first: int) -> FloatArray:
+    def _turned(self, values: FloatArray, whole: Span, first: int) -> FloatArray:
         """Return the values with orientations as turns from the measured one at a sample, body axes."""
         out = np.array(values)
         for k, source in enumerate(self._sources):
             if source.quantity == "orientation" and source.index == 0:
-                measured = self._recording.episodes[episode].orientations[source.column]
+                measured = self._recording.episodes[whole.episode].orientations[source.column][whole.begin : whole.end]
                 out[:, k : k + 3] = quaternions.logarithm(
-                    quaternions.multiply(quaternions.inverse(self._reference(episode, first, source)), measured)
+                    quaternions.multiply(
+                        quaternions.inverse(self._reference(whole.episode, whole.begin + first, source)), measured
+                    )
                 )
         return out
 

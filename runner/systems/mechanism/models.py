@@ -22,10 +22,12 @@ from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import AFFINE_BIAS, AT_JOINT, ForceColumns
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.base import Effects, FloatArray
+from runner.systems.mechanism import midpoint
 from runner.systems.mechanism.coordinates import Coordinates
 
 OWN = "runner:"  # what is added to a believed model bears names that begin so
 KEPT_MODELS = 256
+HARD_S = 0.002  # a time constant of dry friction up to that means: none
 LIGHTEST = 0.4  # at most this share of a joint's inertia is taken off for the trapezoidal rule
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 FRAME_SENSORS = {
@@ -36,6 +38,9 @@ FRAME_SENSORS = {
 }
 # a force at r in body axes is one at the origin and at the three unit points: (1 - x - y - z) o + x ex + y ey + z ez
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+Signature = tuple[tuple[tuple[type, str | None], ...], tuple[int, ...]]
 
 
 @dataclass(frozen=True)
@@ -54,12 +59,15 @@ class Compiled:
     model: mujoco.MjModel
     coordinates: Coordinates
     data: tuple[mujoco.MjData, ...]
-    signature: tuple[tuple[type, str | None], ...]
+    signature: Signature
 
 
-def signature_of(effects: Effects) -> tuple[tuple[type, str | None], ...]:
-    """Return which structural effects there are, and of what."""
-    return tuple((type(e), getattr(e, "target", None)) for e in effects if e.structural)
+def _signature(effects: Effects, model: mujoco.MjModel) -> Signature:
+    """Return which structural effects there are, of what, and how large the model is: some add nothing at zero."""
+    return (
+        tuple((type(e), getattr(e, "target", None)) for e in effects if e.structural),
+        (int(model.nq), int(model.nv), int(model.nbody), int(model.ntendon), int(model.neq)),
+    )
 
 
 class Models:
@@ -73,7 +81,9 @@ class Models:
     def __init__(self, recording: MechanismRecording, threads: int) -> None:
         self._recording, self._threads = recording, threads
         joint_law.install()
+        midpoint.install()
         self._believed = recording.spec()
+        self.folder = recording.model_path.parent
         self._compiled: dict[Effects, Compiled] = {}
         self._models: dict[tuple[Effects, float], mujoco.MjModel] = {}
         model = self.compiled(()).model
@@ -87,6 +97,7 @@ class Models:
         spec = self._believed.copy()
         if instrumented:
             joint_law.reserve(spec)
+            midpoint.reserve(spec)
             for body in spec.bodies[1:]:
                 # else an edited mass or centre of mass is silently not used
                 body.simple = 0
@@ -107,7 +118,7 @@ class Models:
                         objtype=mujoco.mjtObj.mjOBJ_ACTUATOR,
                         objname=source.target,
                     )
-        for effect in _mechanical(effects):
+        for effect in mechanical(effects):
             if effect.structural:
                 effect.edit_spec(spec)
         return spec
@@ -121,16 +132,17 @@ class Models:
             spec = self.spec(key, instrumented=True)
             with quiet():
                 model = spec.compile()
-            same = next((c for c in self._compiled.values() if c.signature == signature_of(key)), None)
+            signature = _signature(key, model)
+            same = next((c for c in self._compiled.values() if c.signature == signature), None)
             data = same.data if same else tuple(mujoco.MjData(model) for _ in range(self._threads))
-            self._compiled[key] = Compiled(spec, model, Coordinates(model), data, signature_of(key))
+            self._compiled[key] = Compiled(spec, model, Coordinates(model), data, signature)
         return self._compiled[key]
 
     def edited(self, effects: Effects) -> mujoco.MjModel:
         """Return the model with these effects in it, as MuJoCo would take it from a file."""
         base = self.compiled(effects)
         model = copy.copy(base.model)
-        for effect in _mechanical(effects):
+        for effect in mechanical(effects):
             effect.edit_model(model)
         mujoco.mj_setConst(model, base.data[0])
         return model
@@ -147,7 +159,7 @@ class Models:
         return self._models[key]
 
 
-def _mechanical(effects: Effects) -> Sequence[MechanismEffect]:
+def mechanical(effects: Effects) -> Sequence[MechanismEffect]:
     """Return effects as what they are in a mechanism."""
     for effect in effects:
         if not isinstance(effect, MechanismEffect):
@@ -188,15 +200,13 @@ def _add_force(spec: mujoco.MjSpec, index: int, force: ForceColumns) -> None:
             actuator.ctrllimited = actuator.forcelimited = False
 
 
-def damping_of(model: mujoco.MjModel) -> FloatArray:
-    """Return the force per velocity of each degree of freedom, (nv,): of the joint, and of servos that act on it."""
-    damping = np.array(model.dof_damping)
+def servo_damping(model: mujoco.MjModel) -> FloatArray:
+    """Return the force per velocity of its joint that each actuator damps with, (nu,)."""
+    out = np.zeros(model.nu)
     for i in range(model.nu):
-        joint = int(model.actuator_trnid[i, 0])
-        scalar = int(model.actuator_trntype[i]) in AT_JOINT and int(model.actuator_biastype[i]) == AFFINE_BIAS
-        if scalar:
-            damping[model.jnt_dofadr[joint]] -= model.actuator_biasprm[i, 2] * model.actuator_gear[i, 0] ** 2
-    return damping
+        if int(model.actuator_trntype[i]) in AT_JOINT and int(model.actuator_biastype[i]) == AFFINE_BIAS:
+            out[i] = max(-model.actuator_biasprm[i, 2] * model.actuator_gear[i, 0] ** 2, 0.0)
+    return out
 
 
 def _discretise(model: mujoco.MjModel, step_s: float, scratch: mujoco.MjData, *, leapfrog: bool) -> None:
@@ -204,12 +214,37 @@ def _discretise(model: mujoco.MjModel, step_s: float, scratch: mujoco.MjData, *,
     model.opt.timestep = step_s
     # a run that diverges must end there, not begin anew
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    if int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE):
-        # what MuJoCo does by itself unless told otherwise: a softness faster than two steps is unstable
-        time = model.dof_solref[:, 0]
-        time[(time > 0) & (time < 2 * step_s)] = 2 * step_s
+    time = model.dof_solref[:, 0]
+    # dry friction that was meant to be hard is as hard as the step allows; faster than two steps is unstable
+    time[(time > 0) & ((time < 2 * step_s) | (time <= HARD_S))] = 2 * step_s
+    touching = _can_touch(model)
+    if not touching:
+        # hardly a constraint is left, and what looks for more costs a fifth of a step
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
     if leapfrog:
         model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
-        off = 0.5 * step_s * np.maximum(damping_of(model), 0.0)
-        model.dof_armature -= np.minimum(off, LIGHTEST * model.dof_M0)
+        _balance_damping(model, step_s, touching=touching)
         mujoco.mj_setConst(model, scratch)
+
+
+def _balance_damping(model: mujoco.MjModel, step_s: float, *, touching: bool) -> None:
+    """Take half of the step times the damping off the armatures, and mark the model for `midpoint`."""
+    servo = servo_damping(model)
+    if touching:
+        # at the limit of its force a servo has no damping, which only `midpoint` can make up for
+        servo[np.array(model.actuator_forcelimited, bool)] = 0.0
+    dof = [int(model.jnt_dofadr[model.actuator_trnid[i, 0]]) if servo[i] else 0 for i in range(model.nu)]
+    damping = np.maximum(model.dof_damping, 0.0)
+    np.add.at(damping, dof, servo)
+    off = 0.5 * step_s * damping
+    share = np.minimum(LIGHTEST * model.dof_M0 / np.maximum(off, 1e-300), 1.0)
+    model.dof_armature -= share * off
+    if not touching:
+        # what an impact does to a velocity goes on in no way
+        midpoint.mark(model, 0.5 * step_s * servo * share[dof])
+
+
+def _can_touch(model: mujoco.MjModel) -> bool:
+    """Whether any two geoms of a model may be in contact."""
+    kinds, partners = np.array(model.geom_contype), np.array(model.geom_conaffinity)
+    return model.npair > 0 or model.nflex > 0 or bool((kinds[:, None] & partners[None, :]).any())

@@ -26,7 +26,6 @@ from runner.systems.mechanism.models import (
     Models,
     force_actuators,
     force_weights,
-    signature_of,
 )
 from runner.systems.mechanism.observer import (
     Observer,
@@ -41,7 +40,6 @@ FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 BYTES_AT_ONCE = 60e6  # of states and commands
 KEPT_COMMANDS = 512
-BEFORE_S = 0.25  # so much motion before a start is made up for sensors that are late: uniform
 HUGE = 1e8  # a coordinate or velocity beyond has diverged
 CORRECTIONS, EXACT = 30, 1e-12  # of a start that sensors show, until it is exact
 
@@ -131,7 +129,7 @@ class MechanismSimulator(AbstractSimulator):
         out = np.empty((len(stretches), samples, len(self._sources)))
         groups: dict[object, list[int]] = {}
         for i, stretch in enumerate(stretches):
-            groups.setdefault(signature_of(stretch.effects), []).append(i)
+            groups.setdefault(self.models.compiled(stretch.effects).signature, []).append(i)
         for members in groups.values():
             compiled = self.models.compiled(stretches[members[0]].effects)
             steps = max(self._steps(stretches[i]) for i in members)
@@ -164,7 +162,7 @@ class MechanismSimulator(AbstractSimulator):
         with quiet():
             state, _ = self._pool.rollout(
                 models,
-                list(compiled.data),
+                list(compiled.data[: self.threads]),
                 initial,
                 control,
                 control_spec=CONTROL,
@@ -180,13 +178,13 @@ class MechanismSimulator(AbstractSimulator):
     def _initial(self, stretch: Stretch, compiled: Compiled, model: mujoco.MjModel, command: FloatArray) -> FloatArray:
         """Return the state that a rollout begins with: positions half a step ahead of velocities."""
         nq, nv = model.nq, model.nv
-        position, velocity = self.full_state(stretch, compiled)
-        if self.models.leapfrog:
-            position = compiled.coordinates.moved(position, 0.5 * self.step_s * velocity)
+        position, velocity = self._start(stretch, compiled, model, command)
         out = np.zeros(mujoco.mj_stateSize(model, FULL))
         out[0] = self._time(stretch)
-        out[1 : 1 + nq], out[1 + nq : 1 + nq + nv] = position, velocity
         out[1 + nq + nv : 1 + nq + nv + model.na] = _activation(model, position, command)
+        if self.models.leapfrog:
+            position = compiled.coordinates.moved(position, 0.5 * self.step_s * velocity)
+        out[1 : 1 + nq], out[1 + nq : 1 + nq + nv] = position, velocity
         return out
 
     def _time(self, stretch: Stretch) -> float:
@@ -194,20 +192,27 @@ class MechanismSimulator(AbstractSimulator):
         t = self.recording.episodes[stretch.episode].t_s
         return float(t[stretch.begin] - t[0])
 
-    def full_state(self, stretch: Stretch, compiled: Compiled) -> tuple[FloatArray, FloatArray]:
-        """Return positions and velocities of all joints of a model at the start of a stretch, (nq,) and (nv,).
-
-        A joint that an effect has put behind another (its name goes on with `~`) begins like that one.
-        """
+    def _start(
+        self, stretch: Stretch, compiled: Compiled, model: mujoco.MjModel, command: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return positions and velocities of all joints of a model at the start of a stretch, (nq,) and (nv,)."""
         believed = self.models.believed_coordinates
-        nv = believed.nv
-        at = believed.moved(self.models.qpos0, stretch.start[:nv])
-        rate = np.zeros(nv) if self._at_rest(stretch.begin) else stretch.start[nv:]
-        position, velocity = np.array(compiled.model.qpos0), np.zeros(compiled.model.nv)
+        at = believed.moved(self.models.qpos0, stretch.start[: believed.nv])
+        rate = np.zeros(believed.nv) if self._at_rest(stretch.begin) else stretch.start[believed.nv :]
+        position, velocity = np.array(model.qpos0), np.zeros(model.nv)
+        structural = [e for e in stretch.effects if e.structural and isinstance(e, MechanismEffect)]
+        follows = {added: led for e in structural for added, led in e.follows.items()}
         for joint in compiled.coordinates.joints:
-            own = believed.by_name.get(joint.name) or believed.by_name.get(joint.name.split("~")[0])
-            if own is not None and own.kind == joint.kind:
+            own = believed.by_name.get(follows.get(joint.name, joint.name))
+            if own is not None:
                 position[joint.q], velocity[joint.v] = at[own.q], rate[own.v]
+        if structural:
+            data = compiled.data[0]
+            mujoco.mj_resetData(model, data)
+            data.time, data.ctrl[:], data.qpos[:], data.qvel[:] = self._time(stretch), command, position, velocity
+            for effect in structural:
+                effect.edit_start(model, data)
+            position, velocity = np.array(data.qpos), np.array(data.qvel)
         return position, velocity
 
     def _generalised(self, force: FloatArray, compiled: Compiled) -> FloatArray:
@@ -312,7 +317,7 @@ class MechanismSimulator(AbstractSimulator):
         with quiet():
             _, sensordata = self._pool.rollout(
                 [m for m in models for _ in range(n)],
-                list(compiled.data),
+                list(compiled.data[: self.threads]),
                 states.reshape(runs * n, -1),
                 control.reshape(runs * n, 1, -1),
                 control_spec=CONTROL,
@@ -351,24 +356,11 @@ class MechanismSimulator(AbstractSimulator):
     def _reported(
         self, effects: Effects, grid: FloatArray, channels: dict[str, FloatArray], *, at_rest: bool
     ) -> dict[str, FloatArray]:
-        """Return channels (R, n) on a grid as sensors with these effects report them.
-
-        What was before the grid is made up for sensors that are late: rest, or uniform motion.
-        """
-        editing = _on_readings(effects)
-        if not editing:
-            return channels
-        before = int(np.ceil(BEFORE_S / self.step_s))
-        past = np.arange(-before, 0) * self.step_s
-        longer = {}
-        for name, values in channels.items():
-            held = at_rest or name in self._held
-            slope = np.zeros_like(values[..., :1]) if held else (values[..., 1:2] - values[..., :1]) / self.step_s
-            longer[name] = np.concatenate([values[..., :1] + slope * past, values], axis=-1)
-        reading = Reading(np.concatenate([past, grid]), longer)
-        for effect in editing:
+        """Return channels (R, n) on a grid as sensors with these effects report them."""
+        reading = Reading(grid, channels, held_before=at_rest)
+        for effect in _on_readings(effects):
             reading = effect.edit_reading(reading)
-        return {name: values[..., before:] for name, values in reading.channels.items()}
+        return dict(reading.channels)
 
     def seen_start(self, effects: Effects, start: FloatArray) -> FloatArray:
         """Return the true start (S,) that sensors with these effects show as the given one."""

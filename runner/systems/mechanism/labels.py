@@ -1,0 +1,234 @@
+"""What a mechanism was doing in a stretch of time: from commands and measurements alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from runner.effects.mechanism import Scope
+from runner.recording.model_form import MechanismRecording
+from runner.recording.model_form_mapping import AT_JOINT, is_servo
+from runner.systems.base import FloatArray, Labels, Signals, Windows
+from runner.systems.mechanism.coordinates import HINGE, SLIDE
+from runner.systems.mechanism.initial import MechanismStart
+from runner.systems.mechanism.models import Models
+
+AFTER_S = 0.1  # so long a change of command is "just" past
+CHANGE = 0.2  # of the largest command: a step of the command that counts as a change
+IDLE = 0.01  # of the largest command: a motor below is not driven
+SLOW = 0.03  # of the usual speed: a joint below does not move
+FULL = 0.999  # of a limit: an actuator above is saturated
+
+REGIMES = (
+    "at rest",
+    "breakaway",
+    "reversal",
+    "saturated",
+    "free swing",
+    "driven",
+    "just after a change of command",
+)
+PHRASES = {
+    "breakaway": "when a joint breaks away",
+    "reversal": "when a joint turns round",
+    "saturated": "when an actuator is saturated",
+    "free swing": "in free swing",
+    "driven": "when driven",
+}
+FACTORS = {
+    "regime": "{}",
+    "moving joint": "when {} moves most",
+    "direction": "when {}",
+    "position": "with {}",
+    "speed": "at {}",
+    "load": "under {}",
+    "time": "in {} of an episode",
+    "episode": "in {}",
+}
+THIRDS = ("low", "middle", "high")
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """Joints that turn or slide, at the begin, middle and end of each window: positions and speeds, (W, 3, J)."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    position: FloatArray
+    speed: FloatArray
+
+
+def label(
+    recording: MechanismRecording,
+    models: Models,
+    initial: MechanismStart,
+    scope: Scope,
+    signals: Signals,
+    windows: Windows,
+) -> Labels:
+    """Return what went on in each window, and the factors that windows are sorted by."""
+    motion = _motion(initial, signals, windows, models.qpos0)
+    usual = np.array([max(scope.speed[n], 1e-9) for n in motion.names])
+    share = motion.speed / usual
+    count, rows = len(windows), np.arange(len(windows))
+    most = np.argmax(np.abs(share).max(axis=1), axis=1) if motion.names else np.zeros(count, int)
+    steps = windows.samples - 1
+    still = np.abs(share) < SLOW
+    rest = still.all(axis=(1, 2))
+    breakaway = (still[:, 0] & ~still[:, 2]).any(axis=1)
+    turned = ((share[:, 0] * share[:, 2] < 0) & ~still[:, 0] & ~still[:, 2]).any(axis=1)
+    sent = windows.of([e.commands for e in recording.episodes])[:, :-1]
+    saturated, idle, load = _actuation(recording, models, scope, sent, windows, initial, motion)
+    after = _after_change(recording, scope, windows)
+    regime = np.select(
+        [after, saturated, rest, breakaway, turned, idle],
+        [REGIMES[i] for i in (6, 3, 0, 1, 2, 4)],
+        REGIMES[5],
+    )
+    middle = windows.first + steps / 2
+    lengths = np.array([len(recording.episodes[e]) for e in windows.episode])
+    quarter = np.minimum(4 * middle / lengths, 3).astype(int)
+    moves = ~rest
+    position, speed = motion.position[rows, 1, most], motion.speed[rows, 1, most]
+    table = pd.DataFrame(
+        {
+            "episode": [f"episode {recording.episodes[e].index}" for e in windows.episode],
+            "t_s": [
+                float(np.interp(m, np.arange(len(recording.episodes[e])), recording.episodes[e].t_s))
+                for e, m in zip(windows.episode, middle, strict=True)
+            ],
+            "regime": regime,
+            "moving joint": _where(moves, [f"'{motion.names[j]}'" for j in most]),
+            "direction": _where(
+                moves,
+                [f"'{motion.names[j]}' moves {'up' if v > 0 else 'down'}" for j, v in zip(most, speed, strict=True)],
+            ),
+            "position": _thirds(motion, most, position, moves),
+            "speed": _quarters(np.abs(share[rows, 1, most]), moves),
+            "load": load,
+            "time": np.array([f"the {q} quarter" for q in ("first", "second", "third", "last")])[quarter],
+        }
+    )
+    for j, (name, unit) in enumerate(zip(motion.names, motion.units, strict=True)):
+        suffix = unit.replace(" ", "_")
+        table[f"{name}_{suffix}"] = motion.position[:, 1, j]
+        table[f"{name}_{suffix}_s"] = motion.speed[:, 1, j]
+    return Labels(table)
+
+
+def _where(moves: np.ndarray, names: list[str]) -> np.ndarray:
+    return np.array([n if m else None for n, m in zip(names, moves, strict=True)], dtype=object)
+
+
+def _motion(initial: MechanismStart, signals: Signals, windows: Windows, qpos0: FloatArray) -> _Motion:
+    coordinates = initial.coordinates
+    joints = [j for j in coordinates.joints if j.kind in (HINGE, SLIDE)]
+    v, q = [j.v.start for j in joints], [j.q.start for j in joints]
+    states = np.stack(
+        [
+            initial.guess_windows(signals, Windows(windows.episode, windows.first + shift, 1), smooth=True)
+            for shift in (0, (windows.samples - 1) // 2, windows.samples - 1)
+        ],
+        axis=1,
+    )
+    return _Motion(
+        tuple(j.name for j in joints),
+        tuple("rad" if j.kind == HINGE else "m" for j in joints),
+        qpos0[q] + states[..., v],
+        states[..., [coordinates.nv + i for i in v]],
+    )
+
+
+def _after_change(recording: MechanismRecording, scope: Scope, windows: Windows) -> np.ndarray:
+    """Return whether a command has just changed, (W,)."""
+    largest = np.array([max(scope.command[c.actuator], 1e-12) for c in recording.mapping.commands.values()])
+    changed = []
+    for episode in recording.episodes:
+        # an episode begins with a change from what was commanded before
+        jumps = np.abs(np.diff(episode.commands, axis=0, prepend=episode.commands[:1])) > CHANGE * largest
+        changed.append(jumps.any(axis=1))
+    back = round(AFTER_S / recording.step_s)
+    steps = windows.samples - 1
+    return np.array(
+        [changed[e][max(0, f - back) : f + steps].any() for e, f in zip(windows.episode, windows.first, strict=True)],
+        bool,
+    )
+
+
+def _actuation(
+    recording: MechanismRecording,
+    models: Models,
+    scope: Scope,
+    sent: FloatArray,
+    windows: Windows,
+    initial: MechanismStart,
+    motion: _Motion,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return whether an actuator is saturated, whether none drives, and how hard the hardest drives, each (W,).
+
+    Args:
+        recording: The case.
+        models: Its models.
+        scope: How far commands went.
+        sent: Commands in each window, (W, n, K).
+        windows: W of them.
+        initial: Of the recording.
+        motion: Positions and speeds of the joints.
+    """
+    model = models.compiled(()).model
+    count = len(windows)
+    saturated, idle, effort = np.zeros(count, bool), np.ones(count, bool), np.zeros(count)
+    for k, target in enumerate(recording.mapping.commands.values()):
+        a = model.actuator(target.actuator).id
+        size = np.abs(sent[..., k]).mean(axis=1)
+        force = size
+        limit = np.inf
+        if model.actuator_forcelimited[a]:
+            limit = float(np.abs(model.actuator_forcerange[a]).max())
+        if is_servo(model, a) and int(model.actuator_trntype[a]) in AT_JOINT:
+            name = model.joint(int(model.actuator_trnid[a, 0])).name
+            j = motion.names.index(name)
+            gear, bias = model.actuator_gear[a, 0], model.actuator_biasprm[a]
+            here, rate = motion.position[:, 1, j] * gear, motion.speed[:, 1, j] * gear
+            force = np.abs(model.actuator_gainprm[a, 0] * sent[..., k].mean(axis=1) + bias[1] * here + bias[2] * rate)
+            idle[:] = False
+        else:
+            idle &= size < IDLE * max(scope.command[target.actuator], 1e-12)
+            force = np.abs(model.actuator_gainprm[a, 0]) * size
+        saturated |= force >= FULL * limit
+        if model.actuator_ctrllimited[a] and not is_servo(model, a):
+            saturated |= size >= FULL * float(np.abs(model.actuator_ctrlrange[a]).max())
+        usual = float(np.sqrt(np.mean(force**2))) if count else 0.0
+        effort = np.maximum(effort, force / usual if usual > 0 else 0.0)
+    named = np.full(count, None, dtype=object)
+    if count >= 6 and len(recording.mapping.commands):
+        edges = np.quantile(effort, [1 / 3, 2 / 3])
+        words = ("little load", "a middling load", "a high load")
+        named = np.array([words[i] for i in np.searchsorted(edges, effort)], dtype=object)
+    return saturated, idle & bool(recording.mapping.commands), named
+
+
+def _thirds(motion: _Motion, most: np.ndarray, position: FloatArray, moves: np.ndarray) -> np.ndarray:
+    """Return in which third of its range the joint that moves most is, (W,)."""
+    out = np.full(len(most), None, dtype=object)
+    for j, (name, unit) in enumerate(zip(motion.names, motion.units, strict=True)):
+        here = moves & (most == j)
+        if not here.any():
+            continue
+        low, high = motion.position[..., j].min(), motion.position[..., j].max()
+        edges = np.linspace(low, high, 4)
+        third = np.clip(np.searchsorted(edges, position[here], side="right") - 1, 0, 2)
+        out[here] = [f"'{name}' at {edges[i]:.3g} to {edges[i + 1]:.3g} {unit}" for i in third]
+    return out
+
+
+def _quarters(share: FloatArray, moves: np.ndarray) -> np.ndarray:
+    """Return how fast the joint that moves most is, in words with its share of the usual speed, (W,)."""
+    out = np.full(len(share), None, dtype=object)
+    if moves.sum() >= 6:
+        edges = np.quantile(share[moves], [0, 1 / 3, 2 / 3, 1])
+        third = np.clip(np.searchsorted(edges, share[moves], side="right") - 1, 0, 2)
+        out[moves] = [f"{THIRDS[i]} speed ({edges[i]:.2g} to {edges[i + 1]:.2g} of the usual)" for i in third]
+    return out

@@ -1,0 +1,109 @@
+"""The corrected model as MJCF."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from runner.effects.base import AbstractEffect
+from runner.effects.mechanism import MechanismEffect
+from runner.errors import ResultError
+from runner.physics.joint_law import SIZE
+from runner.recording.model_form_mjcf import quiet
+from runner.systems.base import Effects, FloatArray
+from runner.systems.mechanism.models import OWN, Models, mechanical
+
+MODEL = "model.xml"
+DIGITS = 1e-5  # what MuJoCo writes is rounded to six digits
+LOOK_S = 0.5  # so long both are simulated
+DRIVE_HZ = 2.0
+
+
+def write_model(models: Models, effects: Effects, folder: Path) -> tuple[str, ...]:
+    """Write `model.xml` with the effects that MJCF can express, and return the names of the files.
+
+    Effects on commands and readings are not part of a model, and friction that MuJoCo's joints lack is not part of
+    MJCF: a comment names those that are left out.
+
+    Raises:
+        ResultError: If what was written moves otherwise than the edited model.
+    """
+    inside = tuple(e for e in effects if expressible(models, e))
+    spec = models.spec(inside, instrumented=False)
+    with quiet():
+        model = spec.compile()
+        for effect in mechanical(inside):
+            effect.edit_model(model)
+        try:
+            spec.copy_back(model)
+        except ValueError as error:
+            raise ResultError(f"{MODEL}: the corrected numbers can't be written: {error}") from None
+        text = spec.to_xml()
+    left = [e.full_name for e in effects if e not in inside]
+    if left:
+        text = f"<!-- Not expressed here: {', '.join(left)}. -->\n" + text
+    path = folder / MODEL
+    path.write_text(text, encoding="utf-8")
+    assets = _copy_assets(spec, models.folder, folder)
+    _check(models, inside, path)
+    return (MODEL, *assets)
+
+
+def expressible(models: Models, effect: AbstractEffect) -> bool:
+    """Whether an effect changes the model, and by nothing but what MuJoCo's own elements have."""
+    base, edited = models.compiled((effect,)).model, models.edited((effect,))
+    if np.any(base.jnt_user[:, -SIZE:] != edited.jnt_user[:, -SIZE:]):
+        return False
+    cls = type(effect)
+    return issubclass(cls, MechanismEffect) and (
+        cls.edit_model is not MechanismEffect.edit_model or cls.edit_spec is not MechanismEffect.edit_spec
+    )
+
+
+def _copy_assets(spec: mujoco.MjSpec, source: Path, folder: Path) -> tuple[str, ...]:
+    """Copy the files that a model refers to, meshes and textures, to where the written one looks for them."""
+    named = [(spec.compiler.meshdir, e.file) for kind in (spec.meshes, spec.hfields, spec.skins) for e in kind]
+    named += [(spec.compiler.texturedir, e.file) for e in spec.textures]
+    out = []
+    for directory, file in named:
+        name = Path(directory) / file
+        if file and (source / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source / name, folder / name)
+            out.append(str(name))
+    return tuple(dict.fromkeys(out))
+
+
+def _check(models: Models, effects: Effects, path: Path) -> None:
+    """Simulate both, plainly, from the reference position, driven by sines, and compare the motion."""
+    try:
+        with quiet():
+            written = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise ResultError(f"{MODEL}: does not compile: {error}") from None
+    one, other = _moved(written), _moved(models.edited(effects))
+    for name, motion in other.items():
+        size = np.abs(motion).max() + 1.0
+        if name not in one or np.abs(one[name] - motion).max() > 1e2 * DIGITS * size:
+            raise ResultError(f"{MODEL}: joint '{name}' does not move as it does in the simulation.")
+
+
+def _moved(model: mujoco.MjModel) -> dict[str, FloatArray]:
+    """Return the positions of every joint in a plain simulation, by name, (n, ...)."""
+    data = mujoco.MjData(model)
+    steps = max(1, round(LOOK_S / model.opt.timestep))
+    names = [model.joint(j).name for j in range(model.njnt)]
+    out: dict[str, list[FloatArray]] = {name: [] for name in names}
+    own = [a for a in range(model.nu) if not model.actuator(a).name.startswith(OWN)]
+    with quiet():
+        for _ in range(steps):
+            for a in own:
+                limit = model.actuator_forcerange[a, 1] if model.actuator_forcelimited[a] else 1.0
+                data.ctrl[a] = 0.1 * min(limit, 1.0) * np.sin(2 * np.pi * DRIVE_HZ * data.time + a)
+            mujoco.mj_step(model, data)
+            for name in names:
+                out[name].append(np.array(data.joint(name).qpos))
+    return {name: np.array(values) for name, values in out.items()}

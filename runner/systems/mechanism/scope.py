@@ -1,0 +1,135 @@
+"""What effects may know of a mechanism: how fast, how far, how hard it was moved; and which may be at work."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from runner.effects.mechanism import EFFECTS, Scope
+from runner.effects.vocabulary import Candidate, Vocabulary
+from runner.recording.model_form import MechanismRecording
+from runner.systems.base import FloatArray, Span, Windows
+from runner.systems.mechanism.coordinates import HINGE, SLIDE, Coordinates
+from runner.systems.mechanism.initial import MechanismStart
+from runner.systems.mechanism.models import Models
+
+LOOKS = 200  # states of the recording that speeds, ranges and forces are taken from
+APART_S = 0.02  # at least so far apart
+
+
+@dataclass(frozen=True)
+class RawSignals:
+    """Measured channels as they are, before their noise is known better: a `Signals`."""
+
+    values: tuple[FloatArray, ...]
+    valid: tuple[FloatArray, ...]
+    sigma: FloatArray
+    spans: tuple[Span, ...]
+
+
+def raw_signals(recording: MechanismRecording) -> RawSignals:
+    """Return the channels of a recording with the stated noise, or where there is none a rough one."""
+    values = tuple(e.values for e in recording.episodes)
+    stated = [recording.mapping.noise.get(s.name, np.nan) for s in recording.mapping.sources]
+    rough = [_rough_noise([v[:, c] for v in values]) for c in range(len(stated))]
+    sigma = np.where(np.isfinite(stated), stated, rough)
+    spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
+    return RawSignals(values, tuple(np.isfinite(v) for v in values), sigma, spans)
+
+
+def _rough_noise(values: Sequence[FloatArray]) -> float:
+    """Return the noise of a channel if it is white: third differences leave little of a smooth motion."""
+    known = np.concatenate([v[np.isfinite(v)] for v in values] or [np.zeros(0)])
+    third = np.concatenate([np.diff(v, 3) for v in values])
+    third = third[np.isfinite(third)]
+    spread = float(np.std(known)) if len(known) else 0.0
+    # white noise has 20 times the variance in third differences
+    white = float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0) if len(third) else 0.0
+    return max(white, 1e-4 * spread, 1e-6)
+
+
+def scope_of(recording: MechanismRecording, models: Models, initial: MechanismStart, signals: RawSignals) -> Scope:
+    """Return what effects may know of a recording."""
+    model, coordinates = models.compiled(()).model, initial.coordinates
+    speed, reach, force = _motion(recording, models, initial, signals)
+    commands = np.concatenate([e.commands for e in recording.episodes])
+    targets = [c.actuator for c in recording.mapping.commands.values()]
+    spread = np.nanstd(np.concatenate(signals.values), axis=0)
+    names = [j.name for j in coordinates.joints if j.kind in (HINGE, SLIDE)]
+    dofs = [j.v.start for j in coordinates.joints if j.kind in (HINGE, SLIDE)]
+    return Scope(
+        model=model,
+        target=None,
+        speed={n: float(speed[d]) for n, d in zip(names, dofs, strict=True)},
+        reach={n: float(reach[d]) for n, d in zip(names, dofs, strict=True)},
+        force={n: float(force[d]) for n, d in zip(names, dofs, strict=True)},
+        command={n: float(np.abs(commands[:, k]).max()) for k, n in enumerate(targets)},
+        signal={s.name: float(spread[k]) for k, s in enumerate(recording.mapping.sources)},
+        length_s=max(float(e.t_s[-1] - e.t_s[0]) for e in recording.episodes),
+        step_s=recording.step_s,
+    )
+
+
+def _motion(
+    recording: MechanismRecording, models: Models, initial: MechanismStart, signals: RawSignals
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return root mean square speed, half the range and root mean square force of each degree of freedom, (nv,)."""
+    coordinates, total = initial.coordinates, sum(len(e) for e in recording.episodes)
+    every = max(1, total // LOOKS, round(APART_S / recording.step_s))
+    model = models.edited(())
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    data = mujoco.MjData(model)
+    speeds, places, forces = [], [], []
+    for e, episode in enumerate(recording.episodes):
+        first = np.arange(0, len(episode), every)
+        x = initial.guess_windows(signals, Windows(np.full(len(first), e), first, 1), smooth=True)
+        rates = x[:, coordinates.nv :]
+        places.append(x[:, : coordinates.nv])
+        speeds.append(rates)
+        if len(first) < 2:
+            continue
+        accelerations = np.gradient(rates, episode.t_s[first], axis=0)
+        for position, rate, acceleration in zip(places[-1], rates, accelerations, strict=True):
+            data.qpos[:] = coordinates.moved(models.qpos0, position)
+            data.qvel[:], data.qacc[:] = rate, acceleration
+            mujoco.mj_inverse(model, data)
+            forces.append(np.array(data.qfrc_inverse))
+    place = np.concatenate(places)
+    reach = 0.5 * (np.quantile(place, 0.99, axis=0) - np.quantile(place, 0.01, axis=0))
+    force = np.array(forces) if forces else np.zeros((1, coordinates.nv))
+    return _rms(np.concatenate(speeds)), reach, _rms(force)
+
+
+def _rms(values: FloatArray) -> FloatArray:
+    return np.sqrt(np.mean(values**2, axis=0))
+
+
+def vocabulary_of(recording: MechanismRecording, scope: Scope, coordinates: Coordinates) -> Vocabulary:
+    """Return every effect that may be at work in a mechanism, bound to every target that it applies to."""
+    targets: dict[str, list[str | None]] = {
+        "joint": [j.name for j in coordinates.joints if j.kind in (HINGE, SLIDE)],
+        "body": [*moving_bodies(scope.model)],
+        "actuator": [c.actuator for c in recording.mapping.commands.values()],
+        "channel": [s.name for s in recording.mapping.sources],
+        "": [None],
+    }
+    return Vocabulary(
+        tuple(
+            Candidate(cls, target)
+            for cls in EFFECTS
+            for target in targets[cls.target_kind]
+            if cls.applies(scope.at(target))
+        )
+    )
+
+
+def moving_bodies(model: mujoco.MjModel) -> list[str]:
+    """Return the bodies with mass that some joint moves."""
+    return [
+        model.body(b).name
+        for b in range(1, model.nbody)
+        if int(model.body_weldid[b]) != 0 and float(model.body_mass[b]) > 0.0
+    ]

@@ -1,0 +1,204 @@
+"""Any mechanism: an MJCF that somebody believes in, and a log of what it was commanded and what it did."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from runner.effects.base import Effects
+from runner.recording.model_form import MechanismRecording, read_model_case, with_episode_to_check
+from runner.recording.model_form_mapping import ChannelSource
+from runner.systems.base import (
+    AbstractSystem,
+    Channel,
+    Disturbance,
+    DrawnBody,
+    FloatArray,
+    Labels,
+    Proposal,
+    Signals,
+    Space,
+    Windows,
+)
+from runner.systems.mechanism.coordinates import HINGE, SLIDE
+from runner.systems.mechanism.drawing import body_poses, drawn_bodies
+from runner.systems.mechanism.initial import MechanismStart
+from runner.systems.mechanism.labels import FACTORS, PHRASES, REGIMES, label
+from runner.systems.mechanism.model_file import write_model
+from runner.systems.mechanism.models import Models
+from runner.systems.mechanism.proposals import trials, unmeasured
+from runner.systems.mechanism.rests import resting
+from runner.systems.mechanism.scope import raw_signals, scope_of, vocabulary_of
+from runner.systems.mechanism.simulator import MechanismSimulator, cores
+from runner.systems.mechanism.steps import choose_step
+
+FORCE_SHARE, LARGE = 0.03, 3.0  # of the usual force: the step of a missing force; how large one may be
+LEAST_FORCE = 1e-3  # N or N m, of a joint that nothing moved
+
+
+class MechanismSystem(AbstractSystem):
+    """A recording in model form, see `AbstractSystem`.
+
+    Args:
+        recording: The case.
+        step_s: Physics step; None: as long as it does no harm.
+    """
+
+    regimes = REGIMES
+    factors = FACTORS
+    activities = ("regime", "load")
+    noun = "mechanism"
+    plan_view = None
+    recording: MechanismRecording
+    initial: MechanismStart
+
+    def __init__(self, recording: MechanismRecording, *, step_s: float | None = None) -> None:
+        self.recording = recording
+        self.channels = tuple(_channel(s) for s in recording.mapping.sources)
+        self.rate_hz = 1.0 / recording.step_s
+        self._models = Models(recording, cores())
+        self._raw = raw_signals(recording)
+        self.initial = MechanismStart(recording, self._models, self._raw.sigma)
+        self.context = self.beliefs = scope_of(recording, self._models, self.initial, self._raw)
+        self.vocabulary = vocabulary_of(recording, self.context, self.initial.coordinates)
+        self.disturbance = self._missing_force()
+        self._step_s = step_s
+        self._simulator: MechanismSimulator | None = None
+
+    @property
+    def step_s(self) -> float:
+        """Length of a physics step."""
+        if self._step_s is None:
+            starts = [self.initial.guess(self._raw, e) for e in range(len(self.recording.episodes))]
+            self._step_s = choose_step(self.recording, self._models, starts, self._raw.sigma, cores())
+        return self._step_s
+
+    def _missing_force(self) -> Disturbance:
+        """Return the force that may be missing at each joint."""
+        coordinates = self.initial.coordinates
+        weight = float(np.sum(self.context.model.body_mass)) * float(np.linalg.norm(self.context.model.opt.gravity))
+        usual = np.full(coordinates.nv, max(weight, LEAST_FORCE))
+        for joint in coordinates.joints:
+            if joint.kind in (HINGE, SLIDE):
+                usual[joint.v] = max(self.context.force[joint.name], LEAST_FORCE)
+            else:
+                # turns: the weight on an arm as long as the model
+                usual[joint.v.stop - 3 : joint.v.stop] *= 0.1 * float(self.context.model.stat.extent)
+        names = coordinates.dof_names()
+        return Disturbance(
+            tuple(f"{name}_{unit.replace(' ', '_').lower()}" for name, unit, _ in names),
+            tuple(f"{words} [{unit}]" for _, unit, words in names),
+            FORCE_SHARE * usual,
+            LARGE * usual,
+        )
+
+    def values(self) -> tuple[FloatArray, ...]:
+        """See `AbstractSystem`."""
+        return tuple(e.values for e in self.recording.episodes)
+
+    def stated_noise(self) -> FloatArray:
+        """See `AbstractSystem`."""
+        return np.array([self.recording.mapping.noise.get(c.name, np.nan) for c in self.channels])
+
+    def rests(self) -> list[tuple[int, slice]]:
+        """See `AbstractSystem`."""
+        return resting(self.recording)
+
+    def simulator(self, *, threads: int | None = None) -> MechanismSimulator:
+        """See `AbstractSystem`."""
+        if self._simulator is None or (threads is not None and threads != self._simulator.threads):
+            self._simulator = MechanismSimulator(self.recording, self._models, self.step_s, threads)
+        return self._simulator
+
+    def label(self, signals: Signals, windows: Windows) -> Labels:
+        """See `AbstractSystem`."""
+        return label(self.recording, self._models, self.initial, self.context, signals, windows)
+
+    def phrase(self, factor: str, cell: str) -> str:
+        """See `AbstractSystem`."""
+        return super().phrase(factor, PHRASES.get(cell, cell) if factor == "regime" else cell)
+
+    def missing_force_views(self, values: FloatArray, spread: FloatArray, labels: Labels) -> dict[str, FloatArray]:
+        """Return the missing force of each joint along its motion: negative is friction that the model lacks."""
+        out: dict[str, FloatArray] = {}
+        for joint in self.initial.coordinates.joints:
+            if joint.kind not in (HINGE, SLIDE):
+                continue
+            unit = "rad" if joint.kind == HINGE else "m"
+            speed = labels.table[f"{joint.name}_{unit}_s"].to_numpy(float)
+            slow = np.abs(speed) < 0.1 * self.context.speed[joint.name]
+            name = f"along_{self.disturbance.names[joint.v.start]}"
+            out[name] = np.where(slow, np.nan, np.sign(speed) * values[:, joint.v.start])
+            out[f"{name}_se"] = np.where(slow, np.nan, np.sqrt(spread[:, joint.v.start, joint.v.start]))
+        return out
+
+    def proposals(self) -> tuple[Sequence[Proposal], AbstractSystem, FloatArray]:
+        """Return steps, ramps, sines and reversals of each actuator, from where the episodes usually began."""
+        found = trials(self.recording, self.context.model)
+        system = _Unmeasured(self, unmeasured(self.recording, self.context.model, found))
+        starts = np.array([self.initial.guess(self._raw, e) for e in range(len(self.recording.episodes))])
+        nv = self.initial.coordinates.nv
+        return found, system, np.concatenate([np.median(starts[:, :nv], axis=0), np.zeros(nv)])
+
+    def write_model(self, effects: Effects, folder: Path) -> tuple[str, ...]:
+        """See `AbstractSystem`."""
+        return write_model(self._models, effects, folder)
+
+    def drawn(self) -> tuple[DrawnBody, ...]:
+        """See `AbstractSystem`."""
+        return drawn_bodies(self.context.model)
+
+    def poses(self, episode: int, channels: FloatArray) -> dict[str, FloatArray]:
+        """See `AbstractSystem`."""
+        return body_poses(self.context.model, self.initial.positions(episode, channels))
+
+    def with_values(self, values: Sequence[FloatArray]) -> MechanismSystem:
+        """Return the same system with other measurements, (T, C) per episode."""
+        episodes = tuple(replace(e, values=v) for e, v in zip(self.recording.episodes, values, strict=True))
+        return MechanismSystem(replace(self.recording, episodes=episodes), step_s=self.step_s)
+
+
+class _Unmeasured(MechanismSystem):
+    """Experiments that have not been done: a mechanism that knows of itself what another has shown."""
+
+    def __init__(self, known: MechanismSystem, recording: MechanismRecording) -> None:
+        self.recording = recording
+        self.channels, self.rate_hz = known.channels, known.rate_hz
+        self._models, self._raw, self.initial = known._models, known._raw, known.initial
+        self.context, self.vocabulary, self.disturbance = known.context, known.vocabulary, known.disturbance
+        self._step_s: float | None = known.step_s
+        self._simulator = None
+
+
+def read_mechanism(path: str | Path) -> MechanismSystem:
+    """Return the mechanism of a case in model form.
+
+    Args:
+        path: A folder with a recording, an MJCF and `nominal.yaml`, or the table in it.
+
+    Raises:
+        RecordingError: With the file, the row or key, what was wrong, and what is allowed.
+    """
+    return MechanismSystem(with_episode_to_check(read_model_case(path)))
+
+
+def _channel(source: ChannelSource) -> Channel:
+    """Return how a channel is called, and with which others it shares its noise."""
+    kind = {"joint": "joint", "actuator": "actuator", "body": "body", "sensor": f"sensor {source.target}"}[source.kind]
+    group = kind if source.kind == "sensor" else f"{kind} {source.quantity.replace('_', ' ')} of {source.target}"
+    words = source.quantity.replace("_", " ")
+    label = {
+        "joint": f"{words} of '{source.target}'",
+        "actuator": f"force of actuator '{source.target}'",
+        "body": f"{'xyz'[source.index]} {words} of '{source.target}'",
+        "sensor": f"sensor '{source.target}'" + (f" [{source.index}]" if source.index else ""),
+    }[source.kind]
+    space = Space.LINE
+    if source.quantity == "orientation":
+        space = Space.ROTATION
+    elif source.kind == "joint" and source.quantity == "position" and source.unit == "rad":
+        space = Space.CIRCLE
+    return Channel(source.name, source.unit, group, label, space)
