@@ -76,7 +76,7 @@ def label(
     most = np.argmax(np.abs(share).max(axis=1), axis=1) if motion.names else np.zeros(count, int)
     steps = windows.samples - 1
     still = np.abs(share) < SLOW
-    rest = still.all(axis=(1, 2))
+    rest = np.asarray(still.all(axis=(1, 2)))
     breakaway = (still[:, 0] & ~still[:, 2]).any(axis=1)
     turned = ((share[:, 0] * share[:, 2] < 0) & ~still[:, 0] & ~still[:, 2]).any(axis=1)
     sent = windows.of([e.commands for e in recording.episodes])[:, :-1]
@@ -90,7 +90,7 @@ def label(
     middle = windows.first + steps / 2
     lengths = np.array([len(recording.episodes[e]) for e in windows.episode])
     quarter = np.minimum(4 * middle / lengths, 3).astype(int)
-    moves = ~rest
+    moves = np.logical_not(rest)
     position, speed = motion.position[rows, 1, most], motion.speed[rows, 1, most]
     table = pd.DataFrame(
         {

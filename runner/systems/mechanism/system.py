@@ -53,6 +53,7 @@ class MechanismSystem(AbstractSystem):
     noun = "mechanism"
     plan_view = None
     recording: MechanismRecording
+    initial: MechanismStart
 
     def __init__(self, recording: MechanismRecording, *, step_s: float | None = None) -> None:
         self.recording = recording
