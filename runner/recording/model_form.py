@@ -247,8 +247,7 @@ def _degrees(values: Float, limits: tuple[float, float]) -> bool:
     width = high - low
     extremes = np.array([np.nanmin(values, initial=0.0), np.nanmax(values, initial=0.0)])
     outside = max(low - extremes[0], extremes[1] - high)
-    angles = np.radians(extremes)
-    inside = angles[0] > low - 0.1 * width and angles[1] < high + 0.1 * width
+    inside = np.radians(extremes[0]) > low - 0.1 * width and np.radians(extremes[1]) < high + 0.1 * width
     return bool(outside > 2 * width and inside)
 
 

@@ -70,17 +70,29 @@ class MechanismStart(AbstractInitialState):
 
     def scale(self, sigma: FloatArray) -> FloatArray:
         """Return how well the channels of one sample, and slopes of a few, tell each number."""
-        nv = self._coordinates.nv
         broad = self.broad()
-        matrix = self._jacobian(np.array(self._model.qpos0))
-        position = np.array([t == "position" for t in self._tells])
-        velocity = np.array([t == "velocity" for t in self._tells])
-        rows = [matrix[position] / sigma[position, None]]
-        normal = sum((r.T @ r for r in rows), np.diag(broad[:nv] ** -2.0))
-        first = np.sqrt(np.diag(np.linalg.inv(normal)))
-        rates = [matrix[velocity] / sigma[velocity, None], matrix[position] / sigma[position, None] * SLOPE]
-        normal = sum((r.T @ r for r in rates), np.diag(broad[nv:] ** -2.0))
-        return np.concatenate([first, np.sqrt(np.diag(np.linalg.inv(normal)))])
+        return np.concatenate(
+            [
+                self._known(sigma, broad[: self._coordinates.nv], position=1.0, velocity=0.0),
+                self._known(sigma, broad[self._coordinates.nv :], position=SLOPE, velocity=1.0),
+            ]
+        )
+
+    def speed_error(self, sigma: FloatArray) -> FloatArray:
+        """Return the standard error of velocities of a smooth guess in the middle of an episode, (nv,)."""
+        step_s = self._recording.step_s
+        n = 2 * max(FEWEST, round(SMOOTH_S / step_s)) + 1
+        broad = self.broad()[self._coordinates.nv :]
+        # of a straight line through n samples: slope and level
+        return self._known(sigma, broad, position=step_s * np.sqrt(n**3 / 12.0), velocity=np.sqrt(n))
+
+    def _known(self, sigma: FloatArray, broad: FloatArray, *, position: float, velocity: float) -> FloatArray:
+        """Return standard errors (nv,) from channels with these weights, and a prior as broad as that."""
+        matrix, weight = self._jacobian(np.array(self._model.qpos0)), np.zeros(len(sigma))
+        weight[[t == "position" for t in self._tells]] = position
+        weight[[t == "velocity" for t in self._tells]] = velocity
+        rows = matrix * (weight / sigma)[:, None]
+        return np.sqrt(np.diag(np.linalg.inv(rows.T @ rows + np.diag(broad**-2.0))))
 
     def guess(self, signals: Signals, episode: int) -> FloatArray:
         """Return the start from local polynomials through the first samples; at rest: level at the first."""
