@@ -27,7 +27,7 @@ from runner.effects.wording import plus_minus
 from runner.localise.where import localise
 from runner.noise.measured import Measured
 from runner.noise.model import NoiseModel
-from runner.recording import Episode, Form, Noise, Nominal, Recording
+from runner.recording import Episode, Form, Noise, Nominal, Recording, Span
 from runner.report import html, words
 from runner.report.before_after import misses
 from runner.report.html import write_html
@@ -79,8 +79,8 @@ def found(recording: Recording) -> Any:
     """A diagnosis that found the friction."""
     values = tuple(np.hstack([e.pose, e.twist]) for e in recording.episodes)
     valid = tuple(np.ones(v.shape, bool) for v in values)
-    times = tuple(e.t_s for e in recording.episodes)
-    measured = Measured(times, values, SIGMA, NoiseModel.white(6), valid, np.ones(6, bool))
+    spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
+    measured = Measured(spans, values, SIGMA, NoiseModel.white(6), valid, np.ones(6, bool))
     system = PlanarBox(recording)
     rows = [
         {"episode": 5, "channel": c.name, "before": 9 * s, "after": 1.1 * s, "noise": s, "unit": c.unit}

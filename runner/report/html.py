@@ -116,7 +116,7 @@ def ranking(diagnosis: Diagnosis, said: Statement) -> dict[str, Any]:
     system = diagnosis.system
     rows = []
     for ranked in said.order[:SHOWN]:
-        closed = said.gap_closed if ranked is said.top and said.settled else ranked.gap_closed
+        closed = said.closed_by(ranked)
         rows.append(
             {
                 "name": words.title(ranked.effects or (NONE,)),

@@ -55,7 +55,8 @@ class Statement:
         closable_closed: Share of what can be closed (what is missed less the noise, mean squares), where it is known.
         held_out: Whether both are of episodes that were not fitted.
         left: What is left by the best model.
-        over_noise: How much that is beyond the noise, as a share of the noise's mean square.
+        over_noise: How much that is beyond the noise on episodes that were not fitted (or on all, where that is more),
+            as a share of the noise's mean square.
     """
 
     kind: Kind
@@ -82,6 +83,12 @@ class Statement:
     def settled(self) -> bool:
         """Whether the likeliest explanation names effects that one can put into a simulator."""
         return self.kind in (Kind.FOUND, Kind.OPEN)
+
+    def closed_by(self, ranked: Ranked) -> float | None:
+        """Return the share of the gap that an explanation takes away; None: it is not known, or there is no model."""
+        if tuple(ranked.effects) == (UNKNOWN,):
+            return None
+        return self.gap_closed if ranked is self.top and self.settled else _known(ranked.gap_closed)
 
 
 def state(diagnosis: Diagnosis) -> Statement:
@@ -128,10 +135,8 @@ def _left(diagnosis: Diagnosis, kind: Kind) -> tuple[Left, float]:
         over = diagnosis.nominal_excess
         return (Left.NOISE if over < OVER else Left.SMALL_ERRORS), max(over, 0.0)
     unseen = _unseen_excess(diagnosis)
-    if diagnosis.excess > TRACE:
-        return Left.SOMETHING, diagnosis.excess
-    if kind is Kind.UNKNOWN:
-        return Left.SOMETHING, unseen
+    if diagnosis.excess > TRACE or kind is Kind.UNKNOWN:
+        return Left.SOMETHING, max(unseen, diagnosis.excess)
     closed = diagnosis.closure.closable_closed
     as_noise = unseen <= TRACE or (closed is not None and closed >= NOISE_LEFT)
     return (Left.NOISE if as_noise else Left.SMALL_ERRORS), unseen

@@ -43,17 +43,18 @@ def ranking(diagnosis: Diagnosis) -> Table:
     table.add_column("how much", overflow="fold")
     table.add_column("gap closed", justify="right")
     table.add_column("can't be told from", overflow="fold")
-    everything = state(diagnosis).order
-    for ranked in everything[:SHOWN]:
+    said = state(diagnosis)
+    for ranked in said.order[:SHOWN]:
+        closed = said.closed_by(ranked)
         amounts = [p.amount for p in words.phrases(diagnosis.system, ranked) if p.amount]
         table.add_row(
             words.title(ranked.effects or (NONE,)),
             probability(ranked.probability),
             "\n".join(amounts),
-            "" if ranked.gap_closed is None else percent(ranked.gap_closed),
+            "" if closed is None else percent(closed),
             ", ".join(words.title(e) for e in words.equals(ranked)),
         )
-    if rest := everything[SHOWN:]:
+    if rest := said.order[SHOWN:]:
         table.add_row(f"{len(rest)} others", probability(sum(r.probability for r in rest)), "", "", "", style="dim")
     return table
 

@@ -90,7 +90,8 @@ def place_map(system: AbstractSystem, places: pd.DataFrame, paths: Sequence[Path
             ax.add_patch(Rectangle(corner, side, side, facecolor=ACCENT, alpha=0.75 * strength, lw=0))
             if q < 0.05:
                 ax.add_patch(Rectangle(corner, side, side, facecolor="none", edgecolor=INK, lw=1.6))
-            ax.text(px, py + 0.32 * side, f"{value:.1f}×", ha="center", va="center", fontsize=8.5)
+            told = f"{value:.1f}×".replace("-", "−")
+            ax.text(px, py + 0.32 * side, told, ha="center", va="center", fontsize=8.5)
         for path in paths:
             ax.plot(*path.measured[:, flat].T, color=INK, lw=0.6, alpha=0.55)
         for effect in effects:
