@@ -181,8 +181,8 @@ def test_an_unknown_cause_has_a_suspect(factor: str, cell: str, where: str, advi
         {"factor": "channel", "cell": "wz", "share": 0.4, "lift": 2.4, "p": 1e-9, "q": 1e-8},
     ]
     diagnosis = made((("unknown",), {}), 0.9)
-    diagnosis.where = SimpleNamespace(exceeds=True, cells=pd.DataFrame(rows))
-    (suspect,) = suspects(SYSTEM, diagnosis.where)
+    where_it_is: Any = SimpleNamespace(exceeds=True, cells=pd.DataFrame(rows))
+    (suspect,) = suspects(SYSTEM, where_it_is)
     assert suspect.where == f"The gap is largest {where}: 70 % of it, in 20 % of the time."
     assert advice in suspect.advice
     assert words.next_steps(diagnosis)[0] == f"{suspect.where} {suspect.advice}"
