@@ -27,7 +27,7 @@ from runner.effects.planar_box import AnisotropicFriction, AxisFriction, Mass, V
 from runner.effects.vocabulary import Candidate
 from runner.errors import ResultError
 from runner.recording import Nominal, write_case
-from runner.systems.planar_box.system import VOCABULARY
+from runner.systems.planar_box.system import vocabulary
 
 RANDOM = np.random.default_rng(5)
 Plain = dict[str, Any]
@@ -195,7 +195,7 @@ def test_the_oracle_takes_the_variant_that_was_planted() -> None:
     """A film is fitted as a film, a drag of the body as a drag; no effect outside the vocabulary."""
 
     def kinds_of(effects: list[Plain]) -> list[Candidate]:
-        return candidates_of(effects, VOCABULARY)
+        return candidates_of(effects, vocabulary())
 
     film, mass, drag = Candidate(ViscousFilm), Candidate(Mass), Candidate(ViscousDrag)
     assert kinds_of([{"name": "viscous_drag", "true": {"acts": "film"}}, {"name": "mass"}]) == [film, mass]

@@ -36,7 +36,7 @@ from runner.simulate.shooting import windows_of
 from runner.systems.base import Run, Windows
 from runner.systems.planar_box.model_file import MODEL
 from runner.systems.planar_box.simulator import OBJECT, Simulator
-from runner.systems.planar_box.system import VOCABULARY, PlanarBox
+from runner.systems.planar_box.system import PlanarBox, vocabulary
 from runner.systems.planar_box.windows import Effects
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "cases"
@@ -170,8 +170,8 @@ def test_corrected_model_reads_back_and_its_mjcf_holds_the_numbers(tmp_path: Pat
     recording, _ = made(noise=0.0, episodes=1, seconds=1.0)
     system = PlanarBox(recording)
     path = write_corrected(tmp_path / "new", MANY, system)
-    assert read_corrected(path, VOCABULARY) == MANY
-    assert read_corrected(tmp_path / "new", VOCABULARY) == MANY
+    assert read_corrected(path, vocabulary()) == MANY
+    assert read_corrected(tmp_path / "new", vocabulary()) == MANY
     assert yaml.safe_load(path.read_text(encoding="utf-8"))["model"] == [MODEL]
     model = mujoco.MjModel.from_xml_path(str(path.parent / MODEL))
     ours = system.simulator().model(MANY)
@@ -185,7 +185,7 @@ def test_corrected_model_reads_back_and_its_mjcf_holds_the_numbers(tmp_path: Pat
 def test_no_correction_is_a_model_too(tmp_path: Path) -> None:
     """`none` writes an empty set of effects, and reads back as that."""
     recording, _ = made(noise=0.0, episodes=1, seconds=1.0)
-    assert read_corrected(write_corrected(tmp_path, (), PlanarBox(recording)), VOCABULARY) == ()
+    assert read_corrected(write_corrected(tmp_path, (), PlanarBox(recording)), vocabulary()) == ()
 
 
 @pytest.mark.parametrize(
@@ -206,7 +206,7 @@ def test_bad_models_are_refused(tmp_path: Path, text: str, error: type[Exception
     """One line with the file, the key, and what is allowed."""
     (tmp_path / "corrected.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(error, match=message) as caught:
-        read_corrected(tmp_path, VOCABULARY)
+        read_corrected(tmp_path, vocabulary())
     assert str(tmp_path / "corrected.yaml") in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -214,7 +214,7 @@ def test_bad_models_are_refused(tmp_path: Path, text: str, error: type[Exception
 def test_missing_model_and_doubled_effect_are_refused(tmp_path: Path) -> None:
     """A path without a file, and a model that the file can't hold."""
     with pytest.raises(ResultError, match=r"nowhere.yaml: no such file"):
-        read_corrected(tmp_path / "nowhere.yaml", VOCABULARY)
+        read_corrected(tmp_path / "nowhere.yaml", vocabulary())
     recording, _ = made(noise=0.0, episodes=1, seconds=1.0)
     with pytest.raises(ResultError, match="'viscous_drag' can be written once only"):
         write_corrected(tmp_path, (ViscousDrag(1.0), ViscousFilm(1.0)), PlanarBox(recording))

@@ -10,6 +10,7 @@ from runner.effects.planar_box import ActuatorDelay, FrictionPatch, Inertia, Win
 from runner.errors import RecordingError
 from runner.localise.where import Where, localise
 from runner.noise.measured import measure
+from runner.recording import Span
 from runner.simulate.shooting import windows_of
 from runner.systems.planar_box.initial import PlanarStart
 from runner.systems.planar_box.system import PlanarBox
@@ -132,7 +133,7 @@ def test_smoothed_states_are_exact_on_a_cubic() -> None:
         values = (np.hstack([pose, rate]),)
         valid = (np.ones((121, 6), bool),)
         sigma = np.array([0.01, 0.01, 0.01, 0.1, 0.1, 0.1])
-        t_s = (t,)
+        spans = (Span(0, 0, 121),)
 
     windows = windows_of([121], 20)
     states = PlanarStart(RATE_HZ).guess_windows(Cubic(), windows, smooth=True)
