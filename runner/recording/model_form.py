@@ -254,7 +254,7 @@ def _degrees(values: Float, limits: tuple[float, float]) -> bool:
 def _orientation(table: Table, columns: Sequence[str]) -> Float:
     """Return unit quaternions, (N, 4), NaN where one of the numbers is."""
     q = table.stack(columns)
-    q = np.where(np.isnan(q).any(axis=1)[:, None], np.nan, q)
+    q = np.where(np.asarray(np.isnan(q).any(axis=1))[:, None], np.nan, q)
     length = np.linalg.norm(q, axis=1)
     bad = (length < NORM[0]) | (length > NORM[1])
     if bad.any():

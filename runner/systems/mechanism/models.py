@@ -73,7 +73,7 @@ class Models:
     """
 
     def __init__(self, recording: MechanismRecording, threads: int) -> None:
-        self._recording, self._threads = recording, threads
+        self._recording, self.threads = recording, threads
         joint_law.install()
         midpoint.install()
         self._believed = recording.spec()
@@ -127,7 +127,7 @@ class Models:
             with quiet():
                 model = spec.compile()
             same = next((c for c in self._compiled.values() if c.signature == signature_of(key)), None)
-            data = same.data if same else tuple(mujoco.MjData(model) for _ in range(self._threads))
+            data = same.data if same else tuple(mujoco.MjData(model) for _ in range(self.threads))
             self._compiled[key] = Compiled(spec, model, Coordinates(model), data, signature_of(key))
         return self._compiled[key]
 

@@ -87,7 +87,7 @@ class MechanismSimulator(AbstractSimulator):
     ) -> None:
         self.recording, self.models, self.step_s = recording, models, step_s
         self.simulated_s = 0.0
-        self.threads = threads or cores()
+        self.threads = min(threads or models.threads, models.threads)
         self._pool = rollout.Rollout(nthread=self.threads if self.threads > 1 else 0)
         self._spans = spans or tuple(Span(i, 0, len(e)) for i, e in enumerate(recording.episodes))
         self._sources = recording.mapping.sources
@@ -163,7 +163,7 @@ class MechanismSimulator(AbstractSimulator):
         with quiet():
             state, _ = self._pool.rollout(
                 models,
-                list(compiled.data),
+                list(compiled.data[: self.threads]),
                 initial,
                 control,
                 control_spec=CONTROL,
@@ -318,7 +318,7 @@ class MechanismSimulator(AbstractSimulator):
         with quiet():
             _, sensordata = self._pool.rollout(
                 [m for m in models for _ in range(n)],
-                list(compiled.data),
+                list(compiled.data[: self.threads]),
                 states.reshape(runs * n, -1),
                 control.reshape(runs * n, 1, -1),
                 control_spec=CONTROL,
