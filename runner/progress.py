@@ -13,6 +13,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 T = TypeVar("T")
 PATIENCE_S = 1.0  # a bar for less than this would only flicker
+Advance = Callable[[int], object]  # told of the steps that were taken since its last call
+
+
+def silent(_: int) -> None:
+    """Report progress to nobody."""
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from demo import CONF, PLAIN, SOURCE
+from filelock import lock_descriptor
 
 from runner import commands
 from runner.__main__ import main
@@ -145,11 +146,9 @@ def test_two_runs_in_one_second_have_two_folders(cli: Cli, tmp_path: Path) -> No
 
 def test_folder_in_use_is_refused(cli: Cli, tmp_path: Path) -> None:
     """A folder that another process holds is left alone."""
-    import fcntl
-
     (tmp_path / "busy").mkdir()
     handle = os.open(tmp_path / "busy", os.O_RDONLY)
-    fcntl.flock(handle, fcntl.LOCK_EX)
+    assert lock_descriptor(handle, blocking=False)
     try:
         code, _, err = cli("demo", "out=busy")
     finally:

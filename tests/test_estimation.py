@@ -15,10 +15,11 @@ from runner.estimation.data import LEAST_SD, Motion, measured_sd, motion_of
 from runner.estimation.joint import Joint
 from runner.physics.forces import PaperForces, Straight
 from runner.physics.scene import BodyConfig, Contact, SceneConfig
+from runner.teleop.batch import run_batch
 from runner.teleop.estimators import Linear
 from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig
 from runner.teleop.link import LinkConfig, NoiseConfig
-from runner.teleop.loop import run, run_batch
+from runner.teleop.loop import run
 
 NOISE = NoiseConfig(position_m=5e-4, angle_rad=1e-3, velocity_m_s=5e-3, rate_rad_s=1e-2)
 SCENE = SceneConfig(timestep_s=1 / 120)

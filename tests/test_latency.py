@@ -11,7 +11,7 @@ import pytest
 from runner.physics.forces import PaperForces
 from runner.physics.scene import Contact, Dof, SceneConfig
 from runner.studies.latency import NOISE, Latency, sent
-from runner.teleop import loop
+from runner.teleop import late_side, loop
 from runner.teleop.estimators import Linear, Rotational
 from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig
 from runner.teleop.follow import AbstractFollow, Blended, FreeSpace, Immediate, RateLimited, Unaware
@@ -63,7 +63,7 @@ def test_an_ideal_link_is_the_same_with_and_without_a_simulation_of_its_own(monk
         given = experiment(LinkConfig(loss=loss))
         direct = loop.run(given).updates
         with monkeypatch.context() as patch:
-            patch.setattr(loop, "_side", lambda record: loop.late_side)
+            patch.setattr(loop, "side_of", lambda record: late_side.late_side)
             own = loop.run(given).updates
         for name, column in direct.columns.items():
             assert np.array_equal(column, own.column(name), equal_nan=True), name

@@ -17,6 +17,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 # a layer imports only from those above it; a package counts as one
 LAYERS = (
     "errors",
+    "storage",
     "config progress viewer",
     "physics recording",
     "effects noise",

@@ -16,6 +16,7 @@ from runner.physics import dry_friction
 from runner.physics.forces import Offcentre, PaperForces, Ramp, RandomForces, Straight
 from runner.physics.scene import Contact, Dof, SceneConfig
 from runner.teleop import loop
+from runner.teleop.batch import run_batch
 from runner.teleop.estimators import Linear, LinearGuarded, Outcome, Rotational
 from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig, build_world, commands
 from runner.teleop.follow import Unaware
@@ -139,7 +140,7 @@ def test_a_batch_has_the_bits_of_single_runs(scene: SceneConfig) -> None:
         experiment(1.0, scene=scene, forces=SHORT, remote=RemoteConfig(effects={"drag": ViscousDrag(0.5)})),
         experiment(1.0, scene=scene, forces=SHORT, link=LinkConfig(10.0)),
     ]
-    together = loop.run_batch(mixed, threads=2)
+    together = run_batch(mixed, threads=2)
     for one, batched in zip(mixed, together, strict=True):
         assert same_run(loop.run(one), batched)
 
@@ -149,7 +150,7 @@ def test_a_batch_goes_on_after_the_last_update_as_single_runs_do() -> None:
     rests = (0.5, 0.505, 0.502)
     mixed = [experiment(0.5, forces=replace(SHORT, rest_s=rest_s)) for rest_s in rests]
     assert mixed[1].steps % 8
-    for one, batched in zip(mixed, loop.run_batch(mixed, threads=1), strict=True):
+    for one, batched in zip(mixed, run_batch(mixed, threads=1), strict=True):
         assert same_run(loop.run(one), batched)
 
 
@@ -256,7 +257,7 @@ def test_what_all_cubes_share_can_not_be_changed_for_one() -> None:
 def test_a_run_that_blows_up_keeps_what_it_had() -> None:
     """A local cube of a nanogram flies off: the run ends as diverged, with its reason, time and frames until then."""
     wild = experiment(1e-12, forces=Straight(force_n=(1e6, 0, 0), lead_s=0.2))
-    single, (batched, calm) = loop.run(wild), loop.run_batch([wild, experiment(forces=Straight(lead_s=0.2))])
+    single, (batched, calm) = loop.run(wild), run_batch([wild, experiment(forces=Straight(lead_s=0.2))])
     for result in (single, batched):
         assert result.status is Status.diverged
         assert result.reason.startswith("MuJoCo warned of ")
@@ -272,5 +273,5 @@ def test_progress_counts_all_steps() -> None:
     result = loop.run(experiment(forces=SHORT), told.append)
     assert 0 < sum(told) <= result.step_count
     told.clear()
-    loop.run_batch([experiment(forces=SHORT)], advance=told.append)
+    run_batch([experiment(forces=SHORT)], advance=told.append)
     assert sum(told) == result.step_count

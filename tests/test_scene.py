@@ -175,7 +175,7 @@ def track(scene: Scene, push: object, duration_s: float) -> np.ndarray:
 
 # What native contacts reach over 20 s, rms in m and degrees. A planar body on native contacts can't tip and shares
 # its load evenly; a free one shifts it by itself. Measured: 3.9 mm and 0.31; 12.8 mm and 1.5; 1.9 mm and 0.13; 16 mm
-# and 1.9 degrees. The compiled law (test_law.py) reaches 0.5 mm and 0.04 degrees.
+# and 1.9 degrees. The compiled friction (test_dry_friction.py) reaches 0.5 mm and 0.04 degrees.
 EPISODES = {
     (Dof.planar, Contact.corners): (0.006, 0.6),
     (Dof.planar, Contact.feet): (0.016, 2.0),

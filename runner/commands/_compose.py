@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hydra import initialize_config_dir
+from hydra.core.config_loader import ConfigLoader
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.object_type import ObjectType
 from hydra.types import RunMode
@@ -16,6 +18,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from runner import config
 from runner.commands import Command, module
+from runner.commands._trust import check_hydra, check_launcher, check_sources, of_launcher
 
 # no files and no logging of Hydra's own beside the results
 QUIET = ("hydra.output_subdir=null", "hydra/job_logging=none", "hydra/hydra_logging=none")
@@ -32,17 +35,30 @@ class Composer:
     """Composes the config of one command."""
 
     name: str
-    hydra: Any
+    loader: ConfigLoader
 
     def compose(self, overrides: Sequence[str], *, mode: RunMode = RunMode.RUN) -> DictConfig:
-        """Return the composed config, with Hydra's own below `hydra`."""
-        return self.hydra.compose_config(
-            config_name=self.config_name,
-            overrides=[*QUIET, *overrides],
-            run_mode=mode,
-            with_log_configuration=False,
-            validate_sweep_overrides=mode is RunMode.RUN,
+        """Return the composed config, with Hydra's own below `hydra`.
+
+        Raises:
+            ConfigError: If it sets what could run something.
+        """
+        check_sources(overrides)
+        # not `hydra.compose`, which refuses several values for a key: those of a sweep
+        composed = self.loader.load_configuration(
+            self.config_name, [*QUIET, *overrides], mode, validate_sweep_overrides=mode is RunMode.RUN
         )
+        check_hydra(composed, _reference(self.loader, of_launcher(overrides)))
+        return composed
+
+    def bare(self, overrides: Sequence[str], *, place: str) -> DictConfig:
+        """Return Hydra's own config alone, which a launcher works with, of a sweep in a folder.
+
+        Args:
+            overrides: Of the sweep; those of the launcher are taken.
+            place: The folder, as Hydra takes it literally.
+        """
+        return _bare(self.loader, (*of_launcher(overrides), f"hydra.sweep.dir={place}", "hydra.sweep.subdir=."))
 
     @property
     def config_name(self) -> str:
@@ -57,9 +73,18 @@ class Composer:
         found: dict[str, tuple[str, ...]] = {}
         for group in (str(g) for entry in defaults if isinstance(entry, DictConfig) for g in entry):
             if not group.startswith("override "):
-                names = self.hydra.config_loader.get_group_options(group, ObjectType.CONFIG)
+                names = self.loader.get_group_options(group, ObjectType.CONFIG)
                 found[group] = tuple(sorted(n for n in names if not n.startswith("schema_")))
         return found
+
+
+def _bare(loader: ConfigLoader, overrides: Sequence[str]) -> DictConfig:
+    composed = loader.load_configuration(None, [*QUIET, *overrides], RunMode.MULTIRUN)
+    check_launcher(composed)
+    return composed
+
+
+_reference = functools.lru_cache(maxsize=2)(_bare)
 
 
 @contextmanager
@@ -67,9 +92,7 @@ def composer(name: str, command: Command[Any]) -> Iterator[Composer]:
     """Start Hydra for a command, with the schemas of everything that its module imported."""
     config.store_schemas(module(name), command.config)
     with initialize_config_dir(str(config_dir()), job_name="runner", version_base="1.3"):
-        hydra = GlobalHydra.instance().hydra
-        assert hydra is not None
-        yield Composer(name, hydra)
+        yield Composer(name, GlobalHydra.instance().config_loader())
 
 
 def without_hydra(composed: DictConfig) -> DictConfig:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import fcntl
-import functools
 import os
 import shlex
 from collections.abc import Iterator, Sequence
@@ -13,7 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from hydra.core.hydra_config import HydraConfig
+from filelock import lock_descriptor
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
@@ -21,10 +19,11 @@ from omegaconf import DictConfig, OmegaConf
 from runner import commands, config
 from runner.commands import Command, Job
 from runner.commands._arguments import take
-from runner.commands._compose import QUIET, Composer, composer, without_hydra
+from runner.commands._compose import Composer, composer, without_hydra
 from runner.commands._explain import built, explain
 from runner.commands._jobs import overridden, write_config
-from runner.commands._sweep import explain_sweep, literal, sweep, whole_chunk
+from runner.commands._sweep import explain_sweep, sweep, whole_chunk
+from runner.commands._trust import check_kept
 from runner.errors import ConfigError
 from runner.teleop.tables import SWEEP, still_held
 
@@ -50,7 +49,7 @@ def execute(name: str, overrides: Sequence[str], *, multirun: bool) -> int:
             return _resume(name, command, hydra, Path(resume), overrides, whole_chunk(chunk))
         composed = None if multirun else composed_for(hydra, overrides)
         if composed is not None and composed.hydra.mode is not RunMode.MULTIRUN:
-            return _once(name, command, hydra, composed, out, overrides)
+            return _once(name, command, hydra, composed, out)
         if command.keeps is None:
             raise ConfigError(f"runner {name}: keeps no results, so it can't be swept with -m.")
         experiment = _swept_name(hydra, overrides) or command.keeps
@@ -93,33 +92,14 @@ def composed_for(hydra: Composer, overrides: Sequence[str]) -> DictConfig:
         raise explain(error, overrides, hydra) from error
 
 
-def _once(
-    name: str, command: Command[Any], hydra: Composer, composed: DictConfig, out: str | None, overrides: Sequence[str]
-) -> int:
+def _once(name: str, command: Command[Any], hydra: Composer, composed: DictConfig, out: str | None) -> int:
     value = built(command, without_hydra(composed), hydra.groups())
     if command.keeps is None:
-        HydraConfig.instance().set_config(composed)
         return command.main(value, _job(None, composed)) or 0
-    experiment = composed.hydra.runtime.choices.get("experiment") or command.keeps
-    with _folder(out, experiment) as folder:
-        returned = hydra.hydra.run(
-            config_name=hydra.config_name,
-            task_function=functools.partial(_task, name, value),
-            overrides=[*QUIET, *overrides, f"hydra.run.dir={literal(folder)}"],
-        )
-        if isinstance(returned.return_value, Exception):
-            raise returned.return_value
-        return returned.return_value
-
-
-def _task(name: str, value: Any, composed: DictConfig) -> int | Exception:
-    """The job of a single run, called by Hydra, which would print more than the error if it were raised here."""
-    try:
-        job = _job(Path(HydraConfig.get().runtime.output_dir), composed)
-        write_config(job.results, name, HydraConfig.get().overrides.task, job.config)
-        return commands.load(name).main(value, job) or 0
-    except Exception as error:
-        return error
+    with _folder(out, composed.hydra.runtime.choices.get("experiment") or command.keeps) as folder:
+        job = _job(folder, composed)
+        write_config(folder, name, composed.hydra.overrides.task, job.config)
+        return command.main(value, job) or 0
 
 
 def _swept_name(hydra: Composer, overrides: Sequence[str]) -> str | None:
@@ -143,13 +123,14 @@ def _resume(
     before, *settings = shlex.split(memory.read_text(encoding="utf-8"))
     if before != name:
         raise ConfigError(f"resume: '{folder}' is a sweep of 'runner {before}', not of 'runner {name}'.")
-    own = [o for o in overrides if not o.startswith("hydra")]
+    own = [o for o in overrides if not o.lstrip("+~").startswith("hydra")]
     if own:
         raise ConfigError(f"resume: goes on with the settings of before, so '{own[0]}' can't be changed.")
+    check_kept(name, memory, settings, overrides)
     with _folder(str(folder), ""):
         if still_held(folder):
             raise ConfigError(f"resume: a process of the sweep in '{folder}' is still doing runs; end it, or wait.")
-        return sweep(name, command, hydra, folder, [*settings, *overrides], chunk)
+        return sweep(name, command, hydra, folder, [*(s for s in settings if s not in overrides), *overrides], chunk)
 
 
 @contextmanager
@@ -164,13 +145,10 @@ def _folder(out: str | None, experiment: str, *, empty: bool = False) -> Iterato
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"out: can't make the folder '{out or RESULTS}': {error.strerror}.") from error
-    handle = os.open(folder, os.O_RDONLY)
+    handle = os.open(folder, os.O_RDONLY)  # the folder itself is held: no lock file is left among the results
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(handle)
-        raise ConfigError(f"out: another run is writing to '{folder}'; name another folder.") from None
-    try:
+        if not lock_descriptor(handle, blocking=False):
+            raise ConfigError(f"out: another run is writing to '{folder}'; name another folder.")
         if empty and any(folder.iterdir()):  # looked at once it is held: another may just have been at work here
             raise ConfigError(f"out: '{folder}' is not empty; name a new folder, or go on with resume={folder}.")
         yield folder
@@ -196,10 +174,10 @@ def _job(folder: Path | None, composed: DictConfig) -> Job:
     own = without_hydra(composed)
     plain = OmegaConf.to_container(own, resolve=True, enum_to_str=True)
     assert isinstance(plain, dict)
-    parsed = OverridesParser.create().parse_overrides(list(HydraConfig.get().overrides.task))
+    parsed = OverridesParser.create().parse_overrides(list(composed.hydra.overrides.task))
     return Job(
         folder=folder,
         config={str(k): v for k, v in plain.items()},
         overrides=overridden(parsed),
-        experiment=HydraConfig.get().runtime.choices.get("experiment"),
+        experiment=composed.hydra.runtime.choices.get("experiment"),
     )

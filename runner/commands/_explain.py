@@ -63,7 +63,7 @@ def explain(error: Exception, overrides: Sequence[str], composer: Composer) -> E
         return error
     if isinstance(error, OverrideParseException):
         return _syntax(error.override)
-    parser = OverridesParser.create(config_loader=composer.hydra.config_loader)
+    parser = OverridesParser.create(config_loader=composer.loader)
     groups = composer.groups()
     parsed = sorted(parser.parse_overrides(list(overrides)), key=lambda o: o.key_or_group not in groups)
     kept: list[str] = []

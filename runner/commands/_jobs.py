@@ -58,6 +58,7 @@ class JobComposer:
         self.composer = composer
         self._chosen = functools.cache(self._choose)
         self._parsed = functools.cache(self._parse)
+        self._groups = functools.cache(composer.loader.list_groups)
 
     def compose(self, overrides: Sequence[str]) -> Composed:
         """Return the config that these settings make, types checked.
@@ -84,13 +85,13 @@ class JobComposer:
         return composed.values, Job(folder, composed.shown, keys, number, composed.experiment)
 
     def _parse(self, override: str) -> Override:
-        parser = OverridesParser.create(config_loader=self.composer.hydra.config_loader)
-        return parser.parse_override(override)
+        return OverridesParser.create(config_loader=self.composer.loader).parse_override(override)
 
     def _sets_value(self, override: Override) -> bool:
         name = override.key_or_group
         plain = override.type is OverrideType.CHANGE and override.package is None and not name.startswith("hydra")
-        return plain and not self.composer.hydra.config_loader.repository.group_exists(name)
+        parent, _, last = name.rpartition("/")
+        return plain and last not in self._groups(parent)
 
     def _choose(self, overrides: tuple[str, ...]) -> _Chosen:
         config = self.composer.compose(overrides)

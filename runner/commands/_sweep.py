@@ -1,4 +1,4 @@
-"""Sweeps: Hydra's sweeper says which jobs there are, its launcher gets chunks of them, and each job leaves a row.
+"""Sweeps: every combination of the values is a job, Hydra's launcher gets chunks of them, and each job leaves a row.
 
 A launcher starts a process, or composes a config, for each of its tasks, which takes longer than a run. So a task is a
 chunk of jobs, done in one process. Each chunk leaves its rows in `rows/` of the sweep's folder when they are known;
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import gc
+import itertools
 import os
 import sys
 import threading
@@ -17,23 +18,21 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-from hydra._internal.callbacks import Callbacks
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.plugins import Plugins
-from hydra.core.utils import JobReturn, JobStatus
-from hydra.plugins.launcher import Launcher
+from hydra.experimental.callback import Callback
 from hydra.types import HydraContext, RunMode
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from runner import commands
 from runner.commands import Command, Job
 from runner.commands._compose import Composer
 from runner.commands._explain import built, explain
 from runner.commands._jobs import ConfigWriter, JobComposer
+from runner.commands._trust import read_nothing_kept
 from runner.errors import ConfigError, RunnerError
 from runner.progress import progress
 from runner.teleop import tables
@@ -79,27 +78,24 @@ def sweep(
     Raises:
         ConfigError: If one of the jobs can't be composed; nothing has been run then.
     """
-    place = [f"hydra.sweep.dir={literal(folder.absolute())}", "hydra.sweep.subdir=.", "hydra.mode=MULTIRUN"]
+    place = folder.absolute()
     try:
-        composed = hydra.compose([*overrides, *place], mode=RunMode.MULTIRUN)
-        context = HydraContext(config_loader=hydra.hydra.config_loader, callbacks=Callbacks(composed))
-        sweeper = Plugins.instance().instantiate_sweeper(
-            hydra_context=context, config=composed, task_function=functools.partial(_chunk, None)
-        )
-        assert sweeper.launcher is not None
-        alone = composed.hydra.runtime.choices.get("hydra/launcher") == "basic"  # all in this process
-        launcher = Chunks(sweeper.launcher, name, command, hydra, folder.absolute(), chunk, alone=alone)
-        sweeper.launcher = launcher  # type: ignore[assignment]
-        # Hydra would compose every job; the launcher of chunks does it sooner, and with our messages
-        sweeper.validate_batch_is_legal = lambda batch: None  # type: ignore[method-assign]
+        composed = hydra.compose(overrides, mode=RunMode.MULTIRUN)
+        own = hydra.bare(overrides, place=literal(place))
+        alone = own.hydra.runtime.choices["hydra/launcher"] == "basic"  # all in this process
+        swept = [f"{key}={values}" for key, values in (composed.hydra.sweeper.params or {}).items()]
+        sources = [o for o in overrides if o.startswith("hydra.searchpath=")]
+        jobs = combinations([*sources, *swept, *composed.hydra.overrides.task], hydra)
         with _watched(folder) as expect:
-            launcher.expect = expect
-            sweeper.sweep(arguments=list(OmegaConf.to_container(composed.hydra.overrides.task, resolve=False)))  # type: ignore[arg-type]
+            missing = _missing(jobs, hydra, place)
+            expect(len(missing))
+            length = chunk or _length(command, len(missing), alone=alone)
+            tasks = [missing[i : i + length] for i in range(0, len(missing), length)]
+            _launch(_Work(name, place, tasks, threads=0 if alone else 1), own, hydra)
     except KeyboardInterrupt as interrupt:
         raise KeyboardInterrupt(f"Go on with: runner {name} resume={folder}") from interrupt
     except Exception as error:
         raise explain_sweep(error, hydra, overrides) from error
-    (folder / "multirun.yaml").unlink(missing_ok=True)  # Hydra's; ours is sweep.txt
     rows = tables.finish_sweep(folder)
     if command.finish is not None:
         command.finish(folder)
@@ -117,59 +113,31 @@ def _told(rows: Sequence[Row], folder: Path) -> int:
     return 1 if failed else 0
 
 
-class Chunks(Launcher):
-    """A launcher that hands chunks of jobs to another one."""
+def combinations(settings: Sequence[str], hydra: Composer) -> list[list[str]]:
+    """Return the settings of each job: every combination of the values, the last key's changing fastest.
 
-    def __init__(
-        self,
-        inner: Launcher,
-        name: str,
-        command: Command[Any],
-        hydra: Composer,
-        folder: Path,
-        chunk: int | None,
-        *,
-        alone: bool,
-    ) -> None:
-        self.inner, self.name, self.command, self.hydra, self.folder = inner, name, command, hydra, folder
-        self.chunk, self.alone = chunk, alone
-        self.expect: Callable[[int], None] = lambda jobs: None
+    Raises:
+        ConfigError: If a setting names a range without steps.
+    """
+    choices: dict[str, list[str]] = {}
+    for override in OverridesParser.create(config_loader=hydra.loader).parse_overrides(list(settings)):
+        key = override.get_key_element()
+        if override.is_sweep_override() and not override.is_discrete_sweep():
+            raise ConfigError(
+                f"{key}: '{override.get_value_string()}' has no steps; write key=a,b,c or key=range(a,b)."
+            )
+        values = override.sweep_string_iterator() if override.is_sweep_override() else None
+        choices[key] = [f"{key}={v}" for v in values or [override.get_value_element_as_str()]]
+    return [list(job) for job in itertools.product(*choices.values())]
 
-    def _length(self, jobs: int) -> int:
-        """Return how many jobs make a task."""
-        if self.alone:
-            return max(jobs, 1)
-        if self.command.batch is None:  # long ones, one after another
-            return 1
-        return max(1, -(-jobs // (TASKS_PER_CORE * (os.cpu_count() or 1))))
 
-    def setup(self, *, hydra_context: HydraContext, task_function: Any, config: DictConfig) -> None:
-        self.inner.setup(hydra_context=hydra_context, task_function=task_function, config=config)
-
-    def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> Sequence[JobReturn]:
-        """Do the jobs that have no row yet and return what became of all.
-
-        Raises:
-            ConfigError: If one of the jobs can't be composed; none has been done then.
-        """
-        composer = JobComposer(self.hydra)
-        jobs = dict(enumerate(map(tuple, job_overrides), initial_job_idx))
-        done = {row["job"] for row in tables.sweep_rows(self.folder)}
-        missing = [
-            _Swept(overrides, *composer.job(overrides, self.folder / str(number), number))
-            for number, overrides in jobs.items()
-            if number not in done
-        ]
-        self.expect(len(missing))
-        length = self.chunk or self._length(len(missing))
-        tasks = [missing[i : i + length] for i in range(0, len(missing), length)]
-        work = _Work(self.name, self.folder, tasks, threads=0 if self.alone else 1)
-        self.inner.task_function = functools.partial(_chunk, work)  # type: ignore[attr-defined]
-        if tasks:
-            for returned in self.inner.launch([[] for _ in tasks], initial_job_idx=0):
-                _ = returned.return_value  # raises what went wrong in the task itself
-        status = {row["job"]: row["status"] for row in tables.sweep_rows(self.folder)}
-        return [_returned(overrides, status[number]) for number, overrides in jobs.items()]
+def _length(command: Command[Any], jobs: int, *, alone: bool) -> int:
+    """Return how many jobs make a task."""
+    if alone:
+        return max(jobs, 1)
+    if command.batch is None:  # long ones, one after another
+        return 1
+    return max(1, -(-jobs // (TASKS_PER_CORE * (os.cpu_count() or 1))))
 
 
 @dataclass(frozen=True)
@@ -197,10 +165,33 @@ class _Work:
     threads: int
 
 
-def _returned(overrides: Sequence[str], status: str) -> JobReturn:
-    out = JobReturn(overrides=overrides, status=JobStatus.COMPLETED)
-    out.return_value = status
-    return out
+def _missing(jobs: Sequence[Sequence[str]], hydra: Composer, folder: Path) -> list[_Swept]:
+    """Return the jobs that have no row yet, composed.
+
+    Raises:
+        ConfigError: If one of them can't be.
+    """
+    composer = JobComposer(hydra)
+    done = {row["job"] for row in tables.sweep_rows(folder)}
+    return [
+        _Swept(tuple(job), *composer.job(job, folder / str(number), number))
+        for number, job in enumerate(jobs)
+        if number not in done
+    ]
+
+
+def _launch(work: _Work, own: DictConfig, hydra: Composer) -> None:
+    """Hand the tasks to the launcher that Hydra's own config asks for, and wait for them."""
+    if not work.tasks:
+        return
+    # nothing is called when a job begins or ends: a callback of Hydra's that does nothing stands for all of them
+    context = HydraContext(config_loader=hydra.loader, callbacks=cast(Any, Callback()))
+    read_nothing_kept(own)
+    launcher = Plugins.instance().instantiate_launcher(
+        hydra_context=context, task_function=functools.partial(_chunk, work), config=own
+    )
+    for returned in launcher.launch([[] for _ in work.tasks], initial_job_idx=0):
+        _ = returned.return_value  # raises what went wrong in the task itself
 
 
 @contextmanager
@@ -235,9 +226,8 @@ def _watched(folder: Path) -> Iterator[Callable[[int], None]]:
         watcher.join()
 
 
-def _chunk(work: _Work | None, composed: DictConfig) -> None:
+def _chunk(work: _Work, composed: DictConfig) -> None:
     """Do one task: called by a launcher, in this process or another, on this machine or another."""
-    assert work is not None, "the launcher of chunks sets the work"
     command = commands.load(work.name)
     task = work.tasks[HydraConfig.get().job.num]
     writer = ConfigWriter(work.name)
@@ -311,11 +301,10 @@ def explain_sweep(error: Exception, hydra: Composer, overrides: Sequence[str]) -
     if isinstance(error, RunnerError):
         return error
     try:
-        parser = OverridesParser.create(config_loader=hydra.hydra.config_loader)
-        batches = BasicSweeper.split_arguments(parser.parse_overrides(list(overrides)), None)
+        jobs = combinations(overrides, hydra)
     except Exception as syntax:
         return explain(syntax, overrides, hydra)
-    for job in batches[0]:
+    for job in jobs:
         try:
             hydra.compose(job)
         except Exception as found:

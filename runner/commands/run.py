@@ -43,9 +43,10 @@ from runner.studies import (  # noqa: F401
     plumb_line,
 )
 from runner.studies.base import AbstractStudy
+from runner.teleop.batch import run_batch
 from runner.teleop.experiment import Experiment
 from runner.teleop.frames import RunResult, Status
-from runner.teleop.loop import run, run_batch
+from runner.teleop.loop import run
 from runner.teleop.sinks import LogConfig, RrdSink, combine
 from runner.teleop.tables import summary_row, write_summary
 

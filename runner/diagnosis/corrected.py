@@ -9,7 +9,8 @@ it; `corrected.yaml` names all of them:
     units: {friction: {mu: ''}, wind: {force_n: N, direction_rad: rad}}
     model: [model.xml]
 
-In a mechanism the names have targets: `joint_friction[elbow]: {...}`. Where one name of the vocabulary has several variants, the parameters' names tell which is meant.
+In a mechanism the names have targets: `joint_friction[elbow]: {...}`. Where one name of the vocabulary has several
+variants, the parameters' names tell which is meant.
 """
 
 from __future__ import annotations
@@ -17,13 +18,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import yaml
+from pydantic import BaseModel, StrictFloat, ValidationError
 
 from runner.effects.base import AbstractEffect, Effects
 from runner.effects.vocabulary import Vocabulary
 from runner.errors import ConfigError, ResultError, nearest
+from runner.storage.checked import dotted, must, refusal
 from runner.systems.base import AbstractSystem
 
 FILE = "corrected.yaml"
@@ -73,6 +76,13 @@ def write_corrected(folder: str | Path, effects: Effects, system: AbstractSystem
     return path
 
 
+_Values = Annotated[dict[str, Annotated[StrictFloat, must("be a number")]], must("be {parameter: value}")]
+
+
+class _Corrected(BaseModel):
+    effects: dict[str, _Values] | None
+
+
 def read_corrected(path: str | Path, vocabulary: Vocabulary) -> Effects:
     """Return the effects that `corrected.yaml` names.
 
@@ -92,24 +102,21 @@ def read_corrected(path: str | Path, vocabulary: Vocabulary) -> Effects:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ResultError(f"{path}: no YAML: {str(error).splitlines()[0]}.") from error
-    entries = content.get("effects") if isinstance(content, Mapping) else None
-    if entries is None and isinstance(content, Mapping) and "effects" in content:
-        entries = {}
-    if not isinstance(entries, Mapping):
+    try:
+        effects = _Corrected.model_validate(content).effects or {}
+    except ValidationError as error:
+        place, text = refusal(error)
+        if len(place) > 1:
+            raise ConfigError(f"{path}: {dotted(place)}: {text}") from None
         raise ResultError(
             f"{path}: must hold 'effects: {{name: {{parameter: value}}}}', as a diagnosis's corrected.yaml does."
-        )
-    return tuple(_effect(path, str(name), values, vocabulary) for name, values in entries.items())
+        ) from None
+    return tuple(_effect(path, name, values, vocabulary) for name, values in effects.items())
 
 
-def _effect(path: Path, name: str, values: Any, vocabulary: Vocabulary) -> AbstractEffect:
+def _effect(path: Path, name: str, values: Mapping[str, float], vocabulary: Vocabulary) -> AbstractEffect:
     if name not in vocabulary.by_name:
         raise ConfigError(f"{path}: effects.{name}: no such effect. {nearest(name, vocabulary.by_name)}")
-    if not isinstance(values, Mapping):
-        raise ConfigError(f"{path}: effects.{name}: must be {{parameter: value}}, got {values!r}.")
-    for key, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ConfigError(f"{path}: effects.{name}.{key}: must be a number, got {value!r}.")
     candidates = vocabulary.by_name[name]
     variants = [c.effect for c in candidates]
     fitting = [c for c in candidates if _accepts(c.effect, set(values))]
@@ -123,7 +130,7 @@ def _effect(path: Path, name: str, values: Any, vocabulary: Vocabulary) -> Abstr
             f"{path}: effects.{name}: must have {wanted}, got {', '.join(map(repr, values)) or 'nothing'}."
         )
     try:
-        return fitting[0].with_values({k: float(v) for k, v in values.items()})
+        return fitting[0].with_values(values)
     except ConfigError as error:
         raise ConfigError(f"{path}: effects.{error}") from error
 

@@ -443,8 +443,8 @@ def next_push(ranked: Sequence[Ranked], found: Search, fitter: Fitter, threads: 
         system = fitter.system
         return f"No {system.experiment} within {system.reach} would tell {rivals_named}; {system.reach_further}."
     return (
-        f"{push.sentence} To tell {rivals_named}, each such {fitter.system.experiment} is worth about {push.log_odds:.1f} in natural "
-        "log odds."
+        f"{push.sentence} To tell {rivals_named}, each such {fitter.system.experiment} is worth about "
+        f"{push.log_odds:.1f} in natural log odds."
     )
 
 
@@ -484,7 +484,7 @@ def notes(
         episode = recording.episodes[e]
         out.append(
             f"What episode {episode.index} shows from {episode.t_s[sample]:.2f} s on counts for the closure alone: "
-            "whether a push there starts the body hangs on less friction than floors are even in."
+            "whether a push there starts the body hangs on less friction than surfaces are even in."
         )
     if measured.noise_model.lag_one.any():
         out.append("The noise is correlated from sample to sample; this was taken into account.")

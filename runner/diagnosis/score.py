@@ -12,18 +12,21 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
+from pydantic import TypeAdapter, ValidationError
 from scipy.stats import binomtest
 
 from runner.diagnosis.verdict import read_json
-from runner.errors import ResultError
 from runner.effects.base import always_confounded
+from runner.errors import ResultError
+from runner.storage.checked import Keys, must, refusal
 
 NONE, UNKNOWN = "none", "unknown"
 BINS = 10
+LISTS = "have the lists `effects` and `accept`"
 FIRST = 3  # answers that are looked at beside the first one
 
 
@@ -48,6 +51,19 @@ class Score:
     unanswered: tuple[str, ...]
 
 
+class _Planted(Keys):
+    name: Annotated[str, must("have a `name`")]
+
+
+class _Answer(Keys):
+    effects: Annotated[list[Annotated[_Planted, must("have a `name`")]], must(LISTS)]
+    accept: Annotated[list, must(LISTS)]
+
+
+_EACH = Annotated[_Answer, must(LISTS)]
+_ANSWERS = TypeAdapter(Annotated[dict[str, _EACH], must("hold an object with `effects` and `accept` for each case")])
+
+
 def read_answers(path: Path) -> dict[str, dict[str, Any]]:
     """Read `{case: {"effects": [{"name", "severity", ...}], "accept": [names]}}`.
 
@@ -55,14 +71,12 @@ def read_answers(path: Path) -> dict[str, dict[str, Any]]:
         ResultError: If there is no such file, or it holds something else.
     """
     content = read_json(path)
-    if not isinstance(content, dict):
-        raise ResultError(f"{path}: must hold an object with `effects` and `accept` for each case.")
-    for case, answer in content.items():
-        whole = isinstance(answer, dict) and all(isinstance(answer.get(key), list) for key in ("effects", "accept"))
-        if not whole:
-            raise ResultError(f"{path}: case '{case}': must have the lists `effects` and `accept`.")
-        if not all(isinstance(e, dict) and isinstance(e.get("name"), str) for e in answer["effects"]):
-            raise ResultError(f"{path}: case '{case}': each of `effects` must have a `name`.")
+    try:
+        _ANSWERS.validate_python(content)
+    except ValidationError as error:
+        place, text = refusal(error)
+        lead = f"case '{place[0]}': " if place else ""
+        raise ResultError(f"{path}: {lead}{'each of `effects` ' if len(place) > 2 else ''}{text}") from None
     return content
 
 

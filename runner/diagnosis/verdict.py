@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field, StrictFloat, TypeAdapter, ValidationError
 
 from runner.diagnosis.pipeline import Diagnosis
 from runner.errors import ResultError
+from runner.storage.checked import Keys, must, refusal
 
 FILE = "verdict.json"
 ALL = "verdicts.json"
@@ -76,6 +79,21 @@ def read_json(path: Path, *, otherwise: str | None = None) -> Any:
         raise ResultError(f"{path}: not JSON ({error}).") from None
 
 
+class _Explanation(Keys):
+    effects: Annotated[list[str], Field(min_length=1), must("have `effects`, a list of names")]
+    probability: Annotated[StrictFloat, Field(ge=0.0, le=1.0), must("have a `probability` from 0 to 1")]
+    parameters: Annotated[dict[str, dict], must("have `parameters` by effect")]
+    standard_errors: Annotated[dict[str, dict], must("have `standard_errors` by effect")]
+
+
+class _Verdict(Keys):
+    ranked: Annotated[list[_Explanation], Field(min_length=1), must("be a list of explanations")]
+
+
+_EACH = Annotated[_Verdict, must("have `ranked`, a list of explanations")]
+_VERDICTS = TypeAdapter(Annotated[dict[str, _EACH], must("hold an object with a verdict for each case")])
+
+
 def read_verdicts(path: Path) -> dict[str, dict[str, Any]]:
     """Read `verdicts.json`, or the one in a folder.
 
@@ -84,30 +102,14 @@ def read_verdicts(path: Path) -> dict[str, dict[str, Any]]:
     """
     path = path / ALL if path.is_dir() else path
     content = read_json(path, otherwise="`runner diagnose recording=CASES` and `runner blind run CASES` write one")
-    if not isinstance(content, dict):
-        raise ResultError(f"{path}: must hold an object with a verdict for each case, as `runner diagnose` writes it.")
-    for case, entry in content.items():
-        if problem := _lacking(entry):
-            raise ResultError(f"{path}: case '{case}': {problem}; `runner diagnose` writes what is wanted.")
+    try:
+        _VERDICTS.validate_python(content)
+    except ValidationError as error:
+        place, text = refusal(error)
+        lead = f"case '{place[0]}': " if place else ""
+        lead += f"explanation {int(place[2]) + 1} " if len(place) > 2 else "`ranked` " if len(place) > 1 else ""
+        raise ResultError(f"{path}: {lead}{text} `runner diagnose` writes what is wanted.") from None
     return content
-
-
-def _lacking(entry: Any) -> str | None:
-    """Return what a verdict lacks for being one."""
-    ranked = entry.get("ranked") if isinstance(entry, dict) else None
-    if not isinstance(ranked, list) or not ranked:
-        return "`ranked` must be a list of explanations"
-    for number, one in enumerate(ranked, 1):
-        names = one.get("effects") if isinstance(one, dict) else None
-        if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
-            return f"explanation {number} must have `effects`, a list of names"
-        p = one.get("probability")
-        if not isinstance(p, int | float) or isinstance(p, bool) or not 0.0 <= p <= 1.0:
-            return f"explanation {number} must have a `probability` from 0 to 1, got {p!r}"
-        for key in ("parameters", "standard_errors"):
-            if not isinstance(one.get(key), dict) or not all(isinstance(v, dict) for v in one[key].values()):
-                return f"explanation {number} must have `{key}` by effect"
-    return None
 
 
 def _finite(value: Any) -> Any:

@@ -121,7 +121,7 @@ class AbstractEffect(ABC):
 
         Args:
             of: The values, with their standard errors.
-            beliefs: What the owner believes of the object: `nominal` of its recording.
+            beliefs: What the owner believes of the object: `beliefs` of its system.
             target: What it changes, in a mechanism.
         """
         amount = listed([f"{name} {of.show(name)}" for name in of.values])

@@ -300,7 +300,7 @@ class Fitter:
             jacobian.append(((rows[1 : len(effects)] - rows[0]) / steps[:, None]).T)
             if basis is None:
                 by_start = ((rows[len(effects) :] - rows[0]) / self.system.initial.steps[:, None]).T
-                q, r = np.linalg.qr(by_start)
+                q, r = _orthonormal(by_start)
                 qs.append(q)
                 rs.append(r)
         fresh = basis is None
@@ -340,6 +340,20 @@ class Fitter:
             left = moved - q @ along
             promised += float(r @ r) - float(left @ left)
         return dx, np.array(ds), promised
+
+
+def _orthonormal(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the QR decomposition of columns (n, S): (n, S) and (S, S).
+
+    A start that nothing measured depends on (the speed of what begins at rest) has a column of zeros: it stays where
+    it is, and takes nothing out of the others.
+    """
+    live = np.linalg.norm(columns, axis=0) > 0
+    if live.all():
+        return np.linalg.qr(columns)
+    q, r = np.zeros_like(columns), np.eye(columns.shape[1])
+    q[:, live], r[np.ix_(live, live)] = np.linalg.qr(columns[:, live])
+    return q, r
 
 
 def _project(columns: np.ndarray, basis: np.ndarray) -> np.ndarray:

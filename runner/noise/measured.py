@@ -23,7 +23,7 @@ class Measured:
     """The measured channels of all episodes.
 
     Args:
-        t_s: Times of the samples, per episode (T,).
+        spans: Where in the recording each episode lies.
         values: Per episode (T, C).
         sigma: Noise standard deviation of each channel, (C,).
         noise_model: Of each channel: which part of the noise is slow.
@@ -32,7 +32,7 @@ class Measured:
         hung: The first sample of an episode that hangs on a breakaway: from there on it says nothing to a fit.
     """
 
-    t_s: tuple[np.ndarray, ...]
+    spans: tuple[Span, ...]
     values: tuple[np.ndarray, ...]
     sigma: np.ndarray
     noise_model: NoiseModel
@@ -53,11 +53,11 @@ class Measured:
 
     def parts(self, spans: Sequence[Span]) -> Measured:
         """Return parts of the episodes as episodes of their own; the noise is what it was."""
-        t_s, values, valid = (
-            tuple(v[s.episode][s.begin : s.end] for s in spans) for v in (self.t_s, self.values, self.valid)
-        )
+        values, valid = (tuple(v[s.episode][s.begin : s.end] for s in spans) for v in (self.values, self.valid))
+        whole = [self.spans[s.episode] for s in spans]
+        inside = tuple(Span(w.episode, w.begin + s.begin, w.begin + s.end) for w, s in zip(whole, spans, strict=True))
         hung = {i: max(self.hung[s.episode] - s.begin, 0) for i, s in enumerate(spans) if s.episode in self.hung}
-        return replace(self, t_s=t_s, values=values, valid=valid, hung=hung)
+        return replace(self, spans=inside, values=values, valid=valid, hung=hung)
 
     def without(self, hung: Mapping[int, int]) -> Measured:
         """Return the same less what hangs on a breakaway, from such a sample of an episode on."""
@@ -82,9 +82,9 @@ def measure(system: AbstractSystem) -> Measured:
     white = np.array([_white([v[:, columns] for v in values]) for columns in groups])
     rests = [r for r in rests if np.isfinite(r).all()]
     sigma, noise_model = _noise(rests, _step_s(system), groups, stated, white)
-    t_s = tuple(np.asarray(e.t_s) for e in system.recording.episodes)
+    spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
     valid = tuple(_inliers(v, sigma) for v in values)
-    return Measured(t_s, values, sigma, noise_model, valid, np.isfinite(stated))
+    return Measured(spans, values, sigma, noise_model, valid, np.isfinite(stated))
 
 
 def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.ndarray]) -> Measured:

@@ -19,13 +19,16 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from dm_control import mjcf
 from numba import carray, cfunc, types
 
-from runner.physics import dry_friction
+from runner.physics import dry_friction, engine_memory
+from runner.physics.engine_memory import as_pointer, doubles, integer, offset_of
+from runner.storage.numba_cache import fingerprint
 
 MAGIC = 314159.2653
 SIZE = 8  # of the tape in userdata: these, counted from the end
@@ -101,16 +104,26 @@ def add(root: mjcf.RootElement, *, bodies: int) -> None:
     root.size.nuserdata = bodies * dry_friction.USERDATA_SIZE + SIZE
 
 
-def _compile(o_nuserdata: int, o_userdata: int, o_qpos: int, o_qvel: int):
-    """Compile the callback for these offsets. They are closure cells, so that numba's cache tells builds apart."""
+class Offsets(NamedTuple):
+    """Where this build of MuJoCo keeps what the callback reads, bytes from the start of `mjModel` or `mjData`."""
+
+    nuserdata: int
+    userdata: int
+    qpos: int
+    qvel: int
+    sources: int  # no offset: `fingerprint` of what the callback is compiled from besides this file
+
+
+def _compile(at: Offsets):
+    """Compile the callback for these offsets. They stand in its closure, so that numba's cache tells builds apart."""
     push, out, stride = dry_friction.PUSH_SIZE, dry_friction.OUT_SIZE, dry_friction.USERDATA_SIZE
 
     @cfunc("void(uint64, uint64)", cache=True)
     def tape(m, d):
-        size = carray(dry_friction._as_pointer(types.uint64(m + o_nuserdata)), (1,), types.int64)[0]
+        size = integer(m, at.nuserdata)
         if size < SIZE:
             return
-        user = dry_friction._load(d, o_userdata, size)
+        user = doubles(d, at.userdata, size)
         if user[size - 1] != MAGIC:
             return
         step, steps = int(user[size - 8]), int(user[size - 7])
@@ -118,17 +131,12 @@ def _compile(o_nuserdata: int, o_userdata: int, o_qpos: int, o_qvel: int):
             return
         bodies, nq, nv = int(user[size - 6]), int(user[size - 5]), int(user[size - 4])
         width = nq + nv + bodies * out
-        frame = carray(
-            dry_friction._as_pointer(types.uint64(user[size - 2]) + types.uint64(8 * width * step)),
-            width,
-            types.float64,
-        )
-        next_row = types.uint64(8 * push * bodies * (step + 1))
-        command = carray(
-            dry_friction._as_pointer(types.uint64(user[size - 3]) + next_row), push * bodies, types.float64
-        )
-        qpos = dry_friction._load(d, o_qpos, nq)
-        qvel = dry_friction._load(d, o_qvel, nv)
+        this_frame = types.uint64(user[size - 2]) + types.uint64(8 * width * step)
+        frame = carray(as_pointer(this_frame), width, types.float64)
+        next_command = types.uint64(user[size - 3]) + types.uint64(8 * push * bodies * (step + 1))
+        command = carray(as_pointer(next_command), push * bodies, types.float64)
+        qpos = doubles(d, at.qpos, nq)
+        qvel = doubles(d, at.qvel, nv)
         for i in range(nq):
             frame[i] = qpos[i]
         for i in range(nv):
@@ -155,8 +163,13 @@ def install() -> None:
     data = mujoco.MjData(model)
     m, d = model._address, data._address  # type: ignore[attr-defined]
     tape = _compile(
-        dry_friction._find(m, 6007, 4000),
-        *(dry_friction._find(d, getattr(data, n).ctypes.data) for n in ("userdata", "qpos", "qvel")),
+        Offsets(
+            nuserdata=offset_of(m, 6007, 4000),
+            userdata=offset_of(d, data.userdata.ctypes.data),
+            qpos=offset_of(d, data.qpos.ctypes.data),
+            qvel=offset_of(d, data.qvel.ctypes.data),
+            sources=fingerprint(engine_memory.__file__),
+        )
     )
     callback = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64)(tape.address)
     _INSTALLED.extend([tape, callback])

@@ -254,7 +254,9 @@ def _add_body(root: mjcf.RootElement, scene: SceneConfig, name: str, body: BodyC
             if body.base is Base.even
             else dry_friction.corner_points(hx, hy)
         )
-    record = dry_friction.LawBody(joints=joints, push_adr=push_adr, base_z=-hz, mu=body.friction, half_x=hx, half_y=hy)
+    record = dry_friction.FrictionRecord(
+        joints=joints, push_adr=push_adr, base_z=-hz, mu=body.friction, half_x=hx, half_y=hy
+    )
     z = hz if joints == dry_friction.PLANAR else hz - _penetration_m(scene)
     # simple="false": MuJoCo must not take the CoM for fixed at the frame, as it may move at run time
     element = root.worldbody.add(
@@ -367,9 +369,9 @@ class Scene:
             raise ConfigError(f"no body '{name}' in the scene. {nearest(name, self.bodies)}")
         return self.bodies[name]
 
-    def law(self, name: str) -> dry_friction.LawView:
+    def law(self, name: str) -> dry_friction.FrictionView:
         """Return the friction law's record of a body."""
-        return dry_friction.LawView(self.model, self.body(name).body_id)
+        return dry_friction.FrictionView(self.model, self.body(name).body_id)
 
     def set_inertial(
         self,
@@ -424,7 +426,7 @@ def handles(model: mujoco.MjModel, names: list[str]) -> dict[str, Body]:
     out = {}
     for name in names:
         body = model.body(name)
-        view = dry_friction.LawView(model, body.id)
+        view = dry_friction.FrictionView(model, body.id)
         joint = int(model.body_jntadr[body.id])
         joints = int(view["joints"])
         out[name] = Body(

@@ -9,7 +9,7 @@ MJCF may refer to.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -98,6 +98,38 @@ class MechanismRecording:
     def spec(self) -> mujoco.MjSpec:
         """Return the MJCF, read anew: it may be edited."""
         return read_mjcf(self.model_path)
+
+
+def with_episode_to_check(recording: MechanismRecording) -> MechanismRecording:
+    """Return a recording of one episode as two, of which the second, its last third, can be kept from every fit.
+
+    That is the convention of the format. The second begins wherever the first has got to. Other recordings are
+    returned as they are.
+    """
+    if len(recording.episodes) > 1:
+        return recording
+    whole = recording.episodes[0]
+    cut = len(whole) - len(whole) // 3
+    first, second = (_part(whole, number, s) for number, s in ((0, slice(0, cut)), (1, slice(cut, None))))
+    note = f"one episode: its last third, from {whole.t_s[cut]:.6g} s on, is kept from the fit as episode 1"
+    return replace(
+        recording,
+        mapping=replace(recording.mapping, rests=False),
+        episodes=(first, second),
+        notes=(*recording.notes, note),
+    )
+
+
+def _part(episode: MechanismEpisode, index: int, samples: slice) -> MechanismEpisode:
+    return MechanismEpisode(
+        index=index,
+        t_s=episode.t_s[samples],
+        values=episode.values[samples],
+        commands=episode.commands[samples],
+        forces_n=episode.forces_n[samples],
+        points_m=episode.points_m[samples],
+        orientations={name: q[samples] for name, q in episode.orientations.items()},
+    )
 
 
 def is_model_form(path: str | Path) -> bool:

@@ -17,21 +17,72 @@ inertia: 0.5          # optional; kg m2, about the vertical through the centre o
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Annotated, Any
 
 import yaml
+from pydantic import BaseModel, BeforeValidator, Field, ValidationError
 
 from runner.errors import RecordingError, nearest
 from runner.recording.data import Contact, Noise, Nominal
+from runner.storage.checked import dotted, must, refusal, refused
 
 FILE = "nominal.yaml"
-REQUIRED = ("half_size", "mass", "friction", "gravity", "rate_hz")
-OPTIONAL = ("contact", "noise", "com", "inertia")
 NOISE = {"position": "position_m", "yaw": "yaw_rad", "velocity": "velocity_m_s", "rate": "rate_rad_s"}
 DENSITY_KG_M3 = (1e-2, 1e5)  # from below the lightest solids to above the heaviest
 SYNONYMS = {"mu": "friction", "g": "gravity", "m": "mass", "size": "half_size", "fps": "rate_hz"}
+
+
+def _no_truth(value: Any) -> Any:
+    """Refuse true and false, which Python takes for numbers."""
+    if isinstance(value, bool):
+        raise ValueError
+    return value
+
+
+def _several(unit: str, *counts: int) -> BeforeValidator:
+    """Return an annotation for a list of so many numbers; one number may stand by itself."""
+
+    def check(value: Any) -> Any:
+        items = value if isinstance(value, list) else [value]
+        if len(items) not in counts:
+            allowed = " or ".join(map(str, counts))
+            raise refused(f"must be {allowed} numbers in {unit}, got {len(items)}: {value!r}.")
+        return items
+
+    return BeforeValidator(check)
+
+
+# also numbers that YAML took for text (`1e-3`); their ranges are checked by `Nominal`
+_Number = Annotated[float, Field(allow_inf_nan=False), BeforeValidator(_no_truth)]
+_Pure = Annotated[_Number, must("be a finite number")]
+_Metres = Annotated[_Number, must("be a finite number in m")]
+_Moment = Annotated[_Number, must("be a finite number in kg m2")]
+
+
+class _Noise(BaseModel, extra="forbid"):
+    position: _Pure | None = None
+    yaw: _Pure | None = None
+    velocity: _Pure | None = None
+    rate: _Pure | None = None
+
+
+class _Believed(BaseModel, extra="forbid"):
+    """The keys of `nominal.yaml`."""
+
+    half_size: Annotated[list[_Metres], _several("m", 1, 3)]
+    mass: Annotated[_Number, must("be a finite number in kg")]
+    friction: _Pure
+    gravity: Annotated[_Number, must("be a finite number in m/s2")]
+    rate_hz: Annotated[_Number, must("be a finite number in Hz")]
+    contact: Contact = Contact.PATCH
+    noise: Annotated[_Noise, must(f"be null or hold {', '.join(map(repr, NOISE))}")] = _Noise()
+    com: Annotated[list[_Metres], _several("m", 2, 3)] | None = None
+    inertia: Annotated[list[_Moment], _several("kg m2", 1, 3)] | None = None
+
+
+REQUIRED = tuple(name for name, field in _Believed.model_fields.items() if field.is_required())
 
 
 def read_nominal(path: str | Path) -> Nominal:
@@ -110,27 +161,40 @@ def load_mapping(path: Path, needed: Iterable[str]) -> Mapping:
 
 
 def _nominal(content: Mapping, path: Path) -> Nominal:
-    _check_keys("", content, (*REQUIRED, *OPTIONAL))
-    missing = [key for key in REQUIRED if content.get(key) is None]
-    if missing:
-        raise RecordingError(f"missing {_listed(missing)}; needed: {_listed(REQUIRED)}.")
-    sizes = _numbers("half_size", content["half_size"], "m", (1, 3))
-    com = None if content.get("com") is None else _numbers("com", content["com"], "m", (2, 3))
-    inertia = None if content.get("inertia") is None else _numbers("inertia", content["inertia"], "kg m2", (1, 3))
+    try:
+        believed = _Believed.model_validate({str(key): value for key, value in content.items() if value is not None})
+    except ValidationError as error:
+        raise _refused(error, content) from None
+    sizes, inertia = believed.half_size, believed.inertia
     nominal = Nominal(
         half_size_m=_triple(sizes * 3 if len(sizes) == 1 else sizes),
-        mass_kg=_number("mass", content["mass"], "kg"),
-        friction=_number("friction", content["friction"], ""),
-        gravity_m_s2=_number("gravity", content["gravity"], "m/s2"),
-        rate_hz=_number("rate_hz", content["rate_hz"], "Hz"),
-        contact=_contact(content.get("contact")),
-        noise=_noise(content.get("noise")),
-        com_m=None if com is None else _triple([*com, 0.0][:3]),
+        mass_kg=believed.mass,
+        friction=believed.friction,
+        gravity_m_s2=believed.gravity,
+        rate_hz=believed.rate_hz,
+        contact=believed.contact,
+        noise=Noise(**{field: getattr(believed.noise, key) for key, field in NOISE.items()}),
+        com_m=None if believed.com is None else _triple([*believed.com, 0.0][:3]),
         inertia_kg_m2=None if inertia is None else inertia[0] if len(inertia) == 1 else _triple(inertia),
         path=path,
     )
     _check_units(nominal)
     return nominal
+
+
+def _refused(error: ValidationError, content: Mapping) -> RecordingError:
+    """Return what is wrong: a key that is not known before one that is missing, as it may be meant for it."""
+    places = {kind: [e["loc"] for e in error.errors() if e["type"] == kind] for kind in ("extra_forbidden", "missing")}
+    for place in places["extra_forbidden"][:1]:
+        name, valid = str(place[-1]), (_Believed if len(place) == 1 else _Noise).model_fields
+        text, synonym = nearest(name, valid), SYNONYMS.get(name.lower())
+        hint = f" Did you mean '{synonym}'?" if synonym in valid and "Did you mean" not in text else ""
+        return RecordingError(f"unknown key '{dotted(place)}'. {text}{hint}")
+    if missing := places["missing"]:
+        return RecordingError(f"missing {_listed(map(dotted, missing))}; needed: {_listed(REQUIRED)}.")
+    place, text = refusal(error)
+    alone = not isinstance(content.get(place[0]), list | Mapping)
+    return RecordingError(f"{dotted(place[:1] if alone else place)}: {text}")
 
 
 def _check_units(nominal: Nominal) -> None:
@@ -150,54 +214,6 @@ def _check_units(nominal: Nominal) -> None:
             f"inertia: {nominal.yaw_inertia_kg_m2:g} kg m2 about z can't be: {nominal.mass_kg:g} kg inside this box "
             f"has at most {widest:.3g}; probably not in kg m2."
         )
-
-
-def _check_keys(prefix: str, content: Mapping, valid: Iterable[str]) -> None:
-    valid = tuple(valid)
-    for key in content:
-        if key not in valid:
-            synonym = SYNONYMS.get(str(key).lower())
-            hint = f" Did you mean '{synonym}'?" if synonym in valid else ""
-            text = nearest(str(key), valid)
-            raise RecordingError(f"unknown key '{prefix}{key}'. {text}{'' if 'Did you mean' in text else hint}")
-
-
-def _contact(value: object) -> Contact:
-    names = [c.value for c in Contact]
-    if value is None:
-        return Contact.PATCH
-    if value not in names:
-        raise RecordingError(f"contact: unknown '{value}'. {nearest(str(value), names)}")
-    return Contact(value)
-
-
-def _noise(value: object) -> Noise:
-    if value is None:
-        return Noise()
-    if not isinstance(value, Mapping):
-        raise RecordingError(f"noise: must be null or hold {_listed(NOISE)}, got {value!r}.")
-    _check_keys("noise.", value, NOISE)
-    given = {key: number for key, number in value.items() if number is not None}
-    return Noise(**{NOISE[key]: _number(f"noise.{key}", number, "") for key, number in given.items()})
-
-
-def _number(key: str, value: object, unit: str) -> float:
-    """Return a number, also one that YAML took for text (`1e-3`); its range is checked by whom it is given to."""
-    try:
-        number = math.nan if isinstance(value, bool) or not isinstance(value, (int, float, str)) else float(value)
-    except (ValueError, OverflowError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise RecordingError(f"{key}: must be a finite number{' in ' + unit if unit else ''}, got {value!r}.")
-    return number
-
-
-def _numbers(key: str, value: object, unit: str, lengths: tuple[int, ...]) -> list[float]:
-    items = value if isinstance(value, list) else [value]
-    if len(items) not in lengths:
-        allowed = " or ".join(map(str, lengths))
-        raise RecordingError(f"{key}: must be {allowed} numbers in {unit}, got {len(items)}: {value!r}.")
-    return [_number(key if len(items) == 1 else f"{key}[{i}]", item, unit) for i, item in enumerate(items)]
 
 
 def _plain(noise: Noise) -> dict[str, float | None]:

@@ -9,32 +9,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from runner.noise.measured import CHANNELS, UNITS
-from runner.report.motions import GRID
+from runner.effects.wording import DEGREES, change, length, number
 from runner.simulate.gap import measure_gap
-from runner.systems.planar_box.simulator import Simulator
+from runner.systems.base import Channel
 
 if TYPE_CHECKING:
     from runner.diagnosis.pipeline import Diagnosis
 
-NAMES = {
-    "x": "position x",
-    "y": "position y",
-    "yaw": "heading",
-    "vx": "velocity x",
-    "vy": "velocity y",
-    "wz": "yaw rate",
-}
 HORIZONS_S = (0.1, 0.5, 1.0, 2.0)
-# the unit that a small amount is shown in, and what one SI unit is of it
-SMALL = {"m": ("mm", 1e3), "rad": ("°", 180 / math.pi), "m/s": ("mm/s", 1e3), "rad/s": ("°/s", 180 / math.pi)}
+# the unit that a small amount is shown in, and what one SI unit is of it; any other unit is shown as it is
+SMALL = {"m": ("mm", 1e3), "rad": ("°", DEGREES), "m/s": ("mm/s", 1e3), "rad/s": ("°/s", DEGREES)}
+
+
+def small(unit: str) -> tuple[str, float]:
+    """Return the unit that a small amount is shown in, and what one SI unit is of it."""
+    return SMALL.get(unit, (unit, 1.0))
 
 
 @dataclass(frozen=True)
 class Miss:
     """Root mean square of what is missed of one channel over one horizon, in `unit`; NaN horizon: whole episodes."""
 
-    channel: str
+    channel: Channel
     unit: str
     horizon_s: float
     before: float
@@ -42,9 +38,9 @@ class Miss:
     noise: float
 
     @property
-    def name(self) -> str:
-        """The channel in words."""
-        return NAMES[self.channel]
+    def title(self) -> str:
+        """The channel in words, with the unit."""
+        return f"{self.channel.label} [{self.unit}]" if self.unit else self.channel.label
 
     @property
     def horizon(self) -> str:
@@ -57,38 +53,59 @@ def misses(diagnosis: Diagnosis) -> list[Miss]:
 
     The model starts anew every so many seconds; its start states are fitted to the window that follows.
     """
-    simulator = Simulator(diagnosis.recording, grid=GRID)
     shortest = min(float(diagnosis.recording.episodes[e].t_s[-1]) for e in diagnosis.held_out)
     begins = min(float(diagnosis.recording.episodes[e].t_s[0]) for e in diagnosis.held_out)
     horizons = [h for h in HORIZONS_S if h < shortest - begins]
     tables = []
     for effects in ((), tuple(diagnosis.effects)):
         gap = measure_gap(
-            simulator, diagnosis.measured, effects=effects, horizons_s=horizons, episodes=diagnosis.held_out
+            diagnosis.system, diagnosis.measured, effects=effects, horizons_s=horizons, episodes=diagnosis.held_out
         )
         tables.append(gap.table[gap.table["starts"] == "fitted"].set_index(["channel", "horizon"]))
     before, after = tables
-    at_last = {m.channel: m for m in whole(diagnosis)}
+    at_last = {m.channel.name: m for m in of_whole_episodes(diagnosis)}
     out = []
-    for channel in CHANNELS:
-        unit, scale = SMALL[UNITS[CHANNELS.index(channel)]]
+    for channel in diagnosis.system.channels:
+        unit, scale = small(channel.unit)
         for horizon in horizons:
-            key = (channel, f"{horizon:g} s")
+            key = (channel.name, f"{horizon:g} s")
             values = (before.loc[key, "rms"], after.loc[key, "rms"], before.loc[key, "noise"])
             out.append(Miss(channel, unit, horizon, *(scale * float(v) for v in values)))  # type: ignore[arg-type]
-        out += [at_last[channel]] if channel in at_last else []
+        out += [at_last[channel.name]] if channel.name in at_last else []
     return out
 
 
-def whole(diagnosis: Diagnosis) -> list[Miss]:
+def of_whole_episodes(diagnosis: Diagnosis) -> list[Miss]:
     """Return the misses over whole held-out episodes, one per channel, as the verdict has them."""
     out = []
-    for channel in CHANNELS:
-        unit, scale = SMALL[UNITS[CHANNELS.index(channel)]]
-        part = diagnosis.closure.table[diagnosis.closure.table["channel"] == channel]
+    for channel in diagnosis.system.channels:
+        unit, scale = small(channel.unit)
+        part = diagnosis.closure.table[diagnosis.closure.table["channel"] == channel.name]
         if len(part):
             out.append(Miss(channel, unit, math.nan, *(scale * _rms(part[c]) for c in ("before", "after", "noise"))))
     return out
+
+
+def headline_miss(diagnosis: Diagnosis) -> tuple[str, str] | None:
+    """Return what is missed of where things are: of which sensor, and how much, before and after.
+
+    On a map the distance; otherwise all channels of the first one's sensor, root of the mean square.
+    """
+    found = of_whole_episodes(diagnosis)
+    system = diagnosis.system
+    flat = () if system.plan_view is None else tuple(system.channels[i] for i in system.plan_view)
+    group = system.channels[0].group if not flat else flat[0].group
+    part = [m for m in found if (m.channel in flat if flat else m.channel.group == group)]
+    if not part:
+        return None
+    count = 1 if flat else len(part)
+    before, after = (float(np.sqrt(sum(getattr(m, k) ** 2 for m in part) / count)) for k in ("before", "after"))
+    if part[0].channel.unit == "m":
+        text = change(1e-3 * before, 1e-3 * after) if diagnosis.effects else length(1e-3 * before)
+    else:
+        tail = part[0].unit if part[0].unit.startswith("°") else f" {part[0].unit}"
+        text = f"{number(before, 2)} → {number(after, 2)}{tail}" if diagnosis.effects else f"{number(before, 2)}{tail}"
+    return group, text
 
 
 def _rms(values: ArrayLike) -> float:

@@ -1,25 +1,21 @@
-"""`report.html`: everything that a diagnosis found, as one page that needs no network."""
+"""`report.html`: everything that a diagnosis found, as one page that needs no network.
+
+What it says is said by one statement (`runner.report.statement`); the long sections stand in `runner.report.sections`.
+"""
 
 from __future__ import annotations
 
-import math
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jinja2
-import numpy as np
-import pandas as pd
 from markupsafe import Markup
-from scipy.stats import chi2
 
-from runner.localise.where import REGIMES
-from runner.noise.measured import CHANNELS, UNITS
-from runner.recording import Contact
-from runner.report import figures, words
-from runner.report.before_after import NAMES, SMALL, Miss, misses, whole
-from runner.report.motions import Paths, autocorrelation, replay, where_after, whitened
-from runner.report.wrench import Wrench, by_regime, missing_wrench
+from runner.effects.wording import listed, number, percent, plus_minus, probability
+from runner.report import sections, words
+from runner.report.before_after import headline_miss
+from runner.report.motions import replay
+from runner.report.statement import NONE, Statement, caveats, state
 
 if TYPE_CHECKING:
     from runner.diagnosis.pipeline import Diagnosis, Ranked
@@ -28,9 +24,6 @@ FILE = "report.html"
 TEMPLATE = "template.html.j2"
 LONG = 220  # letters of a verdict, from which on it is set smaller
 SHOWN = 8  # explanations in the ranking; the rest are summed up
-WHITE_AT = 0.01  # significance below which residuals are called structured
-STRUCTURE = 0.12  # of the noise's variance, over all channels: more than this is a cause of its own, not a trace
-LAGS = 20
 
 
 def write_html(diagnosis: Diagnosis, path: str | Path) -> Path:
@@ -69,24 +62,26 @@ def page_template(package: str, name: str) -> jinja2.Template:
 
 
 def _content(diagnosis: Diagnosis) -> dict[str, Any]:
-    paths = replay(diagnosis)
+    paths, said, verdict = replay(diagnosis), state(diagnosis), words.verdict(diagnosis)
     return {
         "case": diagnosis.case,
-        "kind": _kind(diagnosis),
-        "verdict": words.verdict(diagnosis),
-        "long": len(words.verdict(diagnosis)) > LONG,
+        "noun": diagnosis.system.noun,
+        "kind": said.kind.value,
+        "verdict": verdict,
+        "long": len(verdict) > LONG,
         "confounded": words.confounded(diagnosis),
         "steps": [_with_code(step) for step in words.next_steps(diagnosis)],
-        "facts": _facts(diagnosis),
-        "ranking": _ranking(diagnosis),
-        "corrected": bool(diagnosis.effects),
-        "trajectories": _trajectories(diagnosis, paths),
-        "closure": _closure(diagnosis),
-        "whiteness": _whiteness(diagnosis, paths),
-        "where": _where(diagnosis, paths),
-        "noise": _noise(diagnosis),
+        "facts": facts(diagnosis, said),
+        "first": sections.first_figure(diagnosis, paths),
+        "ranking": ranking(diagnosis, said),
+        "corrected": said.corrected,
+        "trajectories": sections.trajectories(diagnosis, paths),
+        "closure": sections.closure(diagnosis),
+        "whiteness": sections.whiteness(diagnosis, said, paths),
+        "where": sections.where(diagnosis, said, paths),
+        "noise": sections.noise(diagnosis),
         "believed": _believed(diagnosis),
-        "notes": list(dict.fromkeys([*diagnosis.notes, *diagnosis.recording.notes])),
+        "notes": caveats(diagnosis),
         "effort": _effort(diagnosis),
     }
 
@@ -97,57 +92,48 @@ def _with_code(text: str) -> Markup:
     return Markup("").join(Markup("<code>{}</code>").format(p) if i % 2 else p for i, p in enumerate(parts))
 
 
-def _kind(diagnosis: Diagnosis) -> str:
-    if words.settled(diagnosis):
-        return "open" if words.likeliest(diagnosis).probability < words.HALF else "found"
-    return words.likeliest(diagnosis).effects[0] if words.likeliest(diagnosis).effects else words.NONE
-
-
-def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+def facts(diagnosis: Diagnosis, said: Statement) -> list[tuple[str, str]]:
     """Return the figures below the verdict: what, how much."""
-    top = words.likeliest(diagnosis)
-    facts = [("probability of this answer", words.probability(top.probability))]
-    closure = diagnosis.closure
-    if diagnosis.effects:
-        low, high = getattr(closure, "gap_closed_low", None), getattr(closure, "gap_closed_high", None)
-        value = words.percent(diagnosis.gap_closed)
-        if low is not None and high is not None and np.isfinite([low, high]).all():
+    out = [("probability of this answer", probability(said.top.probability))]
+    unseen = " on episodes that were not fitted" if said.held_out else ""
+    if said.gap_closed is not None and said.corrected:
+        value = percent(said.gap_closed)
+        if said.interval is not None:
+            low, high = said.interval
             value += f" ({100 * low:.0f}–{100 * high:.0f} %)".replace("-", "−")
-        facts.append(("of the gap closed on episodes that were not fitted", value))
-        if (share := getattr(closure, "closable_closed", None)) is not None and np.isfinite(share):
-            facts.append(("of what can be closed, all but the noise", words.percent(share)))
-    at_last = {m.channel: m for m in whole(diagnosis)}
-    if {"x", "y"} <= set(at_last):
-        before, after = (
-            1e-3 * float(np.hypot(getattr(at_last["x"], k), getattr(at_last["y"], k))) for k in ("before", "after")
-        )
-        text = words.change(before, after) if diagnosis.effects else words.length(before)
-        facts.append(("position missed on episodes that were not fitted (root mean square)", text))
-    return facts
+        out.append((f"of the gap closed{unseen}", value))
+        if said.settled and said.closable_closed is not None:
+            out.append(("of what can be closed, all but the noise", percent(said.closable_closed)))
+    out.append(("what is left" if said.corrected else "what is missed, in mean squares", words.left(said)))
+    if (miss := headline_miss(diagnosis)) is not None:
+        sensor, amount = miss
+        out.append((f"{sensor} missed{unseen} (root mean square)", amount))
+    return out
 
 
-def _ranking(diagnosis: Diagnosis) -> dict[str, Any]:
-    nominal = diagnosis.recording.nominal
+def ranking(diagnosis: Diagnosis, said: Statement) -> dict[str, Any]:
+    """Return the explanations, likeliest first, and the sum of those that are not shown."""
+    system = diagnosis.system
     rows = []
-    everything = words.ordered(diagnosis)
-    for ranked in everything[:SHOWN]:
+    for ranked in said.order[:SHOWN]:
+        closed = said.closed_by(ranked)
         rows.append(
             {
-                "name": words.title(ranked.effects or (words.NONE,)),
-                "label": words.listed([words.label(e) for e in ranked.effects or (words.NONE,)]),
-                "probability": words.probability(ranked.probability),
+                "name": words.title(ranked.effects or (NONE,)),
+                "label": listed([words.label(system, e) for e in ranked.effects or (NONE,)]),
+                "probability": probability(ranked.probability),
                 "width": f"{100 * min(max(ranked.probability, 0.0), 1.0):.1f}",
-                "amounts": [p.amount for p in words.phrases(ranked, nominal) if p.amount],
+                "amounts": [p.amount for p in words.phrases(system, ranked) if p.amount],
                 "parameters": _parameters(ranked),
-                "gap": "" if ranked.gap_closed is None else words.percent(ranked.gap_closed),
+                "gap": "" if closed is None else percent(closed),
                 "equivalent": [words.title(e) for e in words.equals(ranked)],
             }
         )
-    rest = everything[SHOWN:]
+    rest = said.order[SHOWN:]
     return {
         "rows": rows,
         "rest": len(rest),
-        "rest_probability": words.probability(sum(r.probability for r in rest)) if rest else "",
+        "rest_probability": probability(sum(r.probability for r in rest)) if rest else "",
     }
 
 
@@ -156,235 +142,25 @@ def _parameters(ranked: Ranked) -> list[tuple[str, str]]:
     out = []
     for effect, values in ranked.parameters.items():
         errors = ranked.errors.get(effect, {})
-        out += [(f"{effect}.{name}", words.plus_minus(v, errors.get(name))) for name, v in values.items()]
-    return out
-
-
-def _trajectories(diagnosis: Diagnosis, paths: list[Paths]) -> list[dict[str, Any]]:
-    """Return the figures of the held-out episodes, worst first; without any, of the episode that was missed most."""
-
-    out = []
-    for path in _shown(diagnosis, paths)[:3]:
-        number = diagnosis.recording.episodes[path.episode].index
-        before, after = (_missed(diagnosis, path, which) for which in ("nominal", "corrected"))
-        out.append(
-            {
-                "episode": number,
-                "held_out": path.held_out,
-                "before": words.number(before, 2),
-                "after": words.number(after, 2),
-                "svg": Markup(
-                    figures.trajectory(
-                        path, diagnosis.measured.sigma, number, f"path{path.episode}", after=_after(diagnosis)
-                    )
-                ),
-            }
-        )
-    return out
-
-
-def _after(diagnosis: Diagnosis) -> str:
-    """Return the colour of what is left: orange is for what was corrected."""
-    return figures.ORANGE if diagnosis.effects else figures.GREY
-
-
-def _missed(diagnosis: Diagnosis, path: Paths, which: str) -> float:
-    """Root mean square of what a model misses of an episode, in noise levels."""
-    return float(np.sqrt(np.nanmean(((getattr(path, which) - path.measured) / diagnosis.measured.sigma) ** 2)))
-
-
-def _shown(diagnosis: Diagnosis, paths: list[Paths]) -> list[Paths]:
-    """Return the held-out episodes, worst first; without any, the episode that was missed most."""
-    ranked = sorted(paths, key=lambda p: -_missed(diagnosis, p, "nominal"))
-    return [p for p in ranked if p.held_out] or ranked[:1]
-
-
-def _closure(diagnosis: Diagnosis) -> dict[str, Any] | None:
-    found = misses(diagnosis)
-    if not found:
-        return None
-    rows: dict[str, list[Miss]] = {}
-    for miss in found:
-        rows.setdefault(miss.channel, []).append(miss)
-    several = len({m.horizon for m in found}) > 1
-    return {
-        "horizons": [m.horizon for m in rows[found[0].channel]],
-        "several": several,
-        "rows": [
-            {
-                "name": part[0].name,
-                "unit": part[0].unit,
-                "noise": words.number(part[-1].noise, 2),
-                "cells": [
-                    {
-                        "before": words.number(m.before, 2),
-                        "after": words.number(m.after, 2),
-                        "within": m.after <= 1.5 * m.noise,
-                    }
-                    for m in part
-                ],
-            }
-            for part in rows.values()
-        ],
-        "regimes": [
-            {
-                "name": row["regime"],
-                "windows": row["windows"],
-                "before": words.number(math.sqrt(max(row["before"], 0.0)), 2),
-                "after": words.number(math.sqrt(max(row["after"], 0.0)), 2),
-                "within": row["after"] <= 1.5**2,
-            }
-            for row in diagnosis.closure.regimes.to_dict("records")
-        ],
-        "svg": Markup(
-            figures.horizons(found, "closure", after=_after(diagnosis))
-            if several
-            else figures.bars(whole(diagnosis), "closure", colour=_after(diagnosis))
-        ),
-    }
-
-
-def _whiteness(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | None:
-    if not paths:
-        return None
-    before, after = (whitened(diagnosis, paths, which) for which in ("nominal", "corrected"))
-    step_s = diagnosis.recording.episodes[0].step_s
-    structured, extra = [], [0.0]
-    for i, channel in enumerate(CHANNELS):
-        lags = min(LAGS, after.shape[2] // 4)
-        r, count = autocorrelation(after[i], lags)
-        q = count * (count + 2) * float(np.sum(r**2 / (count - np.arange(1, lags + 1))))
-        if chi2.sf(q, lags) < WHITE_AT / len(CHANNELS):
-            structured.append(NAMES[channel])
-            extra.append(float(np.nanmean(after[i] ** 2)) - 1.0)
-    return {
-        "structured": words.listed(structured),
-        "strong": float(np.nanmean(after**2)) - 1.0 > STRUCTURE,
-        "extra": words.percent(max(extra)),
-        "lags": LAGS,
-        "size": words.number(float(np.sqrt(np.nanmean(after**2))), 3),
-        "before": words.number(float(np.sqrt(np.nanmean(before**2))), 3),
-        "svg": Markup(figures.whiteness(before, after, step_s, "white", colour=_after(diagnosis))),
-    }
-
-
-def _where(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | None:
-    """Return where the gap is: a sentence, the missing wrench, the map, and shares by what went on."""
-    where = diagnosis.where
-    if where is None:
-        return None
-    after = where_after(diagnosis)
-    # windows of another length show another force: not to be drawn side by side
-    alike = after if after is not None and math.isclose(after.window_s, where.window_s) else None
-    places = where.cells.loc[where.cells["factor"] == "place"].dropna(subset=["x_m", "y_m"])
-    mapped = where.exceeds and len(places) > 1
-    worst = _shown(diagnosis, paths)[:1]
-    wrenches = [(missing_wrench(diagnosis, w, p.episode), p) for p in worst for w in (where, alike)]
-    return {
-        "exceeds": where.exceeds,
-        "sentence": _spelt(where.sentence),
-        "after": None if after is None else {"exceeds": after.exceeds, "sentence": _spelt(after.sentence)},
-        "left": None
-        if alike is None or where.excess <= 0
-        else words.percent(max(alike.excess, 0.0) / max(where.excess, 1e-9)),
-        "alike": alike is not None,
-        "window": f"{where.window_s:.3g} s",
-        "regimes": Markup(
-            figures.regimes(by_regime(diagnosis, where), by_regime(diagnosis, alike) if alike else [], "regimes")
-        ),
-        "map": Markup(figures.floor(places, paths, diagnosis.effects, "floor")) if mapped else None,
-        "over_time": _over_time(diagnosis, wrenches),
-        "factors": [
-            _factor(where.cells, name)
-            for name in dict.fromkeys(where.cells["factor"])
-            if where.exceeds and name != "place"
-        ],
-    }
-
-
-def _over_time(diagnosis: Diagnosis, wrenches: list[tuple[Wrench | None, Paths]]) -> dict[str, Any] | None:
-    if not wrenches or wrenches[0][0] is None:
-        return None
-    before, after = wrenches[0][0], wrenches[1][0]
-    number = diagnosis.recording.episodes[wrenches[0][1].episode].index
-    return {"episode": number, "svg": Markup(figures.wrench(before, after, "wrench"))}
-
-
-def _spelt(sentence: str) -> str:
-    """Return the sentence of where the gap is with the channel in words."""
-    first, comma, rest = sentence.partition(",")
-    return NAMES.get(first, first) + comma + rest
-
-
-ORDER = (*CHANNELS, *REGIMES, *(f"the {q} quarter" for q in ("first", "second", "third", "last")))
-
-
-def _place(cell: str) -> tuple[float, str]:
-    """Return what puts cells into their natural order: channels and regimes, numbers by size, the rest by name."""
-    if cell in ORDER:
-        return ORDER.index(cell), cell
-    number = re.search(r"-?\d+(\.\d+)?", cell)
-    return (float(number.group()) if number else math.inf), cell
-
-
-def _factor(cells: pd.DataFrame, factor: str) -> dict[str, Any]:
-    part = cells.loc[cells["factor"] == factor]
-    part = part.iloc[sorted(range(len(part)), key=lambda i: _place(str(part["cell"].iloc[i])))]
-    top = max(float(part["share"].max()), float((part["share"] / part["lift"]).max()), 1e-9)
-    rows = []
-    for row in part.to_dict("records"):
-        share, lift = float(row["share"]), float(row["lift"])
-        even = share / lift if lift else 0.0
-        rows.append(
-            {
-                "name": NAMES.get(str(row["cell"]), re.sub(r"^-", "−", str(row["cell"]))),
-                "share": words.percent(max(share, 0.0)) if np.isfinite(share) else "–",
-                "width": f"{100 * float(np.clip(np.nan_to_num(share) / top, 0, 1)):.1f}",
-                "even": f"{100 * float(np.clip(np.nan_to_num(even) / top, 0, 1)):.1f}",
-                "stands_out": bool(row["q"] < 0.05),
-            }
-        )
-    return {"name": factor, "rows": rows}
-
-
-def _noise(diagnosis: Diagnosis) -> list[dict[str, str]]:
-    out = []
-    for i, channel in enumerate(CHANNELS):
-        unit, scale = SMALL[UNITS[i]]
-        colour = float(diagnosis.measured.colour.lag_one[i])
-        out.append(
-            {
-                "name": NAMES[channel],
-                "sigma": f"{words.number(scale * float(diagnosis.measured.sigma[i]), 2)} {unit}",
-                "source": "stated in nominal.yaml" if diagnosis.measured.stated[i] else "estimated from the recording",
-                "colour": f"correlated from sample to sample ({colour:.2f})" if colour > 0 else "white",
-            }
-        )
+        out += [(f"{effect}.{name}", plus_minus(v, errors.get(name))) for name, v in values.items()]
     return out
 
 
 def _believed(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    nominal, episodes = diagnosis.recording.nominal, diagnosis.recording.episodes
+    episodes = diagnosis.recording.episodes
     duration_s = sum(float(e.t_s[-1] - e.t_s[0]) for e in episodes)
-    size = " × ".join(words.number(2 * h) for h in nominal.half_size_m)
-    held = words.listed([str(episodes[e].index) for e in diagnosis.held_out])
+    held = listed([str(episodes[e].index) for e in diagnosis.held_out])
     return [
         (
             "recording",
-            f"{len(episodes)} episodes, {words.number(duration_s)} s in all, "
-            f"{words.number(nominal.rate_hz)} samples a second",
+            f"{len(episodes)} episodes, {number(duration_s)} s in all, {number(diagnosis.system.rate_hz)} samples a "
+            "second",
         ),
         ("kept from the fit", f"episodes {held}" if held else "none"),
-        ("object", f"box of {size} m, {words.number(nominal.mass_kg)} kg"),
-        (
-            "friction",
-            f"{nominal.friction:.3g}, "
-            + ("under the whole base" if nominal.contact is Contact.PATCH else "at the corners"),
-        ),
-        ("gravity", f"{nominal.gravity_m_s2:.4g} m/s²"),
+        *diagnosis.system.believed(),
     ]
 
 
 def _effort(diagnosis: Diagnosis) -> str:
-    simulated = words.number(diagnosis.simulated_s)
-    return f"{words.number(diagnosis.seconds, 2)} s, in which {simulated} s of motion were simulated"
+    simulated = number(diagnosis.simulated_s)
+    return f"{number(diagnosis.seconds, 2)} s, in which {simulated} s of motion were simulated"

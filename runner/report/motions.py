@@ -8,25 +8,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from runner.localise.where import Where, localise
-from runner.systems.planar_box.simulator import Run, Simulator
+from runner.systems.base import Run
 
 if TYPE_CHECKING:
     from runner.diagnosis.pipeline import Diagnosis
 
-GRID = 8
-
 
 @dataclass(frozen=True)
 class Paths:
-    """One episode, channels as in `runner.noise.measured.CHANNELS`.
+    """One episode, channels as in `AbstractSystem.channels`.
 
     Args:
         episode: Its place in the recording.
         held_out: Whether it was kept from the fit.
         t_s: Time from its start, (T,).
-        measured: (T, 6), NaN where not measured or an outlier.
-        nominal: (T, 6), from the start state that suits the nominal model best.
-        corrected: (T, 6), likewise of the corrected model.
+        measured: (T, C), NaN where not measured or an outlier.
+        nominal: (T, C), from the start state that suits the nominal model best.
+        corrected: (T, C), likewise of the corrected model.
     """
 
     episode: int
@@ -39,7 +37,7 @@ class Paths:
 
 def replay(diagnosis: Diagnosis) -> list[Paths]:
     """Simulate every episode with and without the effects found, in the order of the recording."""
-    simulator = Simulator(diagnosis.recording, grid=GRID)
+    simulator = diagnosis.system.simulator()
     out = []
     for e, episode in enumerate(diagnosis.recording.episodes):
         if e not in diagnosis.nominal_starts or e not in diagnosis.corrected_starts:
@@ -55,12 +53,24 @@ def replay(diagnosis: Diagnosis) -> list[Paths]:
     return out
 
 
+def whole(motion: np.ndarray) -> np.ndarray:
+    """Fill what was not measured of channels (T, C) in between: a body has to be somewhere; never measured is 0."""
+    out = np.array(motion)
+    at = np.arange(len(out))
+    for column in out.T:
+        known = np.isfinite(column)
+        if not known.any():
+            column[:] = 0.0
+        elif not known.all():
+            column[~known] = np.interp(at[~known], at[known], column[known])
+    return out
+
+
 def where_after(diagnosis: Diagnosis) -> Where | None:
     """Return where the corrected model still misses; None: nothing was corrected, or nobody asked where."""
     if not diagnosis.effects or diagnosis.where is None:
         return None
-    simulator = Simulator(diagnosis.recording, grid=GRID)
-    return localise(simulator, diagnosis.measured, diagnosis.corrected_starts, tuple(diagnosis.effects))
+    return localise(diagnosis.system, diagnosis.measured, diagnosis.corrected_starts, tuple(diagnosis.effects))
 
 
 def autocorrelation(residual: np.ndarray, most: int) -> tuple[np.ndarray, int]:

@@ -1,22 +1,25 @@
-"""`diagnosis.rrd`: measured, nominal and corrected body together, the missing wrench, residuals in noise units.
+"""`diagnosis.rrd`: measured, nominal and corrected motion together, the missing force, residuals in noise units.
 
 All episodes lie on one timeline, one after another, those kept from the fit first: they are what the verdict is judged
-by. Sent as whole columns; the layout is inside the file.
+by. Sent as whole columns; the layout is inside the file (`runner.report.record_layout`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 
-from runner.noise.measured import CHANNELS
+from runner.effects.wording import probability
 from runner.report import words
-from runner.report.motions import Paths, replay
-from runner.report.wrench import missing_wrench
+from runner.report.missing_force import missing_force
+from runner.report.motions import Paths, replay, whole
+from runner.report.record_layout import COLOURS, COMMAND, FORCE, INK, TRAIL_S, blueprint, drawn_channels, models
+from runner.report.statement import NONE, state
+from runner.systems.base import DrawnBody, Shape
 from runner.viewer.rrd import written
 
 if TYPE_CHECKING:
@@ -24,12 +27,11 @@ if TYPE_CHECKING:
 
 FILE = "diagnosis.rrd"
 PAUSE_S = 1.0  # between two episodes on the timeline
-TRAIL_S = 4.0  # how much of the way is seen behind each body
-MEASURED, NOMINAL, CORRECTED = (25, 27, 30), (130, 135, 142), (213, 94, 0)
-WRENCH, COMMAND = (0, 114, 178), (0, 158, 115)
-PAPER, INK = (247, 247, 245), (60, 62, 66)
-REACH_OF_ARROW = 1.2  # of the body's mean half size: how long the arrow of a typical large force is
-BODIES = {"measured": MEASURED, "nominal": NOMINAL, "corrected": CORRECTED}
+TICK_S = 1 / 15  # of a trail
+REACH_OF_ARROW = 1.6  # of the bodies' size: how long the arrow of a typical large force is
+ABOVE = 1.04  # trails and arrows of what is seen from above lie so far above it
+SHOWN = 8  # explanations in the ranking
+WORLD_FORCE = ("fx_n", "fy_n", "fz_n")  # a disturbance that has the first two is a force in world axes
 
 
 def write_rrd(diagnosis: Diagnosis, path: str | Path) -> Path:
@@ -46,23 +48,66 @@ def write_rrd(diagnosis: Diagnosis, path: str | Path) -> Path:
     path = path / FILE if path.is_dir() else path
     path.parent.mkdir(parents=True, exist_ok=True)
     paths = sorted(replay(diagnosis), key=lambda p: (not p.held_out, p.episode))
-    with written(path, _blueprint(diagnosis, paths), "runner diagnosis") as log:
+    poses = _Poses(diagnosis, paths)
+    with written(path, blueprint(diagnosis, poses.followed, poses.begin_m, poses.size_m), "runner diagnosis") as log:
         log.send_recording_name(diagnosis.case)
         log.send_property("verdict", rr.AnyValues(sentence=words.verdict(diagnosis), gap_closed=diagnosis.gap_closed))
-        log.log("verdict", rr.TextDocument(_text(diagnosis), media_type="text/markdown"), static=True)
-        _send_look(log, diagnosis)
+        for name, text in (("verdict", _verdict(diagnosis)), ("ranking", _ranking(diagnosis))):
+            log.log(name, rr.TextDocument(text, media_type="text/markdown"), static=True)
+        _send_look(log, diagnosis, poses)
         if paths:
-            _send_motion(log, diagnosis, paths)
+            _send_motion(log, diagnosis, paths, poses)
             _send_residuals(log, diagnosis, paths)
-            _send_forces(log, diagnosis, paths)
+            _send_commands(log, diagnosis, paths, poses)
+            _send_missing_force(log, diagnosis, paths, poses)
     return path
 
 
-def _bodies(diagnosis: Diagnosis) -> list[str]:
-    return [b for b in BODIES if b != "corrected" or diagnosis.effects]
+class _Poses:
+    """The poses of all bodies in each model, one array for each episode, and what they are drawn by.
+
+    Attributes:
+        of: By model and body, per episode (T, 7): x, y, z, qw, qx, qy, qz.
+        followed: The body that moves most: it leaves the trail.
+        begin_m: Where it is at first, (3,).
+        size_m: Typical half extent of a body.
+        lift_m: How far above a body's origin trails and arrows lie.
+    """
+
+    def __init__(self, diagnosis: Diagnosis, paths: Sequence[Paths]) -> None:
+        system = diagnosis.system
+        bodies = system.drawn()
+        self.of: dict[tuple[str, str], list[np.ndarray]] = {}
+        for model in models(diagnosis):
+            for path in paths:
+                for body, pose in system.poses(path.episode, whole(getattr(path, model))).items():
+                    self.of.setdefault((model, body), []).append(pose)
+        way = {b.name: sum(_length(p[:, :3]) for p in self.of.get(("measured", b.name), ())) for b in bodies}
+        self.followed = max(way, key=lambda name: way[name])
+        self.begin_m = self.of["measured", self.followed][0][0, :3] if paths else np.zeros(3)
+        self.size_m = max(float(np.mean(s.size_m)) for b in bodies for s in b.shapes)
+        tops = [s.position_m[2] + _height(s) for b in bodies for s in b.shapes]
+        self.lift_m = 0.0 if system.plan_view is None else ABOVE * max(tops)
+
+    def joined(self, model: str, body: str) -> np.ndarray:
+        """Return the poses of a body in all episodes, one after another, (T, 7)."""
+        return np.concatenate(self.of[model, body])
+
+    def lifted(self, positions: np.ndarray) -> np.ndarray:
+        """Return positions (..., 3) where they are seen."""
+        return positions + np.array([0.0, 0.0, self.lift_m])
 
 
-def _begins(paths: list[Paths]) -> np.ndarray:
+def _length(way: np.ndarray) -> float:
+    return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+
+
+def _height(shape: Shape) -> float:
+    """Return the half extent of an upright shape along z; a sphere has one size alone, of others it is the last."""
+    return shape.size_m[-1]
+
+
+def _begins(paths: Sequence[Paths]) -> np.ndarray:
     """When each episode begins on the common timeline, s."""
     lengths = [float(p.t_s[-1]) + PAUSE_S for p in paths]
     return np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
@@ -72,90 +117,99 @@ def _index(t_s: np.ndarray) -> list[rr.TimeColumn]:
     return [rr.TimeColumn("sim_time", duration=np.round(1e9 * t_s).astype("timedelta64[ns]"))]
 
 
-def _joined(paths: list[Paths]) -> np.ndarray:
+def _joined(paths: Sequence[Paths]) -> np.ndarray:
     return np.concatenate([begin + p.t_s for begin, p in zip(_begins(paths), paths, strict=True)])
 
 
-def _send_look(log: rr.RecordingStream, diagnosis: Diagnosis) -> None:
-    half = np.array(diagnosis.recording.nominal.half_size_m)
+def _send_look(log: rr.RecordingStream, diagnosis: Diagnosis, poses: _Poses) -> None:
+    system = diagnosis.system
     log.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    for i, body in enumerate(_bodies(diagnosis)):
-        solid = body == "measured"
-        # the mark on top shows the heading
-        sizes = [half * (1 + 0.012 * i), (0.12 * half[0], 0.3 * half[1], 0.01 * half[2])]
-        centres = [(0, 0, 0), (0.75 * half[0], 0, half[2] * (1 + 0.012 * i))]
-        colours = [BODIES[body], (240, 240, 240) if solid else BODIES[body]]
-        box = rr.Boxes3D(
-            half_sizes=sizes,
-            centers=centres,
-            colors=colours,
-            fill_mode="solid" if solid else "majorwireframe",
-            radii=0.016 * float(half.mean()),
-        )
-        log.log(f"world/{body}", box, static=True)
-        trail = rr.LineStrips3D.from_fields(colors=BODIES[body], radii=0.02 * float(half.mean()))
-        log.log(f"world/trail/{body}", trail, static=True)
-    arrow = 0.05 * float(half.mean())
-    log.log("world/command", rr.Arrows3D.from_fields(colors=COMMAND, radii=arrow), static=True)
-    log.log("world/missing_force", rr.Arrows3D.from_fields(colors=WRENCH, radii=arrow), static=True)
-    pair = [NOMINAL, CORRECTED] if diagnosis.effects else [NOMINAL]
-    names = ["nominal", "corrected"] if diagnosis.effects else ["nominal"]
-    for channel in CHANNELS:
+    for rank, model in enumerate(models(diagnosis)):
+        for body in system.drawn():
+            for kind in dict.fromkeys(s.kind for s in body.shapes):
+                shapes = _shapes(body, kind, model, grown=1 + 0.012 * rank, line_m=0.016 * poses.size_m)
+                log.log(f"world/{model}/{body.name}/{kind}", shapes, static=True)
+        trail = rr.LineStrips3D.from_fields(colors=COLOURS[model], radii=0.02 * poses.size_m)
+        log.log(f"world/trail/{model}", trail, static=True)
+    for name, colour in (("command", COMMAND), ("missing_force", FORCE[0])):
+        log.log(f"world/{name}", rr.Arrows3D.from_fields(colors=colour, radii=0.05 * poses.size_m), static=True)
+    names = [m for m in models(diagnosis) if m != "measured"]
+    for channel in drawn_channels(system):
         lines = rr.SeriesLines(
-            colors=[*pair, INK, INK], names=[*names, "+2 noise", "−2 noise"], widths=[1.6] * len(pair) + [0.6] * 2
+            colors=[*(COLOURS[n] for n in names), INK, INK],
+            names=[*names, "+2 noise", "−2 noise"],
+            widths=[1.6] * len(names) + [0.6] * 2,
         )
-        log.log(f"residual/{channel}", lines, static=True)
-    log.log("wrench/force", rr.SeriesLines(colors=[WRENCH, (86, 180, 233)], names=["x", "y"]), static=True)
-    log.log("wrench/moment", rr.SeriesLines(colors=[WRENCH], names=["about z"]), static=True)
+        log.log(f"residual/{channel.name}", lines, static=True)
+    for i, name in enumerate(system.disturbance.names):
+        lines = rr.SeriesLines(colors=[FORCE[i % len(FORCE)]], names=["missing force"], widths=[2.0])
+        log.log(f"missing_force/{name}", lines, static=True)
 
 
-def _send_motion(log: rr.RecordingStream, diagnosis: Diagnosis, paths: list[Paths]) -> None:
+def _shapes(body: DrawnBody, kind: str, model: str, *, grown: float, line_m: float) -> rr.AsComponents:
+    """Return the shapes of one kind of a body; what is simulated is a wireframe, a little larger than what is real."""
+    of_kind = [s for s in body.shapes if s.kind == kind]
+    solid = model == "measured"
+    # a body's first shape has the colour of its model; others mark it, as the nose of a box
+    light = (226, 229, 233)
+    colours = [light if solid and s is not body.shapes[0] else COLOURS[model] for s in of_kind]
+    fill = "solid" if solid else "majorwireframe"
+    size = [grown * np.asarray(s.size_m) for s in of_kind]
+    at = [tuple(s.position_m) for s in of_kind]
+    turned = [rr.Quaternion(xyzw=[*s.quaternion_wxyz[1:], s.quaternion_wxyz[0]]) for s in of_kind]
+    if kind == "box":
+        return rr.Boxes3D(half_sizes=size, centers=at, quaternions=turned, colors=colours, fill_mode=fill, radii=line_m)
+    if kind == "sphere":
+        halves = [np.full(3, s[0]) for s in size]
+        return rr.Ellipsoids3D(half_sizes=halves, centers=at, colors=colours, fill_mode=fill, line_radii=line_m)
+    radii, lengths = [float(s[0]) for s in size], [2 * float(s[1]) for s in size]
+    if kind == "cylinder":
+        return rr.Cylinders3D(
+            lengths=lengths, radii=radii, centers=at, quaternions=turned, colors=colours, fill_mode=fill,
+            line_radii=line_m,
+        )  # fmt: skip
+    # Rerun's capsule begins at its origin, MuJoCo's is centred there
+    ends = [np.asarray(s.position_m) - _turned(s.quaternion_wxyz, np.array([0, 0, s.size_m[1]])) for s in of_kind]
+    return rr.Capsules3D(
+        lengths=lengths, radii=radii, translations=ends, quaternions=turned, colors=colours, fill_mode=fill,
+        line_radii=line_m,
+    )  # fmt: skip
+
+
+def _turned(quaternion_wxyz: Sequence[float], vector: np.ndarray) -> np.ndarray:
+    """Return a vector (3,) turned by a unit quaternion."""
+    w, axis = quaternion_wxyz[0], np.asarray(quaternion_wxyz[1:])
+    return vector + 2 * np.cross(axis, np.cross(axis, vector) + w * vector)
+
+
+def _send_motion(log: rr.RecordingStream, diagnosis: Diagnosis, paths: Sequence[Paths], poses: _Poses) -> None:
     time_s = _joined(paths)
-    height = diagnosis.recording.nominal.half_size_m[2]
-    for body in _bodies(diagnosis):
-        motion = np.concatenate([_whole(getattr(p, body)) for p in paths])
-        half_yaw = motion[:, 2] / 2
-        quaternion = np.column_stack([np.zeros((len(motion), 2)), np.sin(half_yaw), np.cos(half_yaw)])
-        place = np.column_stack([motion[:, :2], np.full(len(motion), height)])
-        log.send_columns(
-            f"world/{body}", _index(time_s), rr.Transform3D.columns(translation=place, quaternion=quaternion)
-        )
-        _send_trail(log, body, paths, 1.02 * 2 * height)
+    for model in models(diagnosis):
+        for body in diagnosis.system.drawn():
+            pose = poses.joined(model, body.name)
+            columns = rr.Transform3D.columns(translation=pose[:, :3], quaternion=pose[:, [4, 5, 6, 3]])
+            log.send_columns(f"world/{model}/{body.name}", _index(time_s), columns)
+        _send_trail(log, model, paths, poses)
     recorded = diagnosis.recording.episodes
     texts = [
         f"### Episode {recorded[p.episode].index}\n"
         + ("kept from the fit: it judges the answer" if p.held_out else "used for the fit")
         for p in paths
     ]
-    log.send_columns(
-        "episode",
-        _index(_begins(paths)),
-        rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts)),
-    )
+    documents = rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts))
+    log.send_columns("episode", _index(_begins(paths)), documents)
 
 
-def _send_trail(log: rr.RecordingStream, body: str, paths: list[Paths], height_m: float) -> None:
-    """Send the way of a body's top, as one short line per tick of about 1 / 15 s; none joins two episodes."""
+def _send_trail(log: rr.RecordingStream, model: str, paths: Sequence[Paths], poses: _Poses) -> None:
+    """Send the way of the body that moves most, as one short line per tick; none joins two episodes."""
     times, strips = [], []
-    for begin, path in zip(_begins(paths), paths, strict=True):
-        every = max(1, round(1 / 15 / float(path.t_s[1] - path.t_s[0])))
-        place = _whole(getattr(path, body))[::every, :2]
-        top = np.column_stack([place, np.full(len(place), height_m)])
+    for begin, path, pose in zip(_begins(paths), paths, poses.of[model, poses.followed], strict=True):
+        every = max(1, round(TICK_S / float(path.t_s[1] - path.t_s[0])))
+        place = poses.lifted(pose[::every, :3])
         times.append(begin + path.t_s[::every])
-        strips.append(np.stack([np.vstack([top[:1], top[:-1]]), top], axis=1))
+        strips.append(np.stack([np.vstack([place[:1], place[:-1]]), place], axis=1))
     lines = rr.LineStrips3D.columns(strips=np.concatenate(strips).tolist())
-    log.send_columns(f"world/trail/{body}", _index(np.concatenate(times)), lines)
-
-
-def _whole(motion: np.ndarray) -> np.ndarray:
-    """Fill what was not measured in between: a body has to be somewhere."""
-    out = np.array(motion)
-    at = np.arange(len(out))
-    for column in out.T:
-        known = np.isfinite(column)
-        if known.any() and not known.all():
-            column[~known] = np.interp(at[~known], at[known], column[known])
-    return out
+    log.send_columns(f"world/trail/{model}", _index(np.concatenate(times)), lines)
 
 
 def _send_scalars(log: rr.RecordingStream, entity: str, time_s: np.ndarray, values: np.ndarray) -> None:
@@ -163,130 +217,91 @@ def _send_scalars(log: rr.RecordingStream, entity: str, time_s: np.ndarray, valu
     log.send_columns(entity, _index(time_s), scalars.partition(np.full(len(values), values.shape[1])))
 
 
-def _send_residuals(log: rr.RecordingStream, diagnosis: Diagnosis, paths: list[Paths]) -> None:
+def _send_residuals(log: rr.RecordingStream, diagnosis: Diagnosis, paths: Sequence[Paths]) -> None:
     time_s = _joined(paths)
-    which = [b for b in _bodies(diagnosis) if b != "measured"]
-    for i, channel in enumerate(CHANNELS):
+    which = [m for m in models(diagnosis) if m != "measured"]
+    band = np.tile([2.0, -2.0], (len(time_s), 1))
+    for i, channel in enumerate(diagnosis.system.channels):
+        if channel not in drawn_channels(diagnosis.system):
+            continue
         columns = [
-            np.concatenate([(getattr(p, b) - p.measured)[:, i] for p in paths]) / diagnosis.measured.sigma[i]
-            for b in which
+            np.concatenate([(getattr(p, m) - p.measured)[:, i] for p in paths]) / diagnosis.measured.sigma[i]
+            for m in which
         ]
-        n = len(time_s)
-        _send_scalars(
-            log, f"residual/{channel}", time_s, np.column_stack([*columns, np.full(n, 2.0), np.full(n, -2.0)])
-        )
+        _send_scalars(log, f"residual/{channel.name}", time_s, np.column_stack([*columns, band]))
 
 
-def _send_forces(log: rr.RecordingStream, diagnosis: Diagnosis, paths: list[Paths]) -> None:
-    nominal = diagnosis.recording.nominal
-    reach = REACH_OF_ARROW * float(np.mean(nominal.half_size_m))
-    top = 2.1 * nominal.half_size_m[2]
-    episodes = [diagnosis.recording.episodes[p.episode] for p in paths]
-    command = np.concatenate([np.nan_to_num(e.force_n[:, :2]) for e in episodes])
-    point = np.concatenate([np.nan_to_num(e.point_m[:, :2]) for e in episodes])
-    motion = np.concatenate([_whole(p.measured) for p in paths])
-    time_s = _joined(paths)
-    c, s = np.cos(motion[:, 2]), np.sin(motion[:, 2])
-    tip = motion[:, :2] + np.column_stack([c * point[:, 0] - s * point[:, 1], s * point[:, 0] + c * point[:, 1]])
-    scale = reach / max(float(np.percentile(np.linalg.norm(command, axis=1), 98)), 1e-9)
-    _send_arrows(log, "world/command", time_s, tip - scale * command, scale * command, top)
-    found = [missing_wrench(diagnosis, diagnosis.where, p.episode) for p in paths]
-    parts = [(b + w.t_s, w, p) for b, w, p in zip(_begins(paths), found, paths, strict=True) if w is not None]
+def _send_commands(log: rr.RecordingStream, diagnosis: Diagnosis, paths: Sequence[Paths], poses: _Poses) -> None:
+    """Send what was commanded as arrows, their tips where it acts, if the system says so."""
+    found = [diagnosis.system.command_arrows(p.episode, whole(p.measured)) for p in paths]
+    known = [f for f in found if f is not None]
+    if len(known) < len(paths):
+        return
+    tip, force = (np.concatenate([f[k] for f in known]) for k in (0, 1))
+    arrows = force * _per_newton(force, poses)
+    _send_arrows(log, "world/command", _joined(paths), poses.lifted(tip) - arrows, arrows)
+
+
+def _per_newton(force: np.ndarray, poses: _Poses) -> float:
+    """Return how long an arrow is for each newton."""
+    large = float(np.percentile(np.linalg.norm(force, axis=1), 98)) if len(force) else 0.0
+    return REACH_OF_ARROW * poses.size_m / max(large, 1e-9)
+
+
+def _send_missing_force(log: rr.RecordingStream, diagnosis: Diagnosis, paths: Sequence[Paths], poses: _Poses) -> None:
+    """Send the missing force over time, and as an arrow on the first body where it is a force in world axes."""
+    found = [missing_force(diagnosis, diagnosis.where, p.episode) for p in paths]
+    parts = [
+        (b, f, p, k) for k, (b, f, p) in enumerate(zip(_begins(paths), found, paths, strict=True)) if f is not None
+    ]
     if not parts:
         return
-    time_s = np.concatenate([t for t, _, _ in parts])
-    force = np.concatenate([w.force_n for _, w, _ in parts])
-    where = np.concatenate(
-        [np.column_stack([np.interp(w.t_s, p.t_s, _whole(p.measured)[:, k]) for k in (0, 1)]) for _, w, p in parts]
-    )
-    moment = np.concatenate([w.moment_nm for _, w, _ in parts])
+    time_s = np.concatenate([b + f.t_s for b, f, _, _ in parts])
+    value, seen = (np.concatenate([getattr(f, name) for _, f, _, _ in parts]) for name in ("value", "seen"))
+    names = diagnosis.system.disturbance.names
+    for i, name in enumerate(names):
+        if seen[:, i].any():
+            _send_scalars(log, f"missing_force/{name}", time_s[seen[:, i]], value[seen[:, i], i : i + 1])
+    axes = [names.index(n) for n in WORLD_FORCE if n in names]
     # where friction holds the body no force can be seen: no arrow there
-    seen = np.concatenate([w.seen for _, w, _ in parts])
-    if not seen.any():
+    shown = np.asarray(seen[:, axes].all(axis=1))
+    if len(axes) < 2 or not shown.any():
         return
-    scale = reach / max(float(np.percentile(np.linalg.norm(force[seen], axis=1), 98)), 1e-9)
-    _send_arrows(log, "world/missing_force", time_s, where, scale * np.where(seen[:, None], force, 0.0), top)
-    _send_scalars(log, "wrench/force", time_s[seen], force[seen])
-    _send_scalars(log, "wrench/moment", time_s[seen], moment[seen, None])
+    first = diagnosis.system.drawn()[0].name
+    at = np.concatenate(
+        [
+            np.column_stack([np.interp(f.t_s, p.t_s, poses.of["measured", first][k][:, c]) for c in range(3)])
+            for _, f, p, k in parts
+        ]
+    )
+    force = np.zeros((len(value), 3))
+    force[:, : len(axes)] = np.where(shown[:, None], value[:, axes], 0.0)
+    _send_arrows(log, "world/missing_force", time_s, poses.lifted(at), force * _per_newton(force[shown], poses))
 
 
 def _send_arrows(
-    log: rr.RecordingStream, entity: str, time_s: np.ndarray, origin: np.ndarray, vector: np.ndarray, height_m: float
+    log: rr.RecordingStream, entity: str, time_s: np.ndarray, origin: np.ndarray, vector: np.ndarray
 ) -> None:
-    n = len(origin)
-    origins, vectors = np.column_stack([origin, np.full(n, height_m)]), np.column_stack([vector, np.zeros(n)])
-    log.send_columns(entity, _index(time_s), rr.Arrows3D.columns(origins=origins, vectors=vectors))
+    log.send_columns(entity, _index(time_s), rr.Arrows3D.columns(origins=origin, vectors=vector))
 
 
-def _text(diagnosis: Diagnosis) -> str:
-    lines = [f"## {words.verdict(diagnosis)}", ""]
+def _verdict(diagnosis: Diagnosis) -> str:
+    lines = [f"### {words.verdict(diagnosis)}", ""]
     if confounded := words.confounded(diagnosis):
         lines += [confounded, ""]
     corrected = ", orange: corrected" if diagnosis.effects else ""
-    lines += [
-        f"Black: measured, grey: the simulator as believed{corrected}. Green arrow: the commanded push, its tip where "
-        "it acts. Blue arrow: the force that the simulator as believed lacks. The arrows are drawn on top of the "
-        "object, each kind to a scale of its own.",
-        "",
-        "| explanation | probability |",
-        "|---|---|",
-    ]
-    lines += [
-        f"| {words.title(r.effects or (words.NONE,))} | {words.probability(r.probability)} |"
-        for r in words.ordered(diagnosis)[:5]
-    ]
+    lines.append(
+        f"Black: measured, grey: the simulator as believed{corrected}; the line behind is the way of the last "
+        f"{TRAIL_S:.0f} s. Green arrow: a commanded force, its tip where it acts. Blue arrow: the force that the "
+        "simulator as believed lacks. Arrows of each kind have a scale of their own."
+    )
     return "\n".join(lines)
 
 
-def _blueprint(diagnosis: Diagnosis, paths: list[Paths]) -> rrb.Blueprint:
-    half = max(diagnosis.recording.nominal.half_size_m)
-    places = np.concatenate([p.measured[:, :2] for p in paths]) if paths else np.zeros((1, 2))
-    low, high = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
-    reach = float(np.max(high - low)) / 2 + 2.0 * half
-    middle = (*((low + high) / 2).tolist(), half)
-    eye = np.array(middle) + 0.8 * reach * np.array([0.6, -1.2, 1.3])
-    paper = rrb.archetypes.PlotBackground(color=PAPER)
-    recent = rrb.VisibleTimeRange(
-        "sim_time",
-        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-TRAIL_S),
-        end=rrb.TimeRangeBoundary.cursor_relative(),
-    )
-    scene = rrb.Spatial3DView(
-        origin="/world",
-        overrides={f"/world/trail/{body}": rrb.VisibleTimeRanges([recent]) for body in BODIES},
-        name="measured (black), as believed (grey), corrected (orange)",
-        background=list(PAPER),
-        line_grid=rrb.LineGrid3D(visible=True, spacing=0.5, color=[120, 124, 130, 90]),
-        eye_controls=rrb.EyeControls3D(position=tuple(eye), look_target=middle, eye_up=(0, 0, 1)),
-    )
-    plots = [
-        rrb.TimeSeriesView(
-            origin=f"/residual/{channel}",
-            name=f"missed: {channel} [noise levels]",
-            background=paper,
-            plot_legend=rrb.PlotLegend(visible=i == 0, corner=rrb.Corner2D.RightTop),
-        )
-        for i, channel in enumerate(CHANNELS)
+def _ranking(diagnosis: Diagnosis) -> str:
+    lines = ["| explanation | probability |", "|---|---|"]
+    lines += [
+        f"| {words.title(r.effects or (NONE,))} | {probability(r.probability)} |"
+        for r in state(diagnosis).order[:SHOWN]
     ]
-    wrench = [
-        rrb.TimeSeriesView(origin="/wrench/force", name="missing force [N]", background=paper),
-        rrb.TimeSeriesView(origin="/wrench/moment", name="missing moment [N m]", background=paper),
-    ]
-    texts = rrb.Horizontal(
-        rrb.TextDocumentView(origin="/verdict", name="verdict"),
-        rrb.TextDocumentView(origin="/episode", name="now"),
-        column_shares=[3, 1],
-    )
-    return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(scene, texts, row_shares=[2, 1]),
-            rrb.Vertical(rrb.Grid(*plots, grid_columns=2), rrb.Horizontal(*wrench), row_shares=[3, 1])
-            if diagnosis.where is not None
-            else rrb.Grid(*plots, grid_columns=2),
-            column_shares=[1, 1],
-        ),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="paused"),
-        auto_views=False,
-    )
+    return "\n".join(lines)

@@ -10,8 +10,10 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from runner.effects.wording import number, percent, probability
 from runner.report import words
-from runner.report.before_after import whole
+from runner.report.before_after import of_whole_episodes
+from runner.report.statement import NONE, caveats, state
 
 if TYPE_CHECKING:
     from runner.diagnosis.pipeline import Diagnosis
@@ -28,8 +30,8 @@ def summary(diagnosis: Diagnosis) -> RenderableType:
     if (gap := gap_table(diagnosis)) is not None:
         parts.append(Padding(gap, (1, 0, 0, 0)))
     if diagnosis.next_push:
-        parts.append(Text(f"Next push: {diagnosis.next_push}"))
-    parts += [Text(f"Note: {note}", style="dim") for note in diagnosis.notes]
+        parts.append(Text(f"Next {diagnosis.system.experiment}: {diagnosis.next_push}"))
+    parts += [Text(f"Note: {note}", style="dim") for note in caveats(diagnosis)]
     return Group(*parts)
 
 
@@ -41,26 +43,25 @@ def ranking(diagnosis: Diagnosis) -> Table:
     table.add_column("how much", overflow="fold")
     table.add_column("gap closed", justify="right")
     table.add_column("can't be told from", overflow="fold")
-    everything = words.ordered(diagnosis)
-    for ranked in everything[:SHOWN]:
-        amounts = [p.amount for p in words.phrases(ranked, diagnosis.recording.nominal) if p.amount]
+    said = state(diagnosis)
+    for ranked in said.order[:SHOWN]:
+        closed = said.closed_by(ranked)
+        amounts = [p.amount for p in words.phrases(diagnosis.system, ranked) if p.amount]
         table.add_row(
-            words.title(ranked.effects or (words.NONE,)),
-            words.probability(ranked.probability),
+            words.title(ranked.effects or (NONE,)),
+            probability(ranked.probability),
             "\n".join(amounts),
-            "" if ranked.gap_closed is None else words.percent(ranked.gap_closed),
+            "" if closed is None else percent(closed),
             ", ".join(words.title(e) for e in words.equals(ranked)),
         )
-    if rest := everything[SHOWN:]:
-        table.add_row(
-            f"{len(rest)} others", words.probability(sum(r.probability for r in rest)), "", "", "", style="dim"
-        )
+    if rest := said.order[SHOWN:]:
+        table.add_row(f"{len(rest)} others", probability(sum(r.probability for r in rest)), "", "", "", style="dim")
     return table
 
 
 def gap_table(diagnosis: Diagnosis) -> Table | None:
     """Return what is missed before and after, per channel, at the longest horizon; None: there are no numbers."""
-    found = whole(diagnosis)
+    found = of_whole_episodes(diagnosis)
     if not found:
         return None
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
@@ -68,6 +69,6 @@ def gap_table(diagnosis: Diagnosis) -> Table | None:
     for name in ("before", "after", "noise"):
         table.add_column(name, justify="right")
     for m in found:
-        before, after, noise = (words.number(v, 2) for v in (m.before, m.after, m.noise))
-        table.add_row(Text(f"{m.name} [{m.unit}]"), before, after if diagnosis.effects else "", noise)
+        before, after, noise = (number(v, 2) for v in (m.before, m.after, m.noise))
+        table.add_row(Text(m.title), before, after if diagnosis.effects else "", noise)
     return table

@@ -1,67 +1,74 @@
 """Sentences: what a diagnosis found, in words that need no knowledge of the tool.
 
-Every effect of the vocabulary has a `Phrase`: what is the case, by how much, what to put into one's simulator, and how
-to check it with one's own hands. The verdict sentence at the top of the report is made of these.
+Every effect of a vocabulary has a `Phrase`: what is the case, by how much, what to put into one's simulator, and how
+to check it with one's own hands. The verdict sentence at the top of the report is made of these, and of the statement
+that all of a report is made of (`runner.report.statement`).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
-from runner.effects import EFFECTS
+from runner.effects.base import Phrase
+from runner.effects.wording import Values, listed, percent, probability
+from runner.report.statement import NOISE_LEFT, NONE, OVER, UNKNOWN, Kind, Left, Statement, state
+from runner.report.suspects import suspects
 
 if TYPE_CHECKING:
     from runner.diagnosis.pipeline import Diagnosis, Ranked
-    from runner.recording import Nominal
+    from runner.systems.base import AbstractSystem
 
-Values = Mapping[str, float]
-NONE, UNKNOWN = "none", "unknown"
-DEGREES = 180.0 / math.pi
+Numbers = Mapping[str, float]
 SURE = 0.9  # an answer less likely than this asks for more data
-HALF = 0.5  # less likely than that is not an answer
-OVER = 0.05  # squared noises that the nominal model leaves: less is not worth a word
-NOISE_LEFT = 0.99  # of what can be closed: the rest is as good as noise
 NOTEWORTHY = 0.02  # explanations less likely than this are not worth a sentence
+LEAST_SHARE = 0.005  # of anything: less is told as nothing
 
 
 def title(effects: Sequence[str]) -> str:
-    """Return effect names as they are read: `friction + floor tilt`."""
-    return " + ".join(e.replace("_", " ") for e in effects)
+    """Return effect names as they are read: `friction + floor tilt`, `joint friction of elbow`."""
+    return " + ".join(_named(e) for e in effects)
 
 
-def label(effect: str) -> str:
-    """Return what a word of the vocabulary means, without numbers."""
+def _named(effect: str) -> str:
+    name, bracket, target = effect.partition("[")
+    # the name of a target is the owner's own, underscores and all
+    return name.replace("_", " ") + (f" of {target.removesuffix(']')}" if bracket else "")
+
+
+def label(system: AbstractSystem, effect: str) -> str:
+    """Return what a word of a system's vocabulary means, without numbers."""
     if effect == NONE:
         return "nothing that matters differs from the model"
     if effect == UNKNOWN:
         return "something that no known effect explains"
-    return EFFECTS[effect][0].label if effect in EFFECTS else effect.replace("_", " ")
+    candidate = system.vocabulary.by_name[effect][0]
+    return candidate.effect.label + (f" of '{candidate.target}'" if candidate.target else "")
 
 
 def phrase(system: AbstractSystem, effect: str, values: Numbers, errors: Numbers) -> Phrase:
-    """Return an effect of a system's vocabulary in words; of its variants the one that has parameters of these names."""
+    """Return an effect of a vocabulary in words; of its variants the one that has parameters of these names."""
     variants = system.vocabulary.by_name[effect]
     known = [{f.name for f in fields(v.effect)} for v in variants]  # type: ignore[arg-type]
     candidate = next(v for v, names in zip(variants, known, strict=True) if set(values) <= names)
-    return candidate.effect.phrase(Values(values, errors), system.recording.nominal, candidate.target)
+    return candidate.effect.phrase(Values(values, errors), system.beliefs, candidate.target)
 
 
-def phrases(ranked: Ranked, nominal: Nominal) -> list[Phrase]:
+def phrases(system: AbstractSystem, ranked: Ranked) -> list[Phrase]:
     """Return the phrases of an explanation's effects; none for `none` and `unknown`."""
     return [
-        phrase(e, ranked.parameters.get(e, {}), ranked.errors.get(e, {}), nominal)
+        phrase(system, e, ranked.parameters.get(e, {}), ranked.errors.get(e, {}))
         for e in ranked.effects
         if e not in (NONE, UNKNOWN)
     ]
 
 
-def explanation(ranked: Ranked, nominal: Nominal) -> str:
+def explanation(system: AbstractSystem, ranked: Ranked) -> str:
     """Return an explanation in one clause, without a full stop."""
     if not ranked.effects or ranked.effects[0] in (NONE, UNKNOWN):
-        return label(ranked.effects[0] if ranked.effects else NONE)
-    found = phrases(ranked, nominal)
+        return label(system, ranked.effects[0] if ranked.effects else NONE)
+    found = phrases(system, ranked)
     if len(found) == 1:
         return f"{found[0].what}: {found[0].amount}" if found[0].amount else found[0].what
     parts = [f"{p.what} ({p.amount})" if p.amount else p.what for p in found]
@@ -69,85 +76,108 @@ def explanation(ranked: Ranked, nominal: Nominal) -> str:
     return f"{count} things differ from the model: {listed(parts)}"
 
 
-def gain(
-    gap_closed: float | None, applied: str = "With it", *, held_out: bool = True, closable: float | None = None
-) -> str:
-    """Return how much less the simulator misses once it is corrected; empty: not known.
-
-    `closable` is the share of what can be closed (what is missed less the noise, mean squares).
-    """
-    if gap_closed is None or not math.isfinite(gap_closed):
+def gain(said: Statement, applied: str = "With it") -> str:
+    """Return how much less the simulator misses once it is corrected, and what is left; empty: not known."""
+    if said.gap_closed is None:
         return ""
-    where = " on episodes that were not fitted" if held_out else ""
-    if gap_closed < 0.005:
+    where = " on episodes that were not fitted" if said.held_out else ""
+    if said.gap_closed < LEAST_SHARE:
         return f"{applied} the simulator does not come closer{where}."
     left = ""
-    if closable is not None and math.isfinite(closable):
-        left = (
-            "; what is left is the noise of the measurement"
-            if closable >= NOISE_LEFT
-            else f"; of what can be closed, all but the noise, that is {percent(closable)} (mean squares)"
-        )
-    return f"{applied} the simulator misses {percent(gap_closed)} less{where}{left}."
+    if said.settled and said.closable_closed is not None:
+        if said.closable_closed < NOISE_LEFT:
+            left = f"; of what can be closed, all but the noise, that is {percent(said.closable_closed)} (mean squares)"
+        elif said.left is Left.SOMETHING:
+            left = f"; what is left exceeds the noise by {percent(said.over_noise)} (mean squares)"
+        else:
+            left = "; what is left is the noise of the measurement"
+    return f"{applied} the simulator misses {percent(said.gap_closed)} less{where}{left}."
 
 
 def verdict(diagnosis: Diagnosis) -> str:
     """Return what was found, in one or two sentences; the same in report, log and terminal."""
-    top = likeliest(diagnosis)
+    said, system = state(diagnosis), diagnosis.system
+    top = said.top
     chance = f"(probability {probability(top.probability)})"
-    nominal = diagnosis.recording.nominal
-    found = [r for r in ordered(diagnosis) if r.effects and r.effects[0] not in (NONE, UNKNOWN)]
-    several = len(top.effects) > 1
-    with_it = gain(
-        diagnosis.gap_closed,
-        "With them" if several else "With it",
-        held_out=bool(diagnosis.held_out),
-        closable=diagnosis.closure.closable_closed,
-    )
-    if _is(top, NONE):
+    if said.kind is Kind.NONE:
         tail = (
-            f" The likeliest alternative is {title(found[0].effects)} (probability "
-            f"{probability(found[0].probability)})."
-            if found and found[0].probability > NOTEWORTHY
+            f" The likeliest alternative is {title(said.named[0].effects)} (probability "
+            f"{probability(said.named[0].probability)})."
+            if said.named and said.named[0].probability > NOTEWORTHY
             else ""
         )
         over = (
             ""
-            if diagnosis.nominal_excess < OVER
-            else (f" (mean square {1 + diagnosis.nominal_excess:.2f} times the noise's: small errors of any simulator)")
+            if said.over_noise < OVER
+            else (f" (mean square {1 + said.over_noise:.2f} times the noise's: small errors of any simulator)")
         )
         return f"The simulator as believed will do: what it misses needs no effect to explain it{over} {chance}.{tail}"
-    if _is(top, UNKNOWN):
+    if said.kind is Kind.UNKNOWN:
         sentence = f"Something is going on that none of the known effects explains {chance}."
-        if not found:
-            return sentence
-        nearest = gain(
-            found[0].gap_closed,
-            f"With the nearest of them, {title(found[0].effects)},",
-            held_out=bool(diagnosis.held_out),
-        )
+        nearest = gain(said, f"With the nearest of them, {title(said.named[0].effects)},") if said.named else ""
         return f"{sentence} {nearest}".strip()
-    text = explanation(top, nominal)
-    if top.probability < HALF:
-        rivals = [r for r in ordered(diagnosis)[1:] if r.probability > NOTEWORTHY][:2]
+    text = explanation(system, top)
+    if said.kind is Kind.OPEN:
+        rivals = [r for r in said.order[1:] if r.probability > NOTEWORTHY][:2]
         others = listed([f"{title(r.effects)} ({probability(r.probability)})" for r in rivals], "or")
         but = f", but it may also be {others}" if rivals else ""
         return f"This recording does not settle it. Likeliest {chance}{but}: {text}."
+    with_it = gain(said, "With them" if len(top.effects) > 1 else "With it")
     return f"{text[0].upper()}{text[1:]} {chance}. {with_it}".strip()
+
+
+def left(said: Statement) -> str:
+    """Return what the best model leaves, in a few words for a tile."""
+    if said.left is Left.NOISE:
+        return "noise"
+    over = f"{percent(said.over_noise)} over the noise"
+    if said.left is Left.SMALL_ERRORS:
+        return f"{over}: small errors of any simulator"
+    return f"{over}: something else" if said.over_noise >= LEAST_SHARE else "something else"
+
+
+def left_at_large(said: Statement) -> tuple[str, str]:
+    """Return what the best model leaves of whole episodes: what to say in bold, and what follows it."""
+    over = f", {percent(said.over_noise)} on top of the noise's mean square" if said.over_noise >= LEAST_SHARE else ""
+    if said.left is Left.NOISE:
+        return "Nothing is left", " that would matter"
+    if said.left is Left.SMALL_ERRORS:
+        return "Small errors are left", f"{over}: such as any simulator has, and nothing to act on"
+    cause = "no known effect explains it" if said.kind is Kind.UNKNOWN else "part of the gap has another cause"
+    return "Something is left", f"{over}: {cause}"
+
+
+def left_in_windows(said: Statement, exceeds: bool, share: str, sentence: str) -> str:
+    """Return what the corrected model leaves of short stretches.
+
+    Args:
+        said: What is left at large.
+        exceeds: Whether short stretches show anything beyond the noise.
+        share: Of the excess before the correction, in words; empty: not to be compared.
+        sentence: Where it is.
+    """
+    if not exceeds:
+        tail = " What is left builds up over longer ones." if said.left is Left.SOMETHING else ""
+        return f"After the correction no such excess over the noise is left in short stretches.{tail}"
+    much = f"{share} of the excess over the noise" if share else "an excess over the noise"
+    if said.left is Left.SOMETHING:
+        return f"After the correction {much} is left, with another cause: {sentence}."
+    return f"After the correction {much} is left, too little to act on: {sentence}."
 
 
 def confounded(diagnosis: Diagnosis) -> str:
     """Return which explanations these data can't tell from the first, and what comes near; empty: there is nothing."""
-    top = likeliest(diagnosis)
-    others = equals(top)
+    said = state(diagnosis)
+    others = equals(said.top)
     parts = []
     if others:
         names = listed([title(e) for e in others], "or")
         parts.append(
-            f"These data would fit {names} just as well: nothing in the recording tells it from {title(top.effects)}."
+            f"These data would fit {names} just as well: nothing in the recording tells it from "
+            f"{title(said.top.effects)}."
         )
     known = {n for e in others for n in e}
-    for r in diagnosis.rivals if settled(diagnosis) else ():
+    for r in diagnosis.rivals if said.settled else ():
         if r.confounded and r.rival not in known:
             parts.append(f"Such data can hardly tell {title((r.rival,))} from {title((r.effect,))}.")
     return " ".join(parts)
@@ -158,65 +188,71 @@ def equals(ranked: Ranked) -> list[tuple[str, ...]]:
     return [e for e in ranked.equivalent if e and e != (NONE,)]
 
 
-def ordered(diagnosis: Diagnosis) -> list[Ranked]:
-    """Return all explanations, likeliest first."""
-    return sorted(diagnosis.ranked, key=lambda r: -r.probability)
-
-
-def likeliest(diagnosis: Diagnosis) -> Ranked:
-    """Return the likeliest explanation."""
-    return ordered(diagnosis)[0]
-
-
-def _is(ranked: Ranked, word: str) -> bool:
-    return tuple(ranked.effects) == (word,) or (word == NONE and not ranked.effects)
-
-
-def settled(diagnosis: Diagnosis) -> bool:
-    """Whether the likeliest explanation names effects that one can put into a simulator."""
-    return not _is(likeliest(diagnosis), NONE) and not _is(likeliest(diagnosis), UNKNOWN)
-
-
 def next_steps(diagnosis: Diagnosis) -> list[str]:
     """Return what to do next, most useful first, one or two sentences each."""
-    top, nominal = likeliest(diagnosis), diagnosis.recording.nominal
-    steps: list[str] = []
-    if _is(top, NONE):
-        steps.append("Keep your model. Nothing in this recording asks for a change of it.")
-        steps.append("Should it miss elsewhere, record what you care about: other speeds, loads, places on the floor.")
-    elif _is(top, UNKNOWN):
-        steps.append(
-            "Look below at where and when the simulator misses, and at the force that is missing: regime, "
-            "place, heading, speed and time of the gap are the best hint at its cause."
-        )
-        steps.append("Check the recording itself: time stamps, axes, calibration, whether anything touched the object.")
+    said = state(diagnosis)
+    if said.kind is Kind.NONE:
+        steps = [
+            "Keep your model. Nothing in this recording asks for a change of it.",
+            "Should it miss elsewhere, record what you care about: other speeds, loads, places.",
+        ]
+    elif said.kind is Kind.UNKNOWN:
+        steps = _suspicions(diagnosis)
     else:
-        found = phrases(top, nominal)
-        steps.append(
-            " ".join(p.remedy for p in found) + " The corrected model is ready in corrected.yaml (and model.xml, "
-            "for use within runner), in the folder of this report."
-        )
-        if equals(top):
-            others = listed([title(e) for e in equals(top)], "or")
-            steps.append(
-                f"Decide between {title(top.effects)} and {others} by a measurement of another kind: "
-                "more recordings like this one can't."
-            )
-        checks = [p.check for p in found if p.check]
-        for names in equals(top):
-            checks += [c for n in names if (c := phrase(n, {}, {}, nominal).check) and "?" not in c and c not in checks]
-        steps.append("Confirm it by hand. " + " ".join(checks))
+        steps = _corrections(diagnosis.system, said.top)
     if diagnosis.next_push:
         text = diagnosis.next_push.strip()
-        steps.append(f"Next push: {text}" + ("" if text.endswith((".", "!")) else "."))
-    if top.probability < SURE:
+        steps.append(f"Next {diagnosis.system.experiment}: {text}" + ("" if text.endswith((".", "!")) else "."))
+    if said.top.probability < SURE:
         steps.append(
-            "The answer is likely, not certain: record more episodes, with stronger and more varied pushes, "
+            "The answer is likely, not certain: record more episodes, with stronger and more varied commands, "
             "and diagnose all of them together."
         )
-    if settled(diagnosis):
+    if said.settled:
         steps.append(
-            "Record again, other pushes than before, and let the corrected model predict them: "
-            "`runner gap recording=NEW model=corrected.yaml` should show the noise and no more."
+            "Record again, other commands than before, and let the corrected model predict them: "
+            f"`runner gap recording=NEW model=corrected.yaml` {_to_be_expected(said)}"
         )
+    return steps
+
+
+def _to_be_expected(said: Statement) -> str:
+    """Return what a corrected model should miss of another recording."""
+    if said.left is Left.NOISE:
+        return "should show the noise and no more."
+    if said.left is Left.SMALL_ERRORS:
+        return "should show no more than what is left here."
+    return "will show what is left here too, as long as its cause is not found."
+
+
+def _suspicions(diagnosis: Diagnosis) -> list[str]:
+    """Return what to look at where no effect explains the gap."""
+    found = suspects(diagnosis.system, diagnosis.where)
+    return [
+        *(f"{s.where} {s.advice}" for s in found),
+        "Look below at where and when the simulator misses, and at the force that is missing: they are the best hint "
+        "at its cause.",
+        f"Check the recording itself: time stamps, axes, calibration, whether anything touched the "
+        f"{diagnosis.system.noun}.",
+    ]
+
+
+def _corrections(system: AbstractSystem, top: Ranked) -> list[str]:
+    """Return what to change in the simulator, what to decide, and what to confirm by hand."""
+    found, others = phrases(system, top), equals(top)
+    steps = [
+        " ".join(p.remedy for p in found) + " The corrected model is ready in corrected.yaml (and model.xml, "
+        "for use within runner), in the folder of this report."
+    ]
+    if others:
+        steps.append(
+            f"Decide between {title(top.effects)} and {listed([title(e) for e in others], 'or')} by a measurement of "
+            "another kind: more recordings like this one can't."
+        )
+    checks = [p.check for p in found if p.check]
+    for names in others:
+        # a check that speaks of the fitted values has none to speak of
+        checks += [c for n in names if (c := phrase(system, n, {}, {}).check) and "?" not in c and c not in checks]
+    if checks:
+        steps.append("Confirm it by hand. " + " ".join(checks))
     return steps

@@ -18,10 +18,10 @@ from runner.estimation.eq6 import ComEq6, Factor
 from runner.estimation.joint import Joint, PriorConfig, write_view
 from runner.physics.forces import AbstractForces, Offcentre, Straight
 from runner.studies.base import AbstractStudy, Rows
+from runner.teleop.batch import run_batch
 from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig
 from runner.teleop.follow import Immediate
 from runner.teleop.link import LinkConfig
-from runner.teleop.loop import run_batch
 
 OVER_TIME = "over_time.parquet"
 

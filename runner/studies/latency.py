@@ -28,11 +28,12 @@ from runner.estimation.data import measured_sd
 from runner.physics import dry_friction
 from runner.progress import progress
 from runner.studies.base import AbstractStudy, Rows
+from runner.teleop.batch import run_batch
 from runner.teleop.experiment import Experiment, commands
 from runner.teleop.follow import Immediate, Unaware
 from runner.teleop.frames import RunResult
 from runner.teleop.link import LinkConfig, NoiseConfig, arrivals, taken_in
-from runner.teleop.loop import run, run_batch
+from runner.teleop.loop import run
 from runner.teleop.parameters import PARAMETERS
 from runner.teleop.sinks import RrdSink
 

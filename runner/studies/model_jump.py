@@ -27,10 +27,11 @@ from runner.physics import dry_friction
 from runner.physics.scene import build, handles
 from runner.progress import track
 from runner.studies.base import AbstractStudy, Rows
+from runner.teleop.batch import run_batch
+from runner.teleop.columns import POSITION, VELOCITY
 from runner.teleop.experiment import Experiment, commands, set_start
 from runner.teleop.follow import AbstractFollow, Blended, DeadBand, FreeSpace, Immediate, RateLimited
 from runner.teleop.frames import RunResult
-from runner.teleop.loop import POSITION, VELOCITY, run_batch
 from runner.teleop.sinks import RrdSink
 
 WEBER_FORCE = 0.07  # Pang, Tan and Durlach 1991

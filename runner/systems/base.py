@@ -21,6 +21,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
@@ -151,8 +152,8 @@ class Signals(Protocol):
         ...
 
     @property
-    def t_s(self) -> tuple[np.ndarray, ...]:
-        """Times of the samples of each episode, (T,)."""
+    def spans(self) -> tuple[Span, ...]:
+        """Where in the recording each episode lies: parts of episodes are taken for episodes of their own."""
         ...
 
 
@@ -291,6 +292,7 @@ class AbstractSystem(ABC):
         channels: What is measured, C of them.
         initial: The unknown start.
         vocabulary: What may differ between world and model.
+        beliefs: What effects are told when they put themselves into words.
         context: What candidates of the vocabulary are told when they describe themselves; opaque to the diagnosis.
         disturbance: The missing generalised force.
         rate_hz: Usual samples per second.
@@ -301,12 +303,14 @@ class AbstractSystem(ABC):
         noun: What the object is called in a sentence: "object", "mechanism".
         experiment: What is done to it: "push"; `reach`: what limits that so far; `reach_further`: what would go beyond.
         plan_view: Positions in `channels` of two lengths that make a map, or None.
+        force_views: Further columns of the table of missing forces that are worth a drawing, each with its label.
     """
 
     recording: Any  # a Recorded; each kind of system has its own
     channels: tuple[Channel, ...]
     initial: AbstractInitialState
     vocabulary: Vocabulary
+    beliefs: Any
     context: Any
     disturbance: Disturbance
     rate_hz: float
@@ -318,6 +322,7 @@ class AbstractSystem(ABC):
     reach: str = "the commands used so far"
     reach_further: str = "command more, or otherwise"
     plan_view: tuple[int, int] | None = None
+    force_views: Mapping[str, str] = MappingProxyType({})
 
     @abstractmethod
     def values(self) -> tuple[FloatArray, ...]:
@@ -382,6 +387,19 @@ class AbstractSystem(ABC):
             episode: Its position in the recording.
             channels: Measured or predicted, (T, C), without NaN.
         """
+
+    def believed(self) -> tuple[tuple[str, str], ...]:
+        """Return what the owner believes of the object, for a reader: ("mass", "3 kg")."""
+        return ()
+
+    def command_arrows(self, episode: int, channels: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Return commanded forces to draw: where each acts and how large it is, world axes, (T, 3) m and N; or None.
+
+        Args:
+            episode: Its position in the recording.
+            channels: Measured or predicted, (T, C), without NaN.
+        """
+        return None
 
 
 __all__ = [

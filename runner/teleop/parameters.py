@@ -23,7 +23,7 @@ PARAMETERS = (MASS, COM_X, COM_Y, YAW_INERTIA, FRICTION)
 _MU = dry_friction.COLUMN["mu"]
 
 
-class Numbers(NamedTuple):
+class ModelArrays(NamedTuple):
     """Live arrays of a model, by body: mass (b,), diagonal inertia (b, 3), CoM (b, 3), the law's record (b, n)."""
 
     body_mass: np.ndarray
@@ -32,7 +32,7 @@ class Numbers(NamedTuple):
     body_user: np.ndarray
 
     @classmethod
-    def of(cls, model: mujoco.MjModel) -> Numbers:
+    def of(cls, model: mujoco.MjModel) -> ModelArrays:
         """Return those of a model."""
         return cls(*(getattr(model, name) for name in cls._fields))
 
@@ -46,7 +46,7 @@ def values_of(body: BodyConfig) -> dict[str, float]:
 
 def values_in(model: mujoco.MjModel, body_id: int) -> dict[str, float]:
     """Return all parameters of a body in a compiled model."""
-    numbers = Numbers.of(model)
+    numbers = ModelArrays.of(model)
     x, y = numbers.body_ipos[body_id, :2]
     found = (numbers.body_mass[body_id], x, y, numbers.body_inertia[body_id, 2], numbers.body_user[body_id, _MU])
     return dict(zip(PARAMETERS, map(float, found), strict=True))
@@ -66,7 +66,7 @@ def sizes(names: Sequence[str], body: BodyConfig, values: np.ndarray) -> np.ndar
 
 
 def writer(
-    names: Sequence[str], numbers: Numbers, body_id: int, body: BodyConfig
+    names: Sequence[str], numbers: ModelArrays, body_id: int, body: BodyConfig
 ) -> Callable[[Sequence[float] | np.ndarray], None]:
     """Return the function that writes values of these parameters into a body.
 

@@ -6,7 +6,6 @@ rows of the runs that have ended in a file of its own in `rows/`, a line of JSON
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import os
@@ -21,6 +20,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+from filelock import FileLock, Timeout
 
 from runner.errors import ResultError, RunnerError
 from runner.teleop.frames import RunResult, Truth
@@ -161,12 +161,8 @@ class Ledger:
     @contextmanager
     def held(self) -> Iterator[Ledger]:
         """Hold the file while the task is done: a worker can outlive the sweep that was killed, see `still_held`."""
-        handle = os.open(self._path, os.O_WRONLY | os.O_CREAT, 0o644)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX)
+        with FileLock(self._path):
             yield self
-        finally:
-            os.close(handle)
 
     def write(self, job: int, rows: Sequence[Mapping[str, Any]]) -> None:
         """Note the rows of a run, most often one."""
@@ -180,13 +176,11 @@ class Ledger:
 def still_held(folder: Path) -> bool:
     """Tell whether a process is still doing a task of a sweep."""
     for file in (folder / ROWS).glob("*.jsonl"):
-        handle = os.open(file, os.O_WRONLY)
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+            with FileLock(file, blocking=False):
+                pass
+        except Timeout:
             return True
-        finally:
-            os.close(handle)
     return False
 
 

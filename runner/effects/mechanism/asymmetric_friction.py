@@ -70,7 +70,7 @@ class AsymmetricFriction(MechanismEffect):
             f"in the positive direction {of.show('dry', '%', 100)} more dry and {of.show('viscous', '%', 100)} more "
             "viscous friction than in the negative, relative to their mean",
             f'Add <general joint="{target}" gainprm="0" biastype="affine" biasprm="{parts.attribute(offset)} 0 0"/> to '
-            f"the actuators. MuJoCo has no viscous friction by direction: apply {parts.attribute(bend)} |v|, in {unit}, "
-            "besides.",
+            f"the actuators. MuJoCo has no viscous friction by direction: apply {parts.attribute(bend)} |v| "
+            f"besides, in {unit}.",
             f"Pull '{target}' slowly both ways with a force gauge.",
         )

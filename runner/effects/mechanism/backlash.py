@@ -12,7 +12,7 @@ import numpy as np
 from runner.effects.base import Parameter, Phrase, Vector
 from runner.effects.mechanism import parts
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
-from runner.effects.mechanism.drive import add_drive, add_play, settle
+from runner.effects.mechanism.drive import add_drive, couple, fit_to_step, settle
 from runner.effects.wording import DEGREES, Values, length, plus_minus
 from runner.errors import check_range
 
@@ -35,6 +35,7 @@ class Backlash(MechanismEffect):
     def __post_init__(self) -> None:
         check_range("backlash.play", self.play, 0.0, 1e3, unit="rad")
         check_range("backlash.friction_share_of_drive", self.friction_share_of_drive, 0.0, 1.0)
+        object.__setattr__(self, "structural", self.play > 0.0)  # without play there is nothing to build
 
     @property
     def follows(self) -> Mapping[str, str]:
@@ -43,7 +44,11 @@ class Backlash(MechanismEffect):
     def edit_spec(self, spec: mujoco.MjSpec) -> None:
         if self.play > 0.0:
             add_drive(spec, self.target, self.friction_share_of_drive)
-            add_play(spec, self.target, self.play)
+            couple(spec, self.target, play=self.play)
+
+    def edit_model(self, model: mujoco.MjModel) -> None:
+        if self.play > 0.0:
+            fit_to_step(model, self.target)
 
     def edit_start(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         if self.play > 0.0:

@@ -13,7 +13,7 @@ import numpy as np
 from runner.effects.base import Parameter, Phrase, Vector
 from runner.effects.mechanism import parts
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
-from runner.effects.mechanism.drive import add_drive, add_spring, settle
+from runner.effects.mechanism.drive import add_drive, couple, fit_to_step, settle
 from runner.effects.wording import Values
 from runner.errors import check_range
 
@@ -38,6 +38,7 @@ class Compliance(MechanismEffect):
     def __post_init__(self) -> None:
         if self.stiffness != math.inf:
             check_range("compliance.stiffness", self.stiffness, 0.0, 1e15, unit="N m/rad", lower_open=True)
+        object.__setattr__(self, "structural", math.isfinite(self.stiffness))  # what is rigid needs nothing built
 
     @property
     def follows(self) -> Mapping[str, str]:
@@ -47,9 +48,13 @@ class Compliance(MechanismEffect):
         if not math.isfinite(self.stiffness):
             return
         add_drive(spec, self.target, FRICTION_SHARE)
-        add_spring(spec, self.target, self.stiffness, DAMPING_RATIO)
+        couple(spec, self.target, stiffness=self.stiffness, damping_ratio=DAMPING_RATIO)
         if spec.option.integrator == mujoco.mjtIntegrator.mjINT_EULER:  # takes damping of tendons explicitly
             spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+
+    def edit_model(self, model: mujoco.MjModel) -> None:
+        if math.isfinite(self.stiffness):
+            fit_to_step(model, self.target)
 
     def edit_start(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         if math.isfinite(self.stiffness):

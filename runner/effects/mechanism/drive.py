@@ -12,6 +12,8 @@ still has its name, and a position servo now feels its own encoder, which sits o
 from __future__ import annotations
 
 import math
+from dataclasses import astuple, dataclass, fields, replace
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -23,6 +25,8 @@ UNKNOWN_ARMATURE = 0.02  # of the joint's inertia, where the model has none
 STOP_TIME_CONSTANT_S = 1e-3  # MuJoCo raises it to two steps
 STOP_IMPEDANCE = (0.99, 0.999, 0.001, 0.5, 2.0)
 FASTEST = 0.7  # natural frequency times step that a spring may have
+TIGHT = 1e-9  # rad or m, half the play where there is none: MuJoCo refuses a range of no width
+SLUGGISH = 0.7  # damping ratio of one that would be faster
 STIFFEST = 0.9999  # impedance of a constraint: MuJoCo's highest
 
 
@@ -85,52 +89,87 @@ def add_drive(spec: mujoco.MjSpec, joint: str, friction_share: float) -> None:
     tendon.wrap_joint(joint + DRIVE, -1.0)
 
 
-def add_play(spec: mujoco.MjSpec, joint: str, play: float) -> None:
-    """Let a joint and its drive move freely by so much in all, rad or m."""
-    tendon, half = spec.tendon(joint + COUPLING), 0.5 * play
-    rigid = spec.equality(joint + COUPLING)
-    if rigid is not None:  # a spring too fast for the step gives nothing beside the play
-        spec.delete(rigid)
-    if np.asarray(tendon.stiffness).flat[0] > 0.0:
-        tendon.springlength = [-half, half]
-        return
-    tendon.limited = int(mujoco.mjtLimited.mjLIMITED_TRUE)
-    tendon.range = [-half, half]
-    tendon.solref_limit = [STOP_TIME_CONSTANT_S, 1.0]
-    tendon.solimp_limit = list(STOP_IMPEDANCE)
+@dataclass(frozen=True)
+class Coupling:
+    """What lies between drive and link. It is kept in the tendon's `user` numbers, in this order.
 
-
-def add_spring(spec: mujoco.MjSpec, joint: str, stiffness: float, damping_ratio: float) -> None:
-    """Couple a joint and its drive by a spring and a damper, N m/rad or N/m, beyond the play that they have.
-
-    MuJoCo steps springs explicitly. One that is too fast for the step becomes a constraint, which is solved implicitly:
-    the same give under a steady load, and a natural frequency that the step can follow.
+    Args:
+        play: Rad or m, in all.
+        stiffness: N m/rad or N/m; 0 stands for rigid flanks.
+        damping_ratio: Of link against drive on the spring.
     """
+
+    play: float = 0.0
+    stiffness: float = 0.0
+    damping_ratio: float = 0.0
+
+
+def couple(spec: mujoco.MjSpec, joint: str, **changes: float) -> None:
+    """Change the coupling of a joint and its drive: see `Coupling`; what is left out stays."""
     tendon = spec.tendon(joint + COUPLING)
-    model = spec.copy().compile()
+    coupling = replace(Coupling(*tendon.userdata), **changes)
+    tendon.userdata = astuple(coupling)
+    if spec.nuser_tendon >= 0:
+        spec.nuser_tendon = max(spec.nuser_tendon, len(tendon.userdata))
+    # inertias are asked for by springs alone, and compiling takes a while
+    numbers = _numbers(spec.copy().compile(), joint, coupling) if coupling.stiffness else _flanks(coupling)
+    tendon.stiffness = _first(tendon.stiffness, numbers.stiffness)
+    tendon.damping = _first(tendon.damping, numbers.damping)
+    tendon.springlength, tendon.range = numbers.flanks, numbers.flanks
+    kinds = mujoco.mjtLimited
+    tendon.limited = int(kinds.mjLIMITED_TRUE if numbers.limited else kinds.mjLIMITED_FALSE)
+    tendon.solref_limit, tendon.solimp_limit = numbers.solref, numbers.solimp
+
+
+def fit_to_step(model: mujoco.MjModel, joint: str) -> None:
+    """Write the coupling of a joint and its drive anew, for the step that the model has now."""
+    tendon = model.tendon(joint + COUPLING).id
+    numbers = _numbers(model, joint, Coupling(*model.tendon_user[tendon, : len(fields(Coupling))]))
+    model.tendon_stiffness[tendon], model.tendon_damping[tendon] = numbers.stiffness, numbers.damping
+    model.tendon_lengthspring[tendon], model.tendon_range[tendon] = numbers.flanks, numbers.flanks
+    model.tendon_limited[tendon] = numbers.limited
+    model.tendon_solref_lim[tendon], model.tendon_solimp_lim[tendon] = numbers.solref, numbers.solimp
+
+
+class _Numbers(NamedTuple):
+    """A coupling as numbers of a tendon, under MuJoCo's names."""
+
+    stiffness: float
+    damping: float
+    flanks: list[float]
+    limited: bool
+    solref: list[float]
+    solimp: list[float]
+
+
+def _numbers(model: mujoco.MjModel, joint: str, coupling: Coupling) -> _Numbers:
+    """Return the numbers of a coupling at the model's step.
+
+    MuJoCo steps springs explicitly. One that is too fast for the step becomes a soft limit, which is solved implicitly:
+    it gives as much under a steady load, and swings as fast as the step can follow, damped.
+    """
+    rigid, stiffness = _flanks(coupling), coupling.stiffness
+    if stiffness == 0.0:
+        return rigid
     link, drive = (float(model.dof_M0[int(model.joint(j).dofadr[0])]) for j in (joint, joint + DRIVE))
-    inertia, step = link * drive / (link + drive), float(spec.option.timestep)
-    played = tendon.limited == mujoco.mjtLimited.mjLIMITED_TRUE
+    inertia, step = link * drive / (link + drive), float(model.opt.timestep)
     if stiffness * step**2 <= FASTEST**2 * inertia:
-        half = float(tendon.range[1]) if played else 0.0
-        tendon.limited = int(mujoco.mjtLimited.mjLIMITED_FALSE)
-        tendon.springlength = [-half, half]
-        tendon.stiffness = _first(tendon.stiffness, stiffness)
-        tendon.damping = _first(tendon.damping, 2.0 * damping_ratio * math.sqrt(stiffness * inertia))
-    elif not played:
-        # MuJoCo's constraint: force = weight (-rate r - damping v - a), weight = d / (1 - d) / inverse inertia
-        weight = stiffness * step**2 / FASTEST**2
-        inverse = float(model.tendon_invweight0[model.tendon(joint + COUPLING).id])
-        d = min(weight * inverse / (1.0 + weight * inverse), STIFFEST)
-        rate = stiffness * inverse * (1.0 - d) / d
-        spec.add_equality(
-            name=joint + COUPLING,
-            type=mujoco.mjtEq.mjEQ_TENDON,
-            name1=joint + COUPLING,
-            active=True,
-            solref=[-min(rate, (FASTEST / step) ** 2) * d, -2.0 * FASTEST / step * d],
-            solimp=[d, d, 0.001, 0.5, 2.0],
-        )
+        damping = 2.0 * coupling.damping_ratio * math.sqrt(stiffness * inertia)
+        return rigid._replace(stiffness=stiffness, damping=damping, limited=False)
+    # MuJoCo's constraint: force = weight (-rate r - damping v - a), weight = d / (1 - d) / inverse inertia
+    inverse = float(model.tendon_invweight0[model.tendon(joint + COUPLING).id])
+    weight = stiffness * step**2 / FASTEST**2
+    d = min(weight * inverse / (1.0 + weight * inverse), STIFFEST)
+    weight = d / (1.0 - d) / inverse
+    rate = min(stiffness / weight, (FASTEST / step) ** 2)
+    damping = 2.0 * SLUGGISH * math.sqrt(rate * (1.0 + inertia / weight))
+    return rigid._replace(solref=[-rate * d, -damping * d], solimp=[d, d, 0.001, 0.5, 2.0])
+
+
+def _flanks(coupling: Coupling) -> _Numbers:
+    """Return the numbers of rigid flanks, so far apart as there is play."""
+    half = max(0.5 * coupling.play, TIGHT)
+    return _Numbers(0.0, 0.0, [-half, half], True, [STOP_TIME_CONSTANT_S, 1.0], [*STOP_IMPEDANCE])
 
 
 def _first(coefficients: float | np.ndarray, value: float) -> float | np.ndarray:
@@ -157,14 +196,12 @@ def settle(model: mujoco.MjModel, data: mujoco.MjData, joint: str) -> None:
     apart = float(data.qacc[a] - data.qacc[b])  # of the link from the drive
     if apart == 0.0:
         return
-    sprung = float(model.tendon_stiffness[tendon]) > 0.0
-    ends = model.tendon_lengthspring if sprung else model.tendon_range  # (0, 0) where there is neither
-    half = float(ends[tendon, 1])
-    offset = half if apart > 0 else -half
-    if sprung:
+    coupling = Coupling(*model.tendon_user[tendon, : len(fields(Coupling))])
+    offset = math.copysign(0.5 * coupling.play, apart)
+    if coupling.stiffness > 0.0:
         difference = np.zeros((1, model.nv))
         difference[0, a], difference[0, b] = 1.0, -1.0
         response = np.empty_like(difference)
         mujoco.mj_solveM(model, data, response, difference)
-        offset += apart / (float(model.tendon_stiffness[tendon]) * float(difference[0] @ response[0]))
+        offset += apart / (coupling.stiffness * float(difference[0] @ response[0]))
     data.qpos[q] -= offset

@@ -24,7 +24,7 @@ class AirDrag(PlanarEffect):
         check_range("air_drag.coefficient_n_s2_per_m2", self.coefficient_n_s2_per_m2, 0.0, 1e6, unit="N s2/m2")
 
     def edit_model(self, target: Target) -> None:
-        target.law["air_drag"] = self.coefficient_n_s2_per_m2
+        target.dry_friction["air_drag"] = self.coefficient_n_s2_per_m2
 
     @classmethod
     def parameters(cls, context: Context) -> tuple[Parameter, ...]:

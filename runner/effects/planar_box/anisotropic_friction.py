@@ -36,9 +36,9 @@ class AnisotropicFriction(PlanarEffect):
 
     def edit_model(self, target: Target) -> None:
         a = (self.ratio - 1) / (self.ratio + 1)
-        law = target.law
-        law["along"], law["across"], law["aniso_angle"] = 1 + a, 1 - a, self.angle_rad
-        law["normality"] = self.normality
+        friction = target.dry_friction
+        friction["along"], friction["across"], friction["aniso_angle"] = 1 + a, 1 - a, self.angle_rad
+        friction["normality"] = self.normality
 
     @classmethod
     def parameters(cls, context: Context) -> tuple[Parameter, ...]:

@@ -18,7 +18,7 @@ import numpy as np
 from dm_control import mjcf
 
 from runner.effects.base import AbstractEffect
-from runner.physics.dry_friction import LawView
+from runner.physics.dry_friction import FrictionView
 
 
 class Beliefs(Protocol):
@@ -76,9 +76,9 @@ class Target:
     scratch: mujoco.MjData
 
     @property
-    def law(self) -> LawView:
-        """The body's friction law."""
-        return LawView(self.model, self.body_id)
+    def dry_friction(self) -> FrictionView:
+        """The body's dry friction."""
+        return FrictionView(self.model, self.body_id)
 
     @property
     def dofs(self) -> slice:

@@ -24,7 +24,7 @@ class ContactPressure(PlanarEffect):
         check_range("contact_pressure.share", self.share, -50.0, 50.0)
 
     def edit_model(self, target: Target) -> None:
-        target.law["pressure"] = self.share
+        target.dry_friction["pressure"] = self.share
 
     @classmethod
     def parameters(cls, context: Context) -> tuple[Parameter, ...]:

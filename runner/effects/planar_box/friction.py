@@ -26,7 +26,7 @@ class Friction(PlanarEffect):
         check_range("friction.mu", self.mu, 0.0, 10.0)
 
     def edit_model(self, target: Target) -> None:
-        target.law["mu"] = self.mu
+        target.dry_friction["mu"] = self.mu
         model = target.model
         for pair in range(model.npair):
             if model.geom_bodyid[model.pair_geom2[pair]] == target.body_id:

@@ -35,9 +35,9 @@ class FrictionPatch(PlanarEffect):
         check_range("friction_patch.radius_m", self.radius_m, 1e-3, 1e3, unit="m")
 
     def edit_model(self, target: Target) -> None:
-        law = target.law
-        law["patch"], law["patch_radius"] = self.change, self.radius_m
-        law["patch_x"], law["patch_y"] = self.x_m, self.y_m
+        friction = target.dry_friction
+        friction["patch"], friction["patch_radius"] = self.change, self.radius_m
+        friction["patch_x"], friction["patch_y"] = self.x_m, self.y_m
 
     @classmethod
     def parameters(cls, context: Context) -> tuple[Parameter, ...]:

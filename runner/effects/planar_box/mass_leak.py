@@ -24,7 +24,7 @@ class MassLeak(PlanarEffect):
         check_range("mass_leak.share_per_s", self.share_per_s, -1.0, 1.0, unit="1/s")
 
     def edit_model(self, target: Target) -> None:
-        target.law["mass_leak"] = self.share_per_s
+        target.dry_friction["mass_leak"] = self.share_per_s
 
     @classmethod
     def parameters(cls, context: Context) -> tuple[Parameter, ...]:

@@ -28,7 +28,7 @@ class Stiction(PlanarEffect):
         check_range("stiction.excess", self.excess, 0.0, 20.0)
 
     def edit_model(self, target: Target) -> None:
-        target.law["stiction"] = self.excess
+        target.dry_friction["stiction"] = self.excess
 
     @classmethod
     def parameters(cls, context: Context) -> tuple[Parameter, ...]:

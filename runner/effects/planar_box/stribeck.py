@@ -29,7 +29,7 @@ class Stribeck(PlanarEffect):
         check_range("stribeck.speed_m_s", self.speed_m_s, 1e-3, 100.0, unit="m/s")
 
     def edit_model(self, target: Target) -> None:
-        target.law["stribeck"], target.law["stribeck_speed"] = self.change, self.speed_m_s
+        target.dry_friction["stribeck"], target.dry_friction["stribeck_speed"] = self.change, self.speed_m_s
 
     @classmethod
     def parameters(cls, context: Context) -> tuple[Parameter, ...]:

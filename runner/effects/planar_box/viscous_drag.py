@@ -25,7 +25,7 @@ class ViscousFilm(PlanarEffect):
         check_range("viscous_drag.film_n_s_per_m", self.film_n_s_per_m, 0.0, 1e6, unit="N s/m")
 
     def edit_model(self, target: Target) -> None:
-        target.law["film"] = self.film_n_s_per_m
+        target.dry_friction["film"] = self.film_n_s_per_m
 
     @classmethod
     def parameters(cls, context: Context) -> tuple[Parameter, ...]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import ChannelSource
-from runner.systems.base import AbstractInitialState, FloatArray, Signals, Windows
+from runner.systems.base import AbstractInitialState, FloatArray, Signals, Span, Windows
 from runner.systems.mechanism import quaternions
 from runner.systems.mechanism.coordinates import HINGE, Coordinates
 from runner.systems.mechanism.models import OWN, Models
@@ -96,8 +96,9 @@ class MechanismStart(AbstractInitialState):
 
     def guess(self, signals: Signals, episode: int) -> FloatArray:
         """Return the start from local polynomials through the first samples; at rest: level at the first."""
-        x = self._solve(signals, episode, 0, smooth=True, rests=self._recording.mapping.rests)
-        if self._recording.mapping.rests:
+        rests = self._recording.mapping.rests and signals.spans[episode].begin == 0
+        x = self._solve(signals, episode, 0, smooth=True, rests=rests)
+        if rests:
             x[self._coordinates.nv :] = 0.0
         return x
 
@@ -124,6 +125,8 @@ class MechanismStart(AbstractInitialState):
         """Return the numbers that the channels around a sample tell, (S,)."""
         nv, broad = self._coordinates.nv, self.broad()
         level, slope = self._local(signals, episode, first, smooth=smooth, rests=rests)
+        # from here on the episode is that of the recording
+        episode, first = signals.spans[episode].episode, signals.spans[episode].begin + first
         told = np.array([t == "position" for t in self._tells]) & np.isfinite(level)
         reference = np.array(self._model.qpos0)
         qpos = self._posed(np.where(told, level, np.nan), episode, first, signals.sigma, reference)
@@ -172,10 +175,11 @@ class MechanismStart(AbstractInitialState):
         self, signals: Signals, episode: int, first: int, *, smooth: bool, rests: bool
     ) -> tuple[FloatArray, FloatArray]:
         """Return level and slope of each channel at a sample, (C,): of a quadratic around it, NaN where nothing is."""
-        t = self._recording.episodes[episode].t_s
+        whole = signals.spans[episode]
+        t = self._recording.episodes[whole.episode].t_s[whole.begin : whole.end]
         reach = max(FEWEST, round(SMOOTH_S / self._recording.step_s))
         span = slice(max(0, first - reach), min(len(t), first + reach + 1))
-        values = self._turned(signals.values[episode], episode, first)[span]
+        values = self._turned(signals.values[episode], whole, first)[span]
         valid = signals.valid[episode][span] & np.isfinite(values)
         time = t[span] - t[first]
         here = first - (span.start or 0)
@@ -194,14 +198,16 @@ class MechanismStart(AbstractInitialState):
                 slope[these] = fitted[1]
         return level, slope
 
-    def _turned(self, values: FloatArray, episode: int, first: int) -> FloatArray:
+    def _turned(self, values: FloatArray, whole: Span, first: int) -> FloatArray:
         """Return the values with orientations as turns from the measured one at a sample, body axes."""
         out = np.array(values)
         for k, source in enumerate(self._sources):
             if source.quantity == "orientation" and source.index == 0:
-                measured = self._recording.episodes[episode].orientations[source.column]
+                measured = self._recording.episodes[whole.episode].orientations[source.column][whole.begin : whole.end]
                 out[:, k : k + 3] = quaternions.logarithm(
-                    quaternions.multiply(quaternions.inverse(self._reference(episode, first, source)), measured)
+                    quaternions.multiply(
+                        quaternions.inverse(self._reference(whole.episode, whole.begin + first, source)), measured
+                    )
                 )
         return out
 

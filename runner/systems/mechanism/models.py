@@ -40,6 +40,9 @@ FRAME_SENSORS = {
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 
 
+Signature = tuple[tuple[tuple[type, str | None], ...], tuple[int, ...]]
+
+
 @dataclass(frozen=True)
 class Compiled:
     """A model with the elements that structural effects add, holding the believed numbers otherwise.
@@ -56,12 +59,15 @@ class Compiled:
     model: mujoco.MjModel
     coordinates: Coordinates
     data: tuple[mujoco.MjData, ...]
-    signature: tuple[tuple[type, str | None], ...]
+    signature: Signature
 
 
-def signature_of(effects: Effects) -> tuple[tuple[type, str | None], ...]:
-    """Return which structural effects there are, and of what."""
-    return tuple((type(e), getattr(e, "target", None)) for e in effects if e.structural)
+def _signature(effects: Effects, model: mujoco.MjModel) -> Signature:
+    """Return which structural effects there are, of what, and how large the model is: some add nothing at zero."""
+    return (
+        tuple((type(e), getattr(e, "target", None)) for e in effects if e.structural),
+        (int(model.nq), int(model.nv), int(model.nbody), int(model.ntendon), int(model.neq)),
+    )
 
 
 class Models:
@@ -126,15 +132,19 @@ class Models:
             spec = self.spec(key, instrumented=True)
             with quiet():
                 model = spec.compile()
-            same = next((c for c in self._compiled.values() if c.signature == signature_of(key)), None)
+            signature = _signature(key, model)
+            same = next((c for c in self._compiled.values() if c.signature == signature), None)
             data = same.data if same else tuple(mujoco.MjData(model) for _ in range(self.threads))
-            self._compiled[key] = Compiled(spec, model, Coordinates(model), data, signature_of(key))
+            self._compiled[key] = Compiled(spec, model, Coordinates(model), data, signature)
         return self._compiled[key]
 
-    def edited(self, effects: Effects) -> mujoco.MjModel:
-        """Return the model with these effects in it, as MuJoCo would take it from a file."""
+    def edited(self, effects: Effects, step_s: float | None = None) -> mujoco.MjModel:
+        """Return the model with these effects in it, as MuJoCo would take it from a file; None: with its own step."""
         base = self.compiled(effects)
         model = copy.copy(base.model)
+        if step_s is not None:
+            # some effects are written in another way where the step is long
+            model.opt.timestep = step_s
         for effect in mechanical(effects):
             effect.edit_model(model)
         mujoco.mj_setConst(model, base.data[0])
@@ -146,7 +156,7 @@ class Models:
         if key not in self._models:
             if len(self._models) > KEPT_MODELS:
                 self._models.clear()
-            model = self.edited(effects)
+            model = self.edited(effects, step_s)
             _discretise(model, step_s, self.compiled(effects).data[0], leapfrog=self.leapfrog)
             self._models[key] = model
         return self._models[key]
@@ -203,8 +213,7 @@ def servo_damping(model: mujoco.MjModel) -> FloatArray:
 
 
 def _discretise(model: mujoco.MjModel, step_s: float, scratch: mujoco.MjData, *, leapfrog: bool) -> None:
-    """Set the step and what belongs to it; see the module's docstring."""
-    model.opt.timestep = step_s
+    """Set what belongs to the step; see the module's docstring."""
     # a run that diverges must end there, not begin anew
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     time = model.dof_solref[:, 0]

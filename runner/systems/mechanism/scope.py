@@ -11,7 +11,7 @@ import numpy as np
 from runner.effects.mechanism import EFFECTS, Scope
 from runner.effects.vocabulary import Candidate, Vocabulary
 from runner.recording.model_form import MechanismRecording
-from runner.systems.base import FloatArray, Windows
+from runner.systems.base import FloatArray, Span, Windows
 from runner.systems.mechanism.coordinates import HINGE, SLIDE, Coordinates
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.models import Models
@@ -27,7 +27,7 @@ class RawSignals:
     values: tuple[FloatArray, ...]
     valid: tuple[FloatArray, ...]
     sigma: FloatArray
-    t_s: tuple[FloatArray, ...]
+    spans: tuple[Span, ...]
 
 
 def raw_signals(recording: MechanismRecording) -> RawSignals:
@@ -36,7 +36,8 @@ def raw_signals(recording: MechanismRecording) -> RawSignals:
     stated = [recording.mapping.noise.get(s.name, np.nan) for s in recording.mapping.sources]
     rough = [_rough_noise([v[:, c] for v in values]) for c in range(len(stated))]
     sigma = np.where(np.isfinite(stated), stated, rough)
-    return RawSignals(values, tuple(np.isfinite(v) for v in values), sigma, tuple(e.t_s for e in recording.episodes))
+    spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
+    return RawSignals(values, tuple(np.isfinite(v) for v in values), sigma, spans)
 
 
 def _rough_noise(values: Sequence[FloatArray]) -> float:

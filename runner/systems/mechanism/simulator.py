@@ -26,7 +26,6 @@ from runner.systems.mechanism.models import (
     Models,
     force_actuators,
     force_weights,
-    signature_of,
 )
 from runner.systems.mechanism.observer import (
     Observer,
@@ -130,7 +129,7 @@ class MechanismSimulator(AbstractSimulator):
         out = np.empty((len(stretches), samples, len(self._sources)))
         groups: dict[object, list[int]] = {}
         for i, stretch in enumerate(stretches):
-            groups.setdefault(signature_of(stretch.effects), []).append(i)
+            groups.setdefault(self.models.compiled(stretch.effects).signature, []).append(i)
         for members in groups.values():
             compiled = self.models.compiled(stretches[members[0]].effects)
             steps = max(self._steps(stretches[i]) for i in members)

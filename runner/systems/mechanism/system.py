@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from runner.effects.base import Effects
-from runner.recording.model_form import MechanismRecording, read_model_case
+from runner.recording.model_form import MechanismRecording, read_model_case, with_episode_to_check
 from runner.recording.model_form_mapping import ChannelSource
 from runner.systems.base import (
     AbstractSystem,
@@ -62,7 +62,7 @@ class MechanismSystem(AbstractSystem):
         self._models = Models(recording, cores())
         self._raw = raw_signals(recording)
         self.initial = MechanismStart(recording, self._models, self._raw.sigma)
-        self.context = scope_of(recording, self._models, self.initial, self._raw)
+        self.context = self.beliefs = scope_of(recording, self._models, self.initial, self._raw)
         self.vocabulary = vocabulary_of(recording, self.context, self.initial.coordinates)
         self.disturbance = self._missing_force()
         self._step_s = step_s
@@ -182,7 +182,7 @@ def read_mechanism(path: str | Path) -> MechanismSystem:
     Raises:
         RecordingError: With the file, the row or key, what was wrong, and what is allowed.
     """
-    return MechanismSystem(read_model_case(path))
+    return MechanismSystem(with_episode_to_check(read_model_case(path)))
 
 
 def _channel(source: ChannelSource) -> Channel:

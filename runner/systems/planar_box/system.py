@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
 from runner.effects.base import Effects
 from runner.effects.planar_box import EFFECTS, DeadBand
 from runner.effects.vocabulary import Candidate, Vocabulary
+from runner.effects.wording import number
 from runner.errors import RecordingError
-from runner.recording import Form, Recording
+from runner.recording import Contact, Form, Recording
 from runner.systems.base import (
     AbstractSystem,
     Channel,
@@ -42,17 +44,19 @@ CHANNELS = (
     Channel("vy", "m/s", "velocity", "velocity y"),
     Channel("wz", "rad/s", "rate", "yaw rate"),
 )
-VOCABULARY = Vocabulary(
-    tuple(Candidate(cls) for variants in EFFECTS.values() for cls in variants), outside=(Candidate(DeadBand),)
-)
 FORCE_SHARE, LARGE = 0.03, 3.0  # of friction: the step of a missing force; times the largest usual force: how large
+
+
+def vocabulary() -> Vocabulary:
+    """Return every effect that is registered for a box, whoever has written it."""
+    known = tuple(Candidate(cls) for variants in EFFECTS.values() for cls in variants)
+    return Vocabulary(known, outside=(Candidate(DeadBand),))
 
 
 class PlanarBox(AbstractSystem):
     """A planar recording of a box, see `AbstractSystem`."""
 
     channels = CHANNELS
-    vocabulary = VOCABULARY
     regimes = REGIMES
     factors = FACTORS
     activities = ("regime", "push")
@@ -61,6 +65,7 @@ class PlanarBox(AbstractSystem):
     reach = "the forces used so far"
     reach_further = "push harder, or elsewhere"
     plan_view = (0, 1)
+    force_views = MappingProxyType({"along_n": "along the motion [N]", "left_n": "left of the motion [N]"})
     recording: Recording
 
     def __init__(self, recording: Recording) -> None:
@@ -72,6 +77,7 @@ class PlanarBox(AbstractSystem):
         if recording.form is not Form.PLANAR:
             raise RecordingError(f"{recording.path}: only planar recordings (x, y, yaw) can be replayed.")
         self.recording = recording
+        self.vocabulary, self.beliefs = vocabulary(), recording.nominal
         self.rate_hz = recording.nominal.rate_hz
         self.initial = PlanarStart(self.rate_hz)
         self.context = context_of(recording)
@@ -164,6 +170,27 @@ class PlanarBox(AbstractSystem):
         return {
             OBJECT: np.column_stack([channels[:, 0], channels[:, 1], height, np.cos(half), zero, zero, np.sin(half)])
         }
+
+    def believed(self) -> tuple[tuple[str, str], ...]:
+        """See `AbstractSystem`."""
+        nominal = self.recording.nominal
+        size = " × ".join(number(2 * h) for h in nominal.half_size_m)
+        borne = "under the whole base" if nominal.contact is Contact.PATCH else "at the corners"
+        return (
+            ("object", f"box of {size} m, {number(nominal.mass_kg)} kg"),
+            ("friction", f"{nominal.friction:.3g}, {borne}"),
+            ("gravity", f"{nominal.gravity_m_s2:.4g} m/s²"),
+        )
+
+    def command_arrows(self, episode: int, channels: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the pushes, at the height of the box's middle; see `AbstractSystem`."""
+        recorded = self.recording.episodes[episode]
+        force, point = np.nan_to_num(recorded.force_n), np.nan_to_num(recorded.point_m)
+        c, s = np.cos(channels[:, 2]), np.sin(channels[:, 2])
+        x = channels[:, 0] + c * point[:, 0] - s * point[:, 1]
+        y = channels[:, 1] + s * point[:, 0] + c * point[:, 1]
+        height = np.full(len(channels), self.recording.nominal.half_size_m[2])
+        return np.column_stack([x, y, height]), np.column_stack([force[:, :2], np.zeros(len(force))])
 
     def with_values(self, values: Sequence[FloatArray]) -> PlanarBox:
         """Return the same system with other measurements, (T, 6) per episode."""

@@ -1,4 +1,4 @@
-"""The compiled law against closed forms, and against an independent integration (`reference.Box`)."""
+"""Compiled dry friction against closed forms, and against an independent integration (`reference.Box`)."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def towards(angle_rad: float, size: float = 1.0) -> np.ndarray:
 
 @st.composite
 def situations(draw: st.DrawFn) -> tuple[BodyConfig, dict[str, Any], np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A body, its law, gravity, a motion, and a push, with every option somewhere."""
+    """A body, its friction, gravity, a motion, and a push, with every option somewhere."""
 
     def number(low: float, high: float) -> float:
         return low + (high - low) * draw(st.integers(0, 1000)) / 1000
@@ -80,7 +80,7 @@ def situations(draw: st.DrawFn) -> tuple[BodyConfig, dict[str, Any], np.ndarray,
 
 
 @given(situations())
-def test_law_agrees_with_independent_equations(
+def test_friction_agrees_with_independent_equations(
     case: tuple[BodyConfig, dict[str, Any], np.ndarray, np.ndarray, np.ndarray, np.ndarray],
 ) -> None:
     """In a vanishing step, acceleration, friction and load are those of equations written about the CoM."""
@@ -433,7 +433,7 @@ def test_any_situation_stays_finite(
     assert track.out[:, dry_friction.OUT_POWER].max() < 1e-3 * body.mass_kg * G
 
 
-# Options of the law
+# Options of friction
 
 
 @angles((0.0, 0.5, math.pi / 2, 2.2))

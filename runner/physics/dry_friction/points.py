@@ -1,0 +1,89 @@
+"""The base points of a body in the axes of friction, and what depends on the direction of the slip there."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from runner.physics.dry_friction.coefficients import ACROSS, ALONG, NORMALITY, bend_flow, coefficients
+from runner.physics.dry_friction.matrix3 import Symmetric, Triple, solve
+from runner.physics.dry_friction.record import COLUMN, POINT_STRIDE, STRIDE
+
+FILM, PRESSURE = COLUMN["film"], COLUMN["pressure"]
+
+
+class Points(NamedTuple):
+    """The base points, what is worked out for each of them, and sums over them."""
+
+    x: np.ndarray  # (n,)
+    y: np.ndarray  # (n,)
+    weight: np.ndarray  # (n,), of an even load
+    mu: np.ndarray  # (n,)
+    load: np.ndarray  # (n,), N
+    limit: np.ndarray  # (n,), what friction can exert: mu * load, or its impulse
+    sums: np.ndarray  # (10,), what `kernel` returns
+    whole: np.ndarray  # (9,), `moments` of all weights
+    share: np.ndarray  # (12,), a, b, c of the load, and `moments` of the weights that bear
+    reach: tuple[float, float]  # of the outermost points, in body axes
+    films: Symmetric  # damping by the film
+
+
+class Anisotropy(NamedTuple):
+    """How friction depends on direction: `along` and `across` of the potential, and whether the flow is bent."""
+
+    along: float
+    across: float
+    bends: bool
+    ahead: Triple  # where a point at rest would slip
+
+
+@njit(error_model="numpy", forceinline=True)
+def lay_out(record, n, turn):
+    """Return the base points of a body in the axes of friction; their weights do not sum to 1 yet but to the second."""
+    cr, sr = turn
+    rx, ry, w = np.empty(n), np.empty(n), np.empty(n)
+    film, pressure = record[FILM], record[PRESSURE]
+    f0 = f2 = f4 = f5 = 0.0
+    reach_x = reach_y = total = 0.0
+    for i in range(n):
+        j = STRIDE + POINT_STRIDE * i
+        bx, by = record[j], record[j + 1]
+        rx[i] = cr * bx + sr * by
+        ry[i] = cr * by - sr * bx
+        w[i] = record[j + 2] * max(1.0 + pressure * record[j + 3], 0.0)
+        total += w[i]
+        if w[i] > 0.0:
+            reach_x = max(reach_x, abs(bx))
+            reach_y = max(reach_y, abs(by))
+        if film > 0.0:
+            z = film * record[j + 2]
+            f0 += z
+            f2 -= z * ry[i]
+            f4 += z * rx[i]
+            f5 += z * (rx[i] * rx[i] + ry[i] * ry[i])
+    films = (f0, 0.0, f2, f0, f4, f5)
+    points = Points(
+        rx, ry, w, np.empty(n), np.empty(n), np.empty(n), np.empty(10), np.empty(9), np.empty(12),
+        (reach_x, reach_y), films,
+    )  # fmt: skip
+    return points, total
+
+
+@njit(error_model="numpy", forceinline=True)
+def anisotropy(record, v, body):
+    a, b, normality = record[ALONG], record[ACROSS], record[NORMALITY]
+    if a == b or normality == 1.0:
+        return Anisotropy(a, b, False, v)
+    a, b = a ** (0.5 + 0.5 * normality), b ** (0.5 + 0.5 * normality)
+    # a slip that friction answers with what opposes the force
+    s0, s1, s2 = solve(*body.mass, *body.force)
+    return Anisotropy(a, b, True, (s0 / (a * a), s1 / (b * b), s2))
+
+
+@njit(error_model="numpy", forceinline=True)
+def set_coefficients(record, n, points, axes, v, place):
+    coefficients(record, n, points.x, points.y, v, place, points.mu)
+    if axes.bends:
+        bend_flow(record, n, points.x, points.y, v, axes.ahead, points.mu, 1)

@@ -1,0 +1,119 @@
+"""What dry friction knows and says of one body: the layout of its numbers in MuJoCo's `user` and `userdata` arrays.
+
+A body's `user` data is its record (`FrictionRecord`, field by field), then its base points (`POINT_STRIDE` numbers
+each). Its block of `mjData.userdata` is the push on it (`PUSH_SIZE` numbers), then what friction says of the last step
+(`OUT_SIZE` numbers).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+
+import mujoco
+import numpy as np
+
+MAGIC = 271828.1828  # the first number of a record
+PLANAR, UPRIGHT, FREE = 3, 4, 6  # kinds of joints: as many as the body has degrees of freedom
+POINT_STRIDE = 4  # x, y, weight, pressure shape
+PUSH_SIZE = 12
+OUT_SIZE = 10
+USERDATA_SIZE = PUSH_SIZE + OUT_SIZE  # per body
+
+# Offsets inside the `userdata` block of a body, after the push: friction (world axes, N, film included), its moment
+# about the body frame (N m), where the moments ask the load to be (body axes, m; beyond the base it would tip),
+# share of the base that is lifted, speed at the end of the step (m/s), power of friction (W, mean over the step), load
+# on the base (N), yaw rate (rad/s).
+OUT_FORCE, OUT_TORQUE, OUT_COP, OUT_LIFTED, OUT_SLIP, OUT_POWER, OUT_LOAD, OUT_TURN = 0, 2, 3, 5, 6, 7, 8, 9
+
+
+@dataclass
+class FrictionRecord:
+    """What dry friction knows of one body: the first numbers of the body's `user` data, in this order.
+
+    Lengths in m, speeds in m/s, angles in rad. A neutral value switches an effect off.
+    """
+
+    magic: float = MAGIC
+    joints: float = PLANAR  # PLANAR: slide x, slide y, hinge z; UPRIGHT: with slide z after y; FREE: a free joint
+    push_adr: float = 0  # start of the body's block in userdata
+    points: float = 0  # base points; 0: pushes only
+    base_z: float = 0.0  # height of the base in the body frame (negative)
+    mu: float = 0.0
+    # mu * along on the body axis at aniso_angle, mu * across at right angles to it: friction lies on that ellipse.
+    # normality 1: slip is at right angles to it (associated); 0: every axis by itself, mu (along p, across q) / u
+    along: float = 1.0
+    across: float = 1.0
+    aniso_angle: float = 0.0
+    normality: float = 1.0
+    # mu * (1 + stribeck * exp(-(u / stribeck_speed)^2))
+    stribeck: float = 0.0
+    stribeck_speed: float = 0.1
+    # mu * (1 + stiction * exp(-(u / stiction_speed)^2))
+    stiction: float = 0.0
+    stiction_speed: float = 2e-3
+    # mu * (1 + patch * s), s = 1 inside a disc of the floor, with a smooth edge
+    patch: float = 0.0
+    patch_x: float = 0.0
+    patch_y: float = 0.0
+    patch_radius: float = 0.5
+    # a film under the base: force -film / points at each point, against its slip; N s/m in all
+    film: float = 0.0
+    # -air_drag |v| v at the body frame's origin; N s2/m2
+    air_drag: float = 0.0
+    # mass and inertia times (1 - mass_leak * t); 1/s
+    mass_leak: float = 0.0
+    # load carried by the base points besides the weight share: w_k (1 + pressure * shape_k)
+    pressure: float = 0.0
+    # half sizes of the base, to tell how much of it is lifted
+    half_x: float = 0.0
+    half_y: float = 0.0
+
+
+FIELDS = tuple(f.name for f in fields(FrictionRecord))
+STRIDE = len(FIELDS)
+COLUMN = {name: i for i, name in enumerate(FIELDS)}
+
+
+def pack(record: FrictionRecord, points: np.ndarray) -> np.ndarray:
+    """Return the `user` data of a body: its record, then its base points, (n, 4), n may be 0."""
+    record.points = len(points)
+    return np.concatenate([[float(getattr(record, name)) for name in FIELDS], np.asarray(points, float).ravel()])
+
+
+@dataclass(frozen=True)
+class FrictionView:
+    """Read and write access to a body's record inside a compiled model, by field name."""
+
+    model: mujoco.MjModel = field(repr=False)
+    body_id: int
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.model.body_user[self.body_id, COLUMN[name]])
+
+    def __setitem__(self, name: str, value: float) -> None:
+        self.model.body_user[self.body_id, COLUMN[name]] = value
+
+
+def base_points(half_x: float, half_y: float, n: int = 8) -> np.ndarray:
+    """Return quadrature points of a rectangular base under even load, shape (n*n, 4).
+
+    Columns: x, y (m, body frame), weight (sums to 1), and the shape of a rim-heavy pressure (mean 0, +1 at the
+    rim's middle radius). Gauss-Legendre in both axes.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(n)
+    x, y = (a.ravel() for a in np.meshgrid(nodes, nodes, indexing="ij"))
+    w = np.outer(weights, weights).ravel() / 4.0
+    return _with_shape(x * half_x, y * half_y, w, np.maximum(abs(x), abs(y)))
+
+
+def corner_points(half_x: float, half_y: float) -> np.ndarray:
+    """Return the four corners as base points, shape (4, 4), for an object that bears on its corners only."""
+    x, y = np.array([1.0, 1, -1, -1]), np.array([1.0, -1, 1, -1])
+    return _with_shape(x * half_x, y * half_y, np.full(4, 0.25), np.ones(4))
+
+
+def _with_shape(x: np.ndarray, y: np.ndarray, w: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    # radius: 0 at the middle, 1 at the edge. 2 r^2 - 1 has mean 0 over the square, as r^2 averages 1/2.
+    shape = 2.0 * radius**2 - 1.0
+    shape = shape - np.sum(w * shape)
+    return np.column_stack([x, y, w, shape])

@@ -1,0 +1,161 @@
+"""What a diagnosis says, as one value: headline, tiles, text, ranking and figures of a report are all made of it.
+
+A diagnosis holds several figures of what is left once the best explanation is in the model: how much of the gap closed
+on episodes that were not fitted, what the residual has beyond the noise, whether it has a memory. Each alone may sound
+like another answer; which of them decides is settled here, once.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from runner.diagnosis.pipeline import Diagnosis, Ranked
+
+NONE, UNKNOWN = "none", "unknown"
+HALF = 0.5  # an explanation less likely than that is not an answer
+OVER = 0.05  # squared noises that the nominal model leaves: less is not worth a word
+NOISE_LEFT = 0.99  # of what can be closed: the rest is as good as noise
+TRACE = 0.25  # of the noise's mean square: 12 % in the root of it is as good as noise
+LEFT_NOTE = "The best explanation leaves "  # what a diagnosis's own note of what is left begins with
+
+
+class Kind(Enum):
+    """What sort of answer it is."""
+
+    NONE = "none"
+    UNKNOWN = "unknown"
+    FOUND = "found"
+    OPEN = "open"  # the likeliest explanation is less likely than all others together
+
+
+class Left(Enum):
+    """What the best model leaves of the gap."""
+
+    NOISE = "noise"
+    SMALL_ERRORS = "small errors"  # such as any simulator has: more than the noise, and nothing to act on
+    SOMETHING = "something"  # that is not in the model
+
+
+@dataclass(frozen=True)
+class Statement:
+    """What is said of a recording.
+
+    Args:
+        kind: The sort of answer.
+        order: All explanations, likeliest first.
+        corrected: Whether there is a corrected model, so that before and after differ.
+        gap_closed: Share of what is missed that the named explanation takes away, where it is known.
+        interval: The 95 % interval of that, where it is known.
+        closable_closed: Share of what can be closed (what is missed less the noise, mean squares), where it is known.
+        held_out: Whether both are of episodes that were not fitted.
+        left: What is left by the best model.
+        over_noise: How much that is beyond the noise on episodes that were not fitted (or on all, where that is more),
+            as a share of the noise's mean square.
+    """
+
+    kind: Kind
+    order: tuple[Ranked, ...]
+    corrected: bool
+    gap_closed: float | None
+    interval: tuple[float, float] | None
+    closable_closed: float | None
+    held_out: bool
+    left: Left
+    over_noise: float
+
+    @property
+    def top(self) -> Ranked:
+        """The likeliest explanation."""
+        return self.order[0]
+
+    @property
+    def named(self) -> tuple[Ranked, ...]:
+        """The explanations that name effects, likeliest first."""
+        return tuple(r for r in self.order if r.effects and r.effects[0] not in (NONE, UNKNOWN))
+
+    @property
+    def settled(self) -> bool:
+        """Whether the likeliest explanation names effects that one can put into a simulator."""
+        return self.kind in (Kind.FOUND, Kind.OPEN)
+
+    def closed_by(self, ranked: Ranked) -> float | None:
+        """Return the share of the gap that an explanation takes away; None: it is not known, or there is no model."""
+        if tuple(ranked.effects) == (UNKNOWN,):
+            return None
+        return self.gap_closed if ranked is self.top and self.settled else _known(ranked.gap_closed)
+
+
+def state(diagnosis: Diagnosis) -> Statement:
+    """Return what a diagnosis says."""
+    order = tuple(sorted(diagnosis.ranked, key=lambda r: -r.probability))
+    kind = _kind(order[0])
+    named = [r for r in order if r.effects and r.effects[0] not in (NONE, UNKNOWN)]
+    closure = diagnosis.closure
+    gap_closed = {
+        Kind.NONE: None,
+        Kind.UNKNOWN: _known(named[0].gap_closed) if named and diagnosis.effects else None,
+    }.get(kind, _known(diagnosis.gap_closed))
+    # the interval is that of the corrected model, which need not be what is named
+    same = gap_closed is not None and gap_closed == diagnosis.gap_closed
+    low, high = _known(closure.gap_closed_low), _known(closure.gap_closed_high)
+    left, over_noise = _left(diagnosis, kind)
+    return Statement(
+        kind=kind,
+        order=order,
+        corrected=bool(diagnosis.effects),
+        gap_closed=gap_closed,
+        interval=(low, high) if same and low is not None and high is not None else None,
+        closable_closed=_known(closure.closable_closed) if same else None,
+        held_out=bool(diagnosis.held_out),
+        left=left,
+        over_noise=over_noise,
+    )
+
+
+def _kind(top: Ranked) -> Kind:
+    if not top.effects or tuple(top.effects) == (NONE,):
+        return Kind.NONE
+    if tuple(top.effects) == (UNKNOWN,):
+        return Kind.UNKNOWN
+    return Kind.OPEN if top.probability < HALF else Kind.FOUND
+
+
+def _left(diagnosis: Diagnosis, kind: Kind) -> tuple[Left, float]:
+    """Return what is left, and how much beyond the noise.
+
+    `excess` decides whether it has a cause of its own: in it the small errors that any simulator makes are taken out.
+    """
+    if kind is Kind.NONE:
+        over = diagnosis.nominal_excess
+        return (Left.NOISE if over < OVER else Left.SMALL_ERRORS), max(over, 0.0)
+    unseen = _unseen_excess(diagnosis)
+    if diagnosis.excess > TRACE or kind is Kind.UNKNOWN:
+        return Left.SOMETHING, max(unseen, diagnosis.excess)
+    closed = diagnosis.closure.closable_closed
+    as_noise = unseen <= TRACE or (closed is not None and closed >= NOISE_LEFT)
+    return (Left.NOISE if as_noise else Left.SMALL_ERRORS), unseen
+
+
+def _unseen_excess(diagnosis: Diagnosis) -> float:
+    """Return the mean square of what is left of episodes that were not fitted, beyond the noise's, at least 0."""
+    table = diagnosis.closure.table
+    if not len(table):
+        return max(diagnosis.excess, 0.0)
+    ratio = table["after"].to_numpy(float) / table["noise"].to_numpy(float)
+    return max(float(np.nanmean(ratio**2)) - 1.0, 0.0)
+
+
+def _known(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def caveats(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return what a reader should know before believing the figures; what is left is the statement's alone to say."""
+    notes = dict.fromkeys((*diagnosis.notes, *diagnosis.recording.notes))
+    return tuple(n for n in notes if not n.startswith(LEFT_NOTE))

@@ -1,0 +1,88 @@
+"""Where no effect explains the gap: what to look at, from where the gap stands out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from runner.effects.wording import percent
+
+if TYPE_CHECKING:
+    from runner.localise.where import Where
+    from runner.systems.base import AbstractSystem
+
+LEVEL = 0.05  # of the false discovery rate: as for the sentence of where the gap is
+MOST_OF_IT = 0.5  # share of the excess from which on a channel is named alone
+
+# what a cluster of the gap suggests, by the beginning of its factor or, for a regime, by what it says
+OF_REGIMES = {
+    "change of command": "Check that commands and measurements share one clock, and whether the actuator does what it "
+    "is told at once: a delay, a ramp, backlash.",
+    "at rest": "Check the sensor: what is at rest should show nothing but its noise.",
+    "stuck": "Check what holds it: friction at rest, a stop, a cable.",
+    "break": "Check what holds it: friction at rest, a stop, a cable.",
+    "revers": "Check for backlash, and for friction that depends on the direction.",
+    "satur": "Check the limits of the actuators.",
+}
+OF_FACTORS = {
+    "place": "Look at what is there: another surface, an obstacle, a cable that pulls.",
+    "heading": "Look for what acts in one direction: a slope, a cable, a draught, an asymmetric drive.",
+    "direction": "Look for what acts in one direction: gravity, a cable, an asymmetric drive.",
+    "speed": "Look for a resistance that changes with speed: lubrication, drag, a controller that falls behind.",
+    "time": "Look for what changes in the course of an episode: warming up, wear, a clock or a sensor that drifts.",
+    "episode": "Find out what was different then, and diagnose the recording without it.",
+    "joint": "Look at that joint: its drive, its bearing, its cable, the calibration of its encoder.",
+    "load": "Look for what depends on load: friction in gears and bearings, a link or a drive that yields.",
+    "position": "Look at what is there: a stop, a cable, a part that binds.",
+}
+OTHERWISE = "Look for what acts only then."
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A cluster of the gap: where it is, and what to look at there, a sentence each; its factor and cell, or None."""
+
+    where: str
+    advice: str
+    cell: tuple[str, str] | None = None
+
+
+def suspects(system: AbstractSystem, where: Where | None) -> tuple[Suspect, ...]:
+    """Return what stands out, at most three: in what was done, in where, when or how fast, and in one channel."""
+    if where is None or not where.exceeds:
+        return ()
+    rows = where.cells.to_dict("records")
+    standing = [r for r in rows if r["factor"] != "channel" and r["q"] < LEVEL and r["lift"] > 1]
+    out = []
+    for activity in (True, False):
+        these = [r for r in standing if (r["factor"] in system.activities) is activity]
+        if these:
+            # as in the sentence of where the gap is: what is rarer by chance first, then what has more of it
+            out.append(_of_cell(system, min(these, key=lambda r: (r["p"], -r["share"]))))
+    channels = [r for r in rows if r["factor"] == "channel" and r["q"] < LEVEL and r["share"] > MOST_OF_IT]
+    return (*out, *(_of_channel(system, r) for r in channels))
+
+
+def _of_cell(system: AbstractSystem, row: dict[str, Any]) -> Suspect:
+    factor, cell = str(row["factor"]), str(row["cell"])
+    known = OF_REGIMES if factor == "regime" else OF_FACTORS
+    advice = next((text for word, text in known.items() if word in (cell if factor == "regime" else factor)), OTHERWISE)
+    return Suspect(
+        f"The gap is largest {system.phrase(factor, cell)}: {percent(row['share'])} of it, in {percent(_even(row))} of "
+        "the time.",
+        advice,
+        (factor, cell),
+    )
+
+
+def _of_channel(system: AbstractSystem, row: dict[str, Any]) -> Suspect:
+    label = next(c.label for c in system.channels if c.name == row["cell"])
+    return Suspect(
+        f"It shows in the {label} above all: {percent(row['share'])} of it.",
+        "Check how that is measured: its calibration, its time stamps, its filter.",
+    )
+
+
+def _even(row: dict[str, Any]) -> float:
+    """Return the share of the windows that a cell has."""
+    return float(row["share"] / row["lift"])

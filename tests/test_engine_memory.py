@@ -1,0 +1,20 @@
+"""Fields of a struct are found by their values."""
+
+from __future__ import annotations
+
+import ctypes
+
+import pytest
+
+from runner.physics.engine_memory import offset_of
+
+
+def test_a_field_is_found_by_its_value() -> None:
+    """The offset is that of the value, as a double or as 64 bits; one that is not there is refused."""
+    raw = (ctypes.c_double * 4)(1.5, 2.5, 3.5, 4.5)
+    address = ctypes.addressof(raw)
+    assert offset_of(address, 3.5, size=32) == 16
+    whole = (ctypes.c_uint64 * 3)(11, 22, 33)
+    assert offset_of(ctypes.addressof(whole), 33, size=24) == 16
+    with pytest.raises(RuntimeError, match=r"pin mujoco==3\.17\.0"):
+        offset_of(address, 9.5, size=32)

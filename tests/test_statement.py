@@ -1,0 +1,197 @@
+"""A report says one thing: headline, tiles, ranking, text and next steps agree on what was found and what is left."""
+
+from __future__ import annotations
+
+import re
+from itertools import product
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from runner.effects.wording import percent
+from runner.recording import Episode, Form, Nominal, Recording
+from runner.report import html, words
+from runner.report.statement import Kind, Left, caveats, state
+from runner.report.suspects import suspects
+from runner.systems.planar_box.system import PlanarBox
+
+STILL = Episode(4, np.arange(31) / 30, *(np.zeros((31, 3)) for _ in range(4)))
+SYSTEM = PlanarBox(Recording(Path("made"), Form.PLANAR, Nominal((0.5, 0.5, 0.5), 3.0, 0.3, 9.81, 30.0), (STILL, STILL)))
+FRICTION = ("friction",), {"friction": {"mu": 0.27}}
+BOTH = ("friction", "wind"), {"friction": {"mu": 0.27}, "wind": {"force_n": 0.4, "direction_rad": 1.0}}
+# every phrase that says what is left, and which of the three it says
+CLAIMS = {
+    r"what is left is the noise": Left.NOISE,
+    r"Nothing is left": Left.NOISE,
+    r"(?<!the )\bnoise what is left": Left.NOISE,
+    r"should show the noise and no more": Left.NOISE,
+    r"[Ss]mall errors (are left|of any simulator)": Left.SMALL_ERRORS,
+    r"no more than what is left here": Left.SMALL_ERRORS,
+    r"Something is left": Left.SOMETHING,
+    r"[Ss]omething (else|is going on)": Left.SOMETHING,
+    r"another cause": Left.SOMETHING,
+    r"what is left exceeds the noise": Left.SOMETHING,
+    r"no(ne of the)? known effects? explains": Left.SOMETHING,
+    r"its cause is not found": Left.SOMETHING,
+}
+BEYOND = r"([\d.]+ %) (?:over the noise|on top of the noise|\(mean squares\)\.|more than the noise)|noise by ([\d.]+ %)"
+
+
+def made(
+    explained: tuple[tuple[str, ...], dict[str, dict[str, float]]],
+    chance: float,
+    *,
+    gap_closed: float = 0.87,
+    closable: float | None = 0.98,
+    after: float = 1.1,
+    excess: float = 0.01,
+    nominal_excess: float = 4.0,
+) -> Any:
+    """Return a diagnosis; `after` is what is missed of unseen episodes in the end, in noise levels."""
+    effects, parameters = explained
+    named = effects[0] not in ("none", "unknown")
+    top = SimpleNamespace(
+        effects=effects, equivalent=(), probability=chance, parameters=parameters, errors={},
+        gap_closed=gap_closed if named else None,
+    )  # fmt: skip
+    other = SimpleNamespace(
+        effects=("mass",), equivalent=(), probability=0.6 * (1 - chance), parameters={"mass": {"mass_kg": 3.1}},
+        errors={}, gap_closed=gap_closed if effects == ("unknown",) else None,
+    )  # fmt: skip
+    rows = [{"channel": c.name, "before": 9.0, "after": after, "noise": 1.0} for c in SYSTEM.channels]
+    # as a diagnosis notes it
+    notes = (
+        (f"The best explanation leaves {100 * excess:.0f} % more than the noise: something else is at work too.",)
+        if excess > 0.06
+        else ()
+    )
+    return SimpleNamespace(
+        case="made", system=SYSTEM, recording=SYSTEM.recording, ranked=(other, top), gap_closed=gap_closed,
+        effects=() if effects == ("none",) else ("made",), held_out=(1,), excess=excess, nominal_excess=nominal_excess,
+        closure=SimpleNamespace(
+            table=pd.DataFrame(rows), gap_closed_low=gap_closed - 0.01, gap_closed_high=gap_closed + 0.01,
+            closable_closed=closable,
+        ),
+        where=None, rivals=(), next_push=None, notes=(*notes, "A caveat."),
+    )  # fmt: skip
+
+
+MANY = [
+    made(explained, chance, gap_closed=g, closable=c, after=a, excess=e, nominal_excess=n)
+    for (explained, chance), g, c, a, e, n in product(
+        [(FRICTION, 0.97), (BOTH, 0.8), (FRICTION, 0.4), ((("none",), {}), 0.9), ((("unknown",), {}), 0.9)],
+        (0.003, 0.6),
+        (None, 0.985, 0.9999),
+        (0.99, 1.3, 3.0),
+        (-0.01, 0.2, 5.48),
+        (0.01, 2e4),
+    )
+]
+
+
+def said_by(diagnosis: Any) -> str:
+    """Return all that a report says of what is left, one part after another."""
+    said = state(diagnosis)
+    parts = [words.verdict(diagnosis), *words.next_steps(diagnosis), *caveats(diagnosis)]
+    parts += [f"{value} {name}" for name, value in html.facts(diagnosis, said)]
+    parts.append("".join(words.left_at_large(said)))
+    if said.corrected:
+        parts += [words.left_in_windows(said, exceeds, "3 %", "yaw rate") for exceeds in (True, False)]
+    return "\n".join(parts)
+
+
+@pytest.fixture(scope="module")
+def everything() -> list[tuple[Any, Any, str]]:
+    """Many diagnoses, what each says, and all that its report says of what is left."""
+    return [(d, state(d), said_by(d)) for d in MANY]
+
+
+def test_all_parts_claim_the_same_of_what_is_left(everything: list[tuple[Any, Any, str]]) -> None:
+    """Whatever the figures, no part says noise where another says that something else is at work."""
+    seen = set()
+    for _, said, text in everything:
+        claimed = {left for pattern, left in CLAIMS.items() if re.search(pattern, text)}
+        assert claimed == {said.left}, text
+        seen.add((said.kind, said.left))
+    assert {k for k, _ in seen} == set(Kind)
+    assert {left for _, left in seen} == set(Left)
+
+
+def test_all_parts_give_the_same_figure(everything: list[tuple[Any, Any, str]]) -> None:
+    """What is left beyond the noise is one number, wherever it is told, and no part gives one where it is nothing."""
+    for diagnosis, said, text in everything:
+        told = {a or b for a, b in re.findall(BEYOND, text)} - {percent(diagnosis.closure.closable_closed or 0.0)}
+        assert told <= {percent(said.over_noise)}, text
+        assert said.over_noise >= 0
+
+
+def test_headline_tiles_and_ranking_give_the_same_gain() -> None:
+    """The share of the gap that closed is one number in all three."""
+    told = 0
+    for diagnosis in MANY:
+        said = state(diagnosis)
+        tiles = dict(html.facts(diagnosis, said))
+        tile = tiles.get("of the gap closed on episodes that were not fitted")
+        headline = re.search(r"misses ([\d.]+ %) less", words.verdict(diagnosis))
+        if headline is not None:
+            told += 1
+            assert tile is not None
+            assert tile.startswith(headline[1])
+        if said.settled:
+            assert tile is not None
+            assert tile.startswith(html.ranking(diagnosis, said)["rows"][0]["gap"])
+    assert told > 50
+
+
+def test_what_is_left_is_not_noise_where_the_residual_says_otherwise() -> None:
+    """All but a ten thousandth of a huge gap closed, and yet 548 % more than the noise is left."""
+    text = words.verdict(made(FRICTION, 0.97, closable=0.9999, after=2.5, excess=5.48, nominal_excess=5e4))
+    assert text.endswith("; what is left exceeds the noise by 548 % (mean squares).")
+    text = words.verdict(made(FRICTION, 0.97, closable=0.9999, after=1.0, excess=0.02))
+    assert text.endswith("; what is left is the noise of the measurement.")
+
+
+def test_small_errors_are_neither_noise_nor_a_cause() -> None:
+    """More than the noise on unseen episodes, but no more than any simulator is off by."""
+    said = state(made(FRICTION, 0.97, closable=0.9, after=1.5, excess=0.02))
+    assert said.left is Left.SMALL_ERRORS
+    assert said.over_noise == pytest.approx(1.25)
+
+
+@pytest.mark.parametrize(
+    ("factor", "cell", "where", "advice"),
+    [
+        ("regime", "just after a change of command", "just after a change of command", "share one clock"),
+        ("regime", "pushed straight", "when pushed straight", "acts only then"),
+        ("place", "x 0.40 m, y 1.20 m", "around x 0.40 m, y 1.20 m", "another surface"),
+        ("heading in the world", "90°", "when moving towards 90° in the world", "a slope"),
+        ("time", "the last quarter", "in the last quarter of an episode", "warming up"),
+        ("episode", "episode 4", "in episode 4", "without it"),
+    ],
+)
+def test_an_unknown_cause_has_a_suspect(factor: str, cell: str, where: str, advice: str) -> None:
+    """Where the gap clusters is named first of what to do, with what to look at."""
+    rows = [
+        {"factor": factor, "cell": cell, "share": 0.7, "lift": 3.5, "p": 2.5e-4, "q": 0.01},
+        {"factor": "speed", "cell": "0.10 to 0.20 m/s", "share": 0.9, "lift": 1.1, "p": 0.4, "q": 0.6},
+        {"factor": "channel", "cell": "wz", "share": 0.4, "lift": 2.4, "p": 1e-9, "q": 1e-8},
+    ]
+    diagnosis = made((("unknown",), {}), 0.9)
+    diagnosis.where = SimpleNamespace(exceeds=True, cells=pd.DataFrame(rows))
+    (suspect,) = suspects(SYSTEM, diagnosis.where)
+    assert suspect.where == f"The gap is largest {where}: 70 % of it, in 20 % of the time."
+    assert advice in suspect.advice
+    assert words.next_steps(diagnosis)[0] == f"{suspect.where} {suspect.advice}"
+
+
+def test_one_channel_is_a_suspect_of_its_own() -> None:
+    """A gap that is in one channel for the most part points at how that is measured."""
+    rows = [{"factor": "channel", "cell": "wz", "share": 0.8, "lift": 4.8, "p": 1e-9, "q": 1e-8}]
+    (suspect,) = suspects(SYSTEM, SimpleNamespace(exceeds=True, cells=pd.DataFrame(rows)))  # type: ignore[arg-type]
+    assert suspect.where == "It shows in the yaw rate above all: 80 % of it."
+    nothing = SimpleNamespace(exceeds=False, cells=pd.DataFrame(rows))
+    assert suspects(SYSTEM, nothing) == ()  # type: ignore[arg-type]
