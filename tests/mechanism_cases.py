@@ -9,6 +9,9 @@ import numpy as np
 import pandas as pd
 import yaml
 
+from runner.recording.model_form import read_model_case
+from runner.systems.mechanism import MechanismSystem
+
 HARD = 'solreffriction="0.001 1" solimpfriction="0.995 0.999 0.001 0.5 2"'
 SLIDE = """
 <mujoco>
@@ -84,6 +87,11 @@ def write_case(
     else:
         table.to_parquet(folder / "recording.parquet", index=False)
     return folder
+
+
+def system_of(folder: Path) -> MechanismSystem:
+    """Return the system of a case with its episodes as they are, be there but one."""
+    return MechanismSystem(read_model_case(folder))
 
 
 def slide_case(

@@ -14,10 +14,10 @@ from runner.effects.base import Parameter, Vector
 from runner.effects.mechanism import Command, MechanismEffect, Reading, Scope
 from runner.errors import ResultError
 from runner.systems.base import Run, Span, Windows
-from runner.systems.mechanism import MechanismSystem, model_file, read_mechanism
+from runner.systems.mechanism import MechanismSystem, model_file
 from runner.systems.mechanism.held import step_means
 from runner.systems.mechanism.scope import raw_signals
-from tests.mechanism_cases import ARM, BODY, joint_channels, slide_case, write_case
+from tests.mechanism_cases import ARM, BODY, joint_channels, slide_case, system_of, write_case
 
 PRACTICE = Path("/work/shared/practice_joints")
 NULLS = ("j4abe752026", "j9c45b719af", "jf33833e847")
@@ -92,7 +92,7 @@ def arm(folder: Path, *, episodes: int = 2, start: str = "free") -> MechanismSys
         "noise": {"q_shoulder": 1e-3, "q_elbow": 1e-3, "dq_shoulder": 1e-2, "dq_elbow": 1e-2, "tau": 0.01},
         "start": start,
     }
-    system = read_mechanism(write_case(folder, ARM, [blank] * episodes, nominal))
+    system = system_of(write_case(folder, ARM, [blank] * episodes, nominal))
     start_at = np.array([0.4, -0.2, 0.0, 0.0])
     values = [system.simulator().predict(e, [Run((), start_at)])[0] for e in range(episodes)]
     return system.with_values(values)
@@ -106,7 +106,7 @@ def test_means_of_what_is_held_are_exact():
 
 def test_an_edited_number_changes_the_motion_as_it_should(tmp_path: Path):
     """Twice the mass is half the acceleration; twice the command is twice; a reading is scaled as it is."""
-    system = read_mechanism(slide_case(tmp_path, command=lambda t: np.full_like(t, 3.0)))
+    system = system_of(slide_case(tmp_path, command=lambda t: np.full_like(t, 3.0)))
     start = np.zeros(2)
     runs = [Run(e, start) for e in ((), (Heavier(2.0),), (Doubled(),), (Scaled(),), (Heavier(2.0), Doubled()))]
     plain, heavy, doubled, scaled, both = system.simulator().predict(0, runs)
@@ -114,12 +114,12 @@ def test_an_edited_number_changes_the_motion_as_it_should(tmp_path: Path):
     assert doubled == pytest.approx(plain * 2, abs=1e-9)
     assert scaled == pytest.approx(plain * 1.1, abs=1e-9)
     assert both == pytest.approx(plain, abs=1e-9)
-    assert system.simulator().simulated_s == pytest.approx(5 * 2.0 + 4 * 2.0, abs=9.0)
+    assert system.simulator().simulated_s == pytest.approx(5 * 2.0)
 
 
 def test_a_structural_effect_adds_what_it_needs(tmp_path: Path):
     """A tendon's spring makes the carriage swing with sqrt(k / m)."""
-    system = read_mechanism(slide_case(tmp_path, mass=2.0))
+    system = system_of(slide_case(tmp_path, mass=2.0))
     soft, hard = system.simulator().predict(0, [Run((Spring(k),), np.array([0.1, 0.0])) for k in (8.0, 32.0)])
     t = system.recording.episodes[0].t_s
     assert soft[:, 0] == pytest.approx(0.1 * np.cos(2 * t), abs=1e-5)
@@ -144,7 +144,7 @@ def test_parts_and_windows_go_on_as_the_episode_does(tmp_path: Path):
 
 def test_a_disturbance_is_a_force_at_its_joint(tmp_path: Path):
     """A missing force of 1 N on 2 kg moves the carriage by t^2 / 4."""
-    system = read_mechanism(slide_case(tmp_path, mass=2.0))
+    system = system_of(slide_case(tmp_path, mass=2.0))
     windows = Windows(np.array([0, 0]), np.array([10, 50]), 101)
     forces = np.array([[0.0], [1.0]])
     rows = system.simulator().predict_windows((), windows, np.zeros((2, 2, 2)), forces)
@@ -157,7 +157,7 @@ def test_a_disturbance_is_a_force_at_its_joint(tmp_path: Path):
 
 def test_windows_begin_where_their_sensors_show(tmp_path: Path):
     """With a scaled reading the true start is the shown one divided by the scale."""
-    system = read_mechanism(slide_case(tmp_path))
+    system = system_of(slide_case(tmp_path))
     shown = np.array([0.22, 0.44])
     assert system.simulator().seen_start((Scaled(),), shown) == pytest.approx([0.2, 0.4], abs=1e-9)
     rows = system.simulator().predict_windows(
@@ -173,7 +173,7 @@ def test_starts_are_guessed_from_what_is_measured(tmp_path: Path, velocities: bo
     def motion(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return 0.3 * np.sin(2 * t), 0.6 * np.cos(2 * t)
 
-    system = read_mechanism(slide_case(tmp_path, motion=motion))
+    system = system_of(slide_case(tmp_path, motion=motion))
     if not velocities:
         values = [np.column_stack([v[:, 0], np.full(len(v), np.nan)]) for v in system.values()]
         system = system.with_values(values)
@@ -187,7 +187,7 @@ def test_starts_are_guessed_from_what_is_measured(tmp_path: Path, velocities: bo
 
 def test_a_start_at_rest_has_no_speed(tmp_path: Path):
     """Whatever the start says of speeds, an episode that begins at rest begins without; a part of it does not."""
-    system = read_mechanism(slide_case(tmp_path, start="rest"))
+    system = system_of(slide_case(tmp_path, start="rest"))
     fast = np.array([0.1, 5.0])
     assert system.simulator().predict(0, [Run((), fast)])[0][:, 0] == pytest.approx(0.1, abs=1e-12)
     later = system.simulator().parts([Span(0, 10, 20)]).predict(0, [Run((), fast)])[0]
@@ -206,7 +206,7 @@ def body_case(folder: Path, *, forces: bool = False) -> MechanismSystem:
     nominal: dict[str, object] = {"channels": channels, "noise": dict.fromkeys(["x", "y", "z", "quat", "rate"], 1e-3)}
     if forces:
         nominal["forces"] = [{"body": "object", "force": ["fx", "fy", "fz"], "point": ["px", "py", "pz"]}]
-    return read_mechanism(write_case(folder, BODY, [columns], nominal))
+    return system_of(write_case(folder, BODY, [columns], nominal))
 
 
 def test_a_thrown_body_flies_and_spins(tmp_path: Path):
@@ -277,7 +277,7 @@ def test_windows_are_labelled_by_what_was_done(tmp_path: Path):
     """A carriage that rests, is pushed, coasts and is pushed back."""
     t = np.arange(801) * 0.005
     force = np.select([t < 1.0, t < 1.5, t < 2.5], [0.0, 6.0, 0.0], -6.0)
-    system = read_mechanism(slide_case(tmp_path, friction=0.2, t_s=t, command=lambda _: force, start="rest"))
+    system = system_of(slide_case(tmp_path, friction=0.2, t_s=t, command=lambda _: force, start="rest"))
     system = system.with_values([system.simulator().predict(0, [Run((), np.zeros(2))])[0]])
     windows = Windows(np.zeros(16, int), np.arange(0, 800, 50), 51)
     table = system.label(raw_signals(system.recording), windows).table
@@ -349,7 +349,7 @@ def test_bodies_are_drawn_where_joints_put_them(tmp_path: Path):
 @pytest.mark.parametrize("name", NULLS)
 def test_recordings_of_nothing_but_noise_are_predicted(name: str):
     """Even from guessed starts the mean square is about that of the noise."""
-    system = read_mechanism(PRACTICE / name)
+    system = system_of(PRACTICE / name)
     signals = raw_signals(system.recording)
     squares = []
     for e, values in enumerate(system.values()):

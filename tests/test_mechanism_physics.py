@@ -9,8 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from runner.systems.base import Run
-from runner.systems.mechanism import MechanismSystem, read_mechanism
-from tests.mechanism_cases import ARM, MOTOR, PENDULUM, joint_channels, slide_case, write_case
+from runner.systems.mechanism import MechanismSystem
+from tests.mechanism_cases import ARM, MOTOR, PENDULUM, joint_channels, slide_case, system_of, write_case
 
 SERVO = '<position name="drive" joint="slide" kp="200" kv="20"/>'
 
@@ -24,7 +24,7 @@ def test_a_pendulum_swings_with_its_period(tmp_path: Path):
     t = np.arange(2001) * 0.005
     columns = {"t": t, "u": 0.0 * t, "q_hinge": 0.0 * t, "dq_hinge": 0.0 * t}
     nominal = {"commands": {"u": {"actuator": "drive"}}, "channels": joint_channels(["hinge"])}
-    system = read_mechanism(write_case(tmp_path, PENDULUM.format(damping=0), [columns], nominal))
+    system = system_of(write_case(tmp_path, PENDULUM.format(damping=0), [columns], nominal))
     q, dq = predicted(system, [0.02, 0.0]).T
     inertia = 0.01 + 1.5 * 0.4**2
     rate = np.sqrt(1.5 * 9.81 * 0.4 / inertia) * (1 - 0.02**2 / 16)
@@ -35,7 +35,7 @@ def test_a_pendulum_swings_with_its_period(tmp_path: Path):
 @pytest.mark.parametrize("speed", [0.4, -0.9])
 def test_dry_friction_stops_a_slide_after_the_coulomb_distance(tmp_path: Path, speed: float):
     """v0^2 m / (2 F), after v0 m / F; then it stays."""
-    system = read_mechanism(slide_case(tmp_path, friction=3.0, mass=2.0))
+    system = system_of(slide_case(tmp_path, friction=3.0, mass=2.0))
     q, dq = predicted(system, [0.0, speed]).T
     t = system.recording.episodes[0].t_s
     assert q[-1] == pytest.approx(np.sign(speed) * speed**2 * 2.0 / (2 * 3.0), rel=1e-4)
@@ -47,7 +47,7 @@ def test_dry_friction_stops_a_slide_after_the_coulomb_distance(tmp_path: Path, s
 @pytest.mark.parametrize("damping", [1.0, 30.0])
 def test_damping_slows_a_slide_exponentially(tmp_path: Path, damping: float):
     """Speed is v0 exp(-b t / m): the trapezoidal rule has no error of first order."""
-    system = read_mechanism(slide_case(tmp_path, damping=damping, mass=2.0))
+    system = system_of(slide_case(tmp_path, damping=damping, mass=2.0))
     q, dq = predicted(system, [0.0, 1.0]).T
     decay = np.exp(-damping * system.recording.episodes[0].t_s / 2.0)
     assert dq == pytest.approx(decay, abs=2e-4)
@@ -57,7 +57,7 @@ def test_damping_slows_a_slide_exponentially(tmp_path: Path, damping: float):
 def test_a_servo_settles_as_its_gains_say(tmp_path: Path):
     """Step of the target: the under-damped second-order answer with kp, kv and the mass."""
     case = slide_case(tmp_path, actuator=SERVO, command=lambda t: np.where(t < 0.5 - 1e-9, 0.0, 0.1), start="rest")
-    system = read_mechanism(case)
+    system = system_of(case)
     q, _ = predicted(system, [0.0, 0.0]).T
     t = system.recording.episodes[0].t_s - 0.5
     decay, rate = 20 / 4.0, np.sqrt(200 / 2.0 - (20 / 4.0) ** 2)
@@ -69,7 +69,7 @@ def test_a_servo_at_its_limit_pushes_with_it(tmp_path: Path):
     """Full force is m a, as long as the target is far; damping of the servo does not count meanwhile."""
     servo = SERVO.replace("/>", ' forcerange="-4 4"/>')
     case = slide_case(tmp_path, actuator=servo, command=lambda t: np.full_like(t, 50.0), length_s=0.5)
-    system = read_mechanism(case)
+    system = system_of(case)
     q, dq = predicted(system, [0.0, 0.0]).T
     t = system.recording.episodes[0].t_s
     assert dq == pytest.approx(2.0 * t, rel=1e-9, abs=1e-4)
@@ -80,7 +80,7 @@ def test_a_servo_at_its_limit_pushes_with_it(tmp_path: Path):
 def test_a_force_turns_a_sliding_carriage_round(tmp_path: Path):
     """Reversals under dry friction are exact within a step: F acts against the motion until it turns."""
     case = slide_case(tmp_path, friction=2.0, command=lambda t: np.full_like(t, -5.0), length_s=1.0)
-    system = read_mechanism(case)
+    system = system_of(case)
     t = system.recording.episodes[0].t_s
     for speed in (0.3, 0.301, 0.3037, 0.306):
         q, dq = predicted(system, [0.0, speed]).T
@@ -134,7 +134,7 @@ def test_an_arm_moves_as_another_integrator_says(tmp_path: Path):
         "channels": joint_channels(["shoulder", "elbow"]),
         "noise": {"q_shoulder": 1e-3, "q_elbow": 1e-3, "dq_shoulder": 1e-2, "dq_elbow": 1e-2},
     }
-    system = read_mechanism(write_case(tmp_path, ARM, [columns], nominal))
+    system = system_of(write_case(tmp_path, ARM, [columns], nominal))
     error = (predicted(system, list(states[0])) - truth) / [1e-3, 1e-3, 1e-2, 1e-2]
     assert system.step_s > 0.0005
     assert np.sqrt(np.mean(error**2, axis=0)).max() < 0.1
@@ -151,7 +151,7 @@ def test_errors_fall_with_the_square_of_the_step(tmp_path: Path):
         "commands": {"ua": {"actuator": "shoulder"}, "ub": {"actuator": "elbow"}},
         "channels": joint_channels(["shoulder", "elbow"]),
     }
-    system = read_mechanism(write_case(tmp_path, ARM, [columns], nominal))
+    system = system_of(write_case(tmp_path, ARM, [columns], nominal))
     start = np.array([1.0, 0.5, -1.0, 2.0])
 
     def end(step_s: float) -> np.ndarray:
@@ -169,7 +169,7 @@ def test_what_diverges_is_nan_and_leaves_no_file(tmp_path: Path, monkeypatch: py
     (tmp_path / "cwd").mkdir()
     monkeypatch.chdir(tmp_path / "cwd")
     case = slide_case(tmp_path / "case", actuator='<position name="drive" joint="slide" kp="-2e5"/>', length_s=1.0)
-    system = MechanismSystem(read_mechanism(case).recording, step_s=0.001)
+    system = MechanismSystem(system_of(case).recording, step_s=0.001)
     q, dq = predicted(system, [0.01, 0.0]).T
     assert np.isfinite(q[0])
     assert np.isnan(q[-1])
@@ -184,7 +184,7 @@ def test_held_commands_act_from_their_sample_on(tmp_path: Path):
     t = np.concatenate([[0.0], np.cumsum(rng.uniform(0.003, 0.009, 200))])
     force = rng.normal(0, 2, len(t))
     case = slide_case(tmp_path, command=lambda _: force, t_s=t, actuator=MOTOR)
-    system = read_mechanism(case)
+    system = system_of(case)
     _, dq = predicted(system, [0.0, 0.1]).T
     speed = 0.1 + np.concatenate([[0.0], np.cumsum(force[:-1] * np.diff(t))]) / 2.0
     # a step that holds a change of the command is drawn as one slope: off by at most (h / 4) |change| / m

@@ -106,9 +106,9 @@ def with_episode_to_check(recording: MechanismRecording) -> MechanismRecording:
     That is the convention of the format. The second begins wherever the first has got to. Other recordings are
     returned as they are.
     """
-    if len(recording.episodes) > 1:
+    if len(recording.episodes) != 1:
         return recording
-    whole = recording.episodes[0]
+    (whole,) = recording.episodes
     cut = len(whole) - len(whole) // 3
     first, second = (_part(whole, number, s) for number, s in ((0, slice(0, cut)), (1, slice(cut, None))))
     note = f"one episode: its last third, from {whole.t_s[cut]:.6g} s on, is kept from the fit as episode 1"
