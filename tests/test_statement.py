@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from runner.effects.wording import percent
+from runner.effects.wording import number, percent
 from runner.recording import Episode, Form, Nominal, Recording
 from runner.report import html, words
 from runner.report.statement import Kind, Left, caveats, state
@@ -34,11 +34,11 @@ CLAIMS = {
     r"Something is left": Left.SOMETHING,
     r"[Ss]omething (else|is going on)": Left.SOMETHING,
     r"another cause": Left.SOMETHING,
-    r"what is left exceeds the noise": Left.SOMETHING,
+    r"what is left is [\d.]+ (%|times)": Left.SOMETHING,
     r"no(ne of the)? known effects? explains": Left.SOMETHING,
     r"its cause is not found": Left.SOMETHING,
 }
-BEYOND = r"([\d.]+ %) (?:over the noise|on top of the noise|\(mean squares\)\.|more than the noise)|noise by ([\d.]+ %)"
+BEYOND = r"([\d.]+ %) over the noise|([\d.]+) times the noise(?!'s)|([\d.]+ %) more than the noise"
 
 
 def made(
@@ -123,9 +123,10 @@ def test_all_parts_claim_the_same_of_what_is_left(everything: list[tuple[Any, An
 
 def test_all_parts_give_the_same_figure(everything: list[tuple[Any, Any, str]]) -> None:
     """What is left beyond the noise is one number, wherever it is told, and no part gives one where it is nothing."""
-    for diagnosis, said, text in everything:
-        told = {a or b for a, b in re.findall(BEYOND, text)} - {percent(diagnosis.closure.closable_closed or 0.0)}
-        assert told <= {percent(said.over_noise)}, text
+    for _, said, text in everything:
+        told = {found for each in re.findall(BEYOND, text) for found in each if found}
+        assert told <= {percent(said.over_noise), number(1 + said.over_noise, 2)}, text
+        assert len(told) == (said.left is not Left.NOISE and said.over_noise >= 0.005)
         assert said.over_noise >= 0
 
 
@@ -150,7 +151,7 @@ def test_headline_tiles_and_ranking_give_the_same_gain() -> None:
 def test_what_is_left_is_not_noise_where_the_residual_says_otherwise() -> None:
     """All but a ten thousandth of a huge gap closed, and yet 548 % more than the noise is left."""
     text = words.verdict(made(FRICTION, 0.97, closable=0.9999, after=2.5, excess=5.48, nominal_excess=5e4))
-    assert text.endswith("; what is left exceeds the noise by 548 % (mean squares).")
+    assert text.endswith("; what is left is 548 % over the noise (mean squares).")
     text = words.verdict(made(FRICTION, 0.97, closable=0.9999, after=1.0, excess=0.02))
     assert text.endswith("; what is left is the noise of the measurement.")
 
