@@ -27,7 +27,7 @@ BOTH = ("friction", "wind"), {"friction": {"mu": 0.27}, "wind": {"force_n": 0.4,
 CLAIMS = {
     r"what is left is the noise": Left.NOISE,
     r"Nothing is left": Left.NOISE,
-    r"(?<!the )\bnoise what is left": Left.NOISE,
+    r"(?<!the )\bnoise what is (left|missed)": Left.NOISE,
     r"should show the noise and no more": Left.NOISE,
     r"[Ss]mall errors (are left|of any simulator)": Left.SMALL_ERRORS,
     r"no more than what is left here": Left.SMALL_ERRORS,

@@ -30,7 +30,7 @@ PAUSE_S = 1.0  # between two episodes on the timeline
 TICK_S = 1 / 15  # of a trail
 REACH_OF_ARROW = 1.6  # of the bodies' size: how long the arrow of a typical large force is
 ABOVE = 1.04  # trails and arrows of what is seen from above lie so far above it
-NEAR = 7.0  # sizes of a body: how far the eye is from it
+NEAR, STANDING = 7.0, 2.2  # sizes of a body, or of all that stands somewhere: how far the eye is from it
 SHOWN = 8  # explanations in the ranking
 WORLD_FORCE = ("fx_n", "fy_n", "fz_n")  # a disturbance that has the first two is a force in world axes
 
@@ -109,7 +109,7 @@ def _eye(places: Sequence[np.ndarray], size_m: float, followed: str | None) -> E
         return Eye(places[0][0], NEAR * size_m, followed)
     low, high = (np.array([getattr(p, side)(axis=0) for p in places]) for side in ("min", "max"))
     low, high = low.min(axis=0), high.max(axis=0)
-    return Eye((low + high) / 2, NEAR * (float(np.linalg.norm(high - low)) / 2 + size_m) / 2, None)
+    return Eye((low + high) / 2, STANDING * (float(np.linalg.norm(high - low)) / 2 + size_m), None)
 
 
 def _length(way: np.ndarray) -> float:

@@ -134,13 +134,12 @@ def _beyond(said: Statement) -> str:
     return f"{number(1 + said.over_noise, 2)} times the noise"
 
 
-def left(said: Statement) -> str:
-    """Return what the best model leaves, in a few words for a tile."""
-    if said.left is Left.NOISE:
-        return "noise"
-    if said.left is Left.SMALL_ERRORS:
-        return f"{_beyond(said)}: small errors of any simulator"
-    return f"{_beyond(said)}: something else" if said.over_noise >= LEAST_SHARE else "something else"
+def left(said: Statement) -> tuple[str, str]:
+    """Return what the best model leaves, for a tile: how much, and what that is."""
+    much = "noise" if said.left is Left.NOISE else _beyond(said) if said.over_noise >= LEAST_SHARE else "a residual"
+    what = "what is left" if said.corrected else "what is missed, in mean squares"
+    cause = {Left.SMALL_ERRORS: ": small errors of any simulator", Left.SOMETHING: ": something else"}
+    return much, what + cause.get(said.left, "")
 
 
 def left_at_large(said: Statement) -> tuple[str, str]:
