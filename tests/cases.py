@@ -12,7 +12,7 @@ from runner.inference.least_squares import Fitter
 from runner.noise.measured import measure
 from runner.recording import Episode, Form, Noise, Nominal, Recording
 from runner.systems.base import Run
-from runner.systems.planar_box.simulator import Simulator
+from runner.systems.planar_box.simulator import BASE_POINTS, Simulator
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.planar_box.windows import Effects
 
@@ -61,7 +61,7 @@ def measured_as(
     *,
     starts: np.ndarray | None = None,
     sigma: np.ndarray = SIGMA,
-    grid: int = 6,
+    grid: int = BASE_POINTS,
 ) -> Recording:
     """Return a recording with what would be measured under its commands.
 

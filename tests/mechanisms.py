@@ -21,6 +21,8 @@ SLIDER = f"""<mujoco><option timestep="0.0002" integrator="implicitfast" gravity
 <inertial pos="0 0 0" mass="1.6" diaginertia=".01 .01 .01"/></body></worldbody>
 <actuator><motor name="slide" joint="slide"/></actuator></mujoco>"""
 SLIDER_KG, SLIDER_DRY_N, SLIDER_DAMPING = 2.0, 3.0, 2.0  # mass with the drive's
+# without any friction
+FREE_SLIDER = SLIDER.replace('frictionloss="3"', "").replace('damping="2"', "")
 
 ARM = f"""<mujoco><option timestep="0.0002" integrator="implicitfast" gravity="0 0 -9.81"/>
 <default><joint axis="0 -1 0" {STIFF}/></default>

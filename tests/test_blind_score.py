@@ -17,15 +17,17 @@ from scipy.stats import binomtest
 from runner.__main__ import main
 from runner.blind.ledger import Ledger
 from runner.blind.make import HASH_FILE
-from runner.blind.oracle import kinds_of
+from runner.blind.oracle import candidates_of
 from runner.blind.score import Bar, blind_score, check_hash, difference, if_calibrated, of_oracle, planted
 from runner.blind.score_figures import draw
 from runner.blind.score_page import headline
 from runner.blind.score_words import notes, outcome
 from runner.diagnosis.score import calibration_error, is_right, share
 from runner.effects.planar_box import AnisotropicFriction, AxisFriction, Mass, ViscousDrag, ViscousFilm
+from runner.effects.vocabulary import Candidate
 from runner.errors import ResultError
 from runner.recording import Nominal, write_case
+from runner.systems.planar_box.system import vocabulary
 
 RANDOM = np.random.default_rng(5)
 Plain = dict[str, Any]
@@ -191,10 +193,17 @@ def test_place_of_a_patch_and_of_a_tether() -> None:
 
 def test_the_oracle_takes_the_variant_that_was_planted() -> None:
     """A film is fitted as a film, a drag of the body as a drag; no effect outside the vocabulary."""
-    assert kinds_of([{"name": "viscous_drag", "true": {"acts": "film"}}, {"name": "mass"}]) == [ViscousFilm, Mass]
-    assert kinds_of([{"name": "viscous_drag", "true": {"acts": "body"}}]) == [ViscousDrag]
+
+    def kinds_of(effects: list[Plain]) -> list[Candidate]:
+        return candidates_of(effects, vocabulary())
+
+    film, mass, drag = Candidate(ViscousFilm), Candidate(Mass), Candidate(ViscousDrag)
+    assert kinds_of([{"name": "viscous_drag", "true": {"acts": "film"}}, {"name": "mass"}]) == [film, mass]
+    assert kinds_of([{"name": "viscous_drag", "true": {"acts": "body"}}]) == [drag]
     for flow, variant in (("associated", AnisotropicFriction), ("scaled", AxisFriction)):
-        assert kinds_of([{"name": "anisotropic_friction", "true": {"friction_1": 0.3, "flow": flow}}]) == [variant]
+        assert kinds_of([{"name": "anisotropic_friction", "true": {"friction_1": 0.3, "flow": flow}}]) == [
+            Candidate(variant)
+        ]
     with pytest.raises(ResultError, match="no effect 'wear'"):
         kinds_of([{"name": "wear"}])
 

@@ -10,23 +10,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runner.diagnosis.next_experiment import best_push, candidates
+from runner.diagnosis.next_experiment import best_experiment
 from runner.diagnosis.pipeline import Diagnosis, diagnose, not_none, split, strained
 from runner.diagnosis.score import read_answers, score
 from runner.diagnosis.verdict import read_verdicts, verdict, write_json
 from runner.effects import planar_box as fx
 from runner.effects.vocabulary import Candidate
 from runner.errors import RecordingError, ResultError
-from runner.inference.evidence import Surroundings, directions, evidence, surroundings, survey
+from runner.inference.evidence import NormalEquations, directions, evidence, normal_equations, sensitivities
 from runner.inference.held_out import confirm, doubt, further
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.search import Contender, Search
 from runner.noise.measured import measure
 from runner.recording import Episode, Form, Noise, Nominal, Recording
-from runner.systems.planar_box.simulator import Simulator, context_of
+from runner.systems.planar_box.proposals import pushes
+from runner.systems.planar_box.simulator import context_of
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.planar_box.windows import Effects
-from tests.cases import measured_as
+from tests.cases import fitter_of, measured_as
 
 RATE, SECONDS = 60.0, 3.0
 SIGMA = np.array([0.003, 0.003, 0.004, 0.015, 0.015, 0.02])
@@ -62,7 +63,7 @@ def found(tilted: Recording) -> Diagnosis:
 
 def test_an_effect_of_no_size_is_none() -> None:
     """A recording of the nominal model itself needs no effect."""
-    diagnosis = diagnose(recorded((fx.Friction(NOMINAL.friction),)), threads=1)
+    diagnosis = diagnose(PlanarBox(recorded((fx.Friction(NOMINAL.friction),))), threads=1)
     assert diagnosis.ranked[0].effects == ("none",)
     assert diagnosis.effects == ()
     assert diagnosis.gap_closed == 0.0
@@ -95,7 +96,7 @@ def test_the_same_recording_gives_the_same_verdict(tilted: Recording, found: Dia
     late = dataclasses.replace(
         tilted, episodes=tuple(dataclasses.replace(e, t_s=e.t_s + 17.0) for e in tilted.episodes)
     )
-    again = verdict(diagnose(late, threads=1))
+    again = verdict(diagnose(PlanarBox(late), threads=1))
     first = verdict(found)
     for a, b in zip(first["ranked"], again["ranked"], strict=True):
         assert a["effects"] == b["effects"]
@@ -113,7 +114,7 @@ def test_a_turned_world_turns_the_answer(tilted: Recording, found: Diagnosis) ->
             for e in tilted.episodes
         ),
     )
-    before, after = found.ranked[0], diagnose(turned, threads=1).ranked[0]
+    before, after = found.ranked[0], diagnose(PlanarBox(turned), threads=1).ranked[0]
     assert after.effects == before.effects
     name = before.effects[0]
     for key, value in before.parameters[name].items():
@@ -169,32 +170,33 @@ def test_the_next_push_stays_within_the_forces_used_and_tells_explanations_apart
     context = context_of(tilted)
     first = Explanation((Candidate(fx.Mass),)), np.array([0.1])
     second = Explanation((Candidate(fx.Friction),)), np.array([0.1])
-    pushes = candidates(tilted, context)
-    assert max(np.linalg.norm(p.force_n) for p in pushes) <= context.force_n * (1 + 1e-12)
-    best = best_push(tilted, measure(PlanarBox(tilted)), context, first, second, np.diag([1e-4]), threads=1)
+    assert max(np.linalg.norm(p.force_n) for p in pushes(tilted, context)) <= context.force_n * (1 + 1e-12)
+    system = PlanarBox(tilted)
+    best = best_experiment(system, measure(system), first, second, np.diag([1e-4]), threads=1)
+    assert best is not None
     assert best.log_odds > 5.0
-    same = best_push(tilted, measure(PlanarBox(tilted)), context, first, first, np.diag([1e-4]), threads=1)
+    same = best_experiment(system, measure(system), first, first, np.diag([1e-4]), threads=1)
+    assert same is not None
     assert same.log_odds == pytest.approx(0.0, abs=1e-9)
 
 
 def test_what_fails_on_unseen_episodes_loses_its_lead(tilted: Recording) -> None:
     """A leader whose value the episodes left out contradict is put behind the nominal model; a true one stays."""
     fitted, held_out = split([e.index for e in tilted.episodes])
-    simulator = Simulator(tilted, grid=8, threads=1)
-    fitter = Fitter(simulator, measure(PlanarBox(tilted)), context_of(tilted))
+    fitter = fitter_of(tilted)
     nominal = fitter.fit(NONE, fitted)
-    every = directions(fitter.context)
+    every = directions(fitter.system)
     true = fitter.fit(Explanation((Candidate(fx.FloorTilt),)), fitted, near=nominal)
     # as if the fitted episodes were as well explained by the opposite tilt
     wild = dataclasses.replace(true, x=-true.x)
-    known = survey(fitter, true, every)
-    alone = surroundings(nominal, survey(fitter, nominal, every))
+    known = sensitivities(fitter, true, every)
+    alone = normal_equations(nominal, sensitivities(fitter, nominal, every))
 
-    def contender(around: Surroundings, log: float) -> Contender:
+    def contender(around: NormalEquations, log: float) -> Contender:
         return Contender(around.fit, around, evidence(around, fitter.context), log, {})
 
     for fit, stays in ((true, True), (wild, False)):
-        search = Search((contender(surroundings(fit, known), 0.0), contender(alone, -20.0)), nominal)
+        search = Search((contender(normal_equations(fit, known), 0.0), contender(alone, -20.0)), nominal)
         confirmed = confirm(search, fitter, held_out)
         assert (confirmed.search.best.fit is fit) == stays
         assert (confirmed.after[id(fit)].total < confirmed.before.total) == stays
@@ -202,20 +204,20 @@ def test_what_fails_on_unseen_episodes_loses_its_lead(tilted: Recording) -> None
 
 def test_a_hair_s_breadth_is_no_effect() -> None:
     """Friction off by 0.05 % explains some of the noise's whims and nothing that matters."""
-    diagnosis = diagnose(recorded((fx.Friction(NOMINAL.friction * 1.0005),)), threads=1)
+    diagnosis = diagnose(PlanarBox(recorded((fx.Friction(NOMINAL.friction * 1.0005),))), threads=1)
     assert diagnosis.ranked[0].effects == ("none",)
 
 
 def test_a_dead_band_is_unknown_and_is_said() -> None:
     """It is not taken for the heavier body or the weaker push that it nearly is; a weaker push is not taken for it."""
-    lost = diagnose(recorded((fx.DeadBand(0.6),), episodes=8), threads=1, advise=False)
+    lost = diagnose(PlanarBox(recorded((fx.DeadBand(0.6),), episodes=8)), threads=1, advise=False)
     assert lost.ranked[0].effects == ("unknown",)
     assert lost.abstain
     said = next(n for n in lost.notes if "dead band" in n)
     assert float(said.rstrip(".").split()[-1]) == pytest.approx(0.6, abs=0.1)
     assert all("unknown" not in r.effects for r in lost.ranked[1:])
     assert sum(r.probability for r in lost.ranked) == pytest.approx(1.0)
-    weaker = diagnose(recorded((fx.ActuatorGain(0.95),), episodes=8), threads=1, advise=False)
+    weaker = diagnose(PlanarBox(recorded((fx.ActuatorGain(0.95),), episodes=8)), threads=1, advise=False)
     assert {weaker.ranked[0].effects, *weaker.ranked[0].equivalent} >= {("mass",), ("actuator_gain",)}
     assert not weaker.abstain
     assert not any("dead band" in n for n in weaker.notes)
@@ -228,12 +230,11 @@ def test_a_gap_without_a_name_is_unknown() -> None:
     assert 0.8 < not_none(0.6) < not_none(5.0) <= 1.0
 
 
-def contended(recording: Recording, kind: type[fx.AbstractEffect], vector: list[float]) -> tuple[Fitter, Contender]:
+def contended(recording: Recording, kind: type[fx.PlanarEffect], vector: list[float]) -> tuple[Fitter, Contender]:
     """An effect at a vector, as if fitted, amid its surroundings."""
-    simulator = Simulator(recording, grid=8, threads=1)
-    fitter = Fitter(simulator, measure(PlanarBox(recording)), context_of(recording))
+    fitter = fitter_of(recording)
     fit = fitter.fit(Explanation((Candidate(kind),)), (0, 1), x=np.array(vector), iterations=0)
-    around = surroundings(fit, survey(fitter, fit, directions(fitter.context)))
+    around = normal_equations(fit, sensitivities(fitter, fit, directions(fitter.system)))
     return fitter, Contender(fit, around, evidence(around, fitter.context), 0.0, {})
 
 
@@ -287,19 +288,20 @@ def test_what_takes_the_simulator_further_away_is_doubted(tilted: Recording) -> 
 
 def test_what_strains_the_simulator_s_trust_is_not_explained(tilted: Recording) -> None:
     """A wrong effect leaves most of a gap, and only mismatch of many times the usual size makes up for the rest."""
-    simulator = Simulator(tilted, grid=8, threads=1)
-    fitter = Fitter(simulator, measured := measure(PlanarBox(tilted)), context_of(tilted))
+    fitter = fitter_of(tilted)
     episodes = tuple(range(len(tilted.episodes)))
     nominal = fitter.fit(NONE, episodes)
-    known = survey(fitter, nominal, directions(fitter.context))
+    known = sensitivities(fitter, nominal, directions(fitter.system))
 
-    def strain(kind: type[fx.AbstractEffect]) -> float:
-        around = surroundings(fitter.fit(Explanation((Candidate(kind),)), episodes, near=nominal), known)
-        return strained(Contender(around.fit, around, evidence(around, fitter.context), 0.0, {}), nominal, measured)
+    def strain(kind: type[fx.PlanarEffect]) -> float:
+        around = normal_equations(fitter.fit(Explanation((Candidate(kind),)), episodes, near=nominal), known)
+        return strained(
+            Contender(around.fit, around, evidence(around, fitter.context), 0.0, {}), nominal, fitter.measured
+        )
 
     assert strain(fx.FloorTilt) < 0.01
     assert strain(fx.Inertia) > 0.5
     # where nothing is claimed, nothing is strained, however far off the simulator has to be
-    alone = surroundings(nominal, known)
+    alone = normal_equations(nominal, known)
     none = Contender(nominal, alone, evidence(alone, fitter.context), 0.0, {})
-    assert strained(none, nominal, measured) == 0.0
+    assert strained(none, nominal, fitter.measured) == 0.0

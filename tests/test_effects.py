@@ -12,13 +12,14 @@ from runner.blind.physics import Episode as BlindEpisode
 from runner.blind.physics import World, simulate
 from runner.effects import planar_box as fx
 from runner.effects.planar_box.base import Motion, ahead, late
-from runner.inference.least_squares import NONE, Explanation, Fitter
+from runner.effects.vocabulary import Candidate
+from runner.inference.least_squares import NONE, Explanation
 from runner.inference.multiple_shooting import begun
-from runner.noise.measured import measure
 from runner.physics.dry_friction import base_points
 from runner.recording import Episode, Form, Noise, Nominal, Recording
-from runner.systems.planar_box.simulator import Run, Simulator, context_of
-from runner.systems.planar_box.system import PlanarBox
+from runner.systems.base import Run
+from runner.systems.planar_box.simulator import Simulator
+from tests.cases import fitter_of
 
 HALF, MASS, MU, RATE = (0.3, 0.3, 0.3), 2.0, 0.25, 60.0
 NOISE = Noise(0.0005, 0.0008, 0.003, 0.005)
@@ -133,9 +134,8 @@ def test_its_parameters_are_recovered(name: str) -> None:
     """A fit to noisy recordings of the other integrator finds what was planted."""
     effect, changes, tolerance = PLANTED[name]
     recording = recorded(world(**changes), noise=1.0)
-    simulator = Simulator(recording, grid=8, threads=1)
-    fitter = Fitter(simulator, measure(PlanarBox(recording)), context_of(recording))
-    explanation = Explanation((type(effect),))
+    fitter = fitter_of(recording)
+    explanation = Explanation((Candidate(type(effect)),))
     starts = type(effect).starts(fitter.context)
     episodes = range(len(recording.episodes))
     # as the search does where the nominal model goes far astray: from pieces of the episodes

@@ -9,10 +9,11 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from cases import SIGMA, made
 
 from runner.__main__ import main
-from runner.diagnosis.corrected import MODEL, read_corrected, unit, write_corrected
+from runner.diagnosis.corrected import read_corrected, unit, write_corrected
 from runner.effects.planar_box import (
     ActuatorDelay,
     AnisotropicFriction,
@@ -31,9 +32,12 @@ from runner.errors import ConfigError, RecordingError, ResultError
 from runner.noise.measured import measure
 from runner.recording import write_case
 from runner.simulate.gap import WHOLE_EPISODE, measure_gap
-from runner.simulate.shooting import Restarts, Windows, windows_of
-from runner.systems.planar_box.simulator import OBJECT, Effects, Run, Simulator
-from runner.systems.planar_box.system import PlanarBox
+from runner.simulate.shooting import windows_of
+from runner.systems.base import Run, Windows
+from runner.systems.planar_box.model_file import MODEL
+from runner.systems.planar_box.simulator import OBJECT, Simulator
+from runner.systems.planar_box.system import PlanarBox, vocabulary
+from runner.systems.planar_box.windows import Effects
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "cases"
 
@@ -62,7 +66,7 @@ def test_windows_continue_an_episode_exactly(effects: Effects) -> None:
     whole = simulator.predict(0, [Run(effects, starts[0])])[0]
     first = np.array([0, 37, 150])
     windows = Windows(np.zeros(3, int), first, 61)
-    again = Restarts(simulator, effects).predict(windows, whole[first][:, None])[:, 0]
+    again = simulator.predict_windows(effects, windows, whole[first][:, None])[:, 0]
     for f, part in zip(first, again, strict=True):
         np.testing.assert_allclose(part, whole[f : f + 61], atol=1e-9)
 
@@ -75,7 +79,7 @@ def test_a_delayed_measurement_needs_no_past() -> None:
     shown = np.hstack([whole.pose, whole.twist])
     first = np.array([30, 120, 200])
     windows = Windows(np.zeros(3, int), first, 46)
-    again = Restarts(Simulator(recording), delay).predict(windows, shown[first][:, None])[:, 0]
+    again = Simulator(recording).predict_windows(delay, windows, shown[first][:, None])[:, 0]
     for f, part in zip(first, again, strict=True):
         np.testing.assert_allclose(part, shown[f : f + 46], atol=1e-6)
 
@@ -85,9 +89,8 @@ def test_extra_wrench_moves_the_free_body_by_newtons_law() -> None:
     recording, _ = made(noise=0.0, episodes=1)
     windows = Windows(np.array([0]), np.array([100]), 31)
     start = np.array([[[0.1, 0.2, 0.7, 0.0, 0.0, 0.0]]]).repeat(2, axis=1)
-    restarts = Restarts(Simulator(recording), (Friction(0.0),))
     with_wrench = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.5]])
-    without, moved = restarts.predict(windows, start, with_wrench)[0]
+    without, moved = Simulator(recording).predict_windows((Friction(0.0),), windows, start, with_wrench)[0]
     # the couple turns with the recorded yaw, not with that of this body: right where the two agree
     pose = recording.episodes[0].pose[100:131, 2]
     half = moved[-1] - without[-1]
@@ -132,9 +135,10 @@ def test_time_origin_does_not_matter() -> None:
 def test_right_effect_closes_the_gap(effect: Friction | FloorTilt | ObservationDelay) -> None:
     """The nominal model misses what was planted by far; with the effect only noise is left at every horizon."""
     recording, _ = made((effect,), episodes=2)
-    simulator, signals = Simulator(recording), measure(PlanarBox(recording))
-    nominal = noises(measure_gap(simulator, signals).table, "fitted")
-    corrected = noises(measure_gap(simulator, signals, effects=(effect,)).table, "fitted")
+    system = PlanarBox(recording)
+    signals = measure(system)
+    nominal = noises(measure_gap(system, signals).table, "fitted")
+    corrected = noises(measure_gap(system, signals, effects=(effect,)).table, "fitted")
     assert nominal[-1].max() > 3
     assert nominal[2].max() > 1.5
     np.testing.assert_allclose(corrected, 1.0, atol=0.12)
@@ -164,12 +168,13 @@ MANY: Effects = (
 def test_corrected_model_reads_back_and_its_mjcf_holds_the_numbers(tmp_path: Path) -> None:
     """`corrected.yaml` gives the same effects in the same order; `model.xml` compiles to the simulator's model."""
     recording, _ = made(noise=0.0, episodes=1, seconds=1.0)
-    simulator = Simulator(recording)
-    path = write_corrected(tmp_path / "new", MANY, simulator)
-    assert read_corrected(path) == MANY
-    assert read_corrected(tmp_path / "new") == MANY
+    system = PlanarBox(recording)
+    path = write_corrected(tmp_path / "new", MANY, system)
+    assert read_corrected(path, vocabulary()) == MANY
+    assert read_corrected(tmp_path / "new", vocabulary()) == MANY
+    assert yaml.safe_load(path.read_text(encoding="utf-8"))["model"] == [MODEL]
     model = mujoco.MjModel.from_xml_path(str(path.parent / MODEL))
-    ours = simulator.model(MANY)
+    ours = system.simulator().model(MANY)
     body = model.body(OBJECT).id
     assert model.body_mass[body] == pytest.approx(3.123456789012345, rel=1e-15)
     for name in ("body_user", "body_ipos", "body_inertia", "tendon_stiffness", "dof_invweight0"):
@@ -180,7 +185,7 @@ def test_corrected_model_reads_back_and_its_mjcf_holds_the_numbers(tmp_path: Pat
 def test_no_correction_is_a_model_too(tmp_path: Path) -> None:
     """`none` writes an empty set of effects, and reads back as that."""
     recording, _ = made(noise=0.0, episodes=1, seconds=1.0)
-    assert read_corrected(write_corrected(tmp_path, (), PlanarBox(recording))) == ()
+    assert read_corrected(write_corrected(tmp_path, (), PlanarBox(recording)), vocabulary()) == ()
 
 
 @pytest.mark.parametrize(
@@ -201,7 +206,7 @@ def test_bad_models_are_refused(tmp_path: Path, text: str, error: type[Exception
     """One line with the file, the key, and what is allowed."""
     (tmp_path / "corrected.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(error, match=message) as caught:
-        read_corrected(tmp_path)
+        read_corrected(tmp_path, vocabulary())
     assert str(tmp_path / "corrected.yaml") in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -209,10 +214,10 @@ def test_bad_models_are_refused(tmp_path: Path, text: str, error: type[Exception
 def test_missing_model_and_doubled_effect_are_refused(tmp_path: Path) -> None:
     """A path without a file, and a model that the file can't hold."""
     with pytest.raises(ResultError, match=r"nowhere.yaml: no such file"):
-        read_corrected(tmp_path / "nowhere.yaml")
+        read_corrected(tmp_path / "nowhere.yaml", vocabulary())
     recording, _ = made(noise=0.0, episodes=1, seconds=1.0)
     with pytest.raises(ResultError, match="'viscous_drag' can be written once only"):
-        write_corrected(tmp_path, (ViscousDrag(1.0), ViscousFilm(1.0)), Simulator(recording))
+        write_corrected(tmp_path, (ViscousDrag(1.0), ViscousFilm(1.0)), PlanarBox(recording))
 
 
 def test_units_follow_from_names() -> None:
@@ -228,12 +233,12 @@ def test_command_reproduces_the_gap_with_the_model_that_was_written(
     effect = (Friction(0.26),)
     recording, _ = made(effect, episodes=2, seconds=4.0)
     write_case(recording, tmp_path / "case")
-    simulator = Simulator(recording)
-    path = write_corrected(tmp_path / "model", effect, simulator)
+    system = PlanarBox(recording)
+    path = write_corrected(tmp_path / "model", effect, system)
     arguments = ["gap", str(tmp_path / "case"), f"model={path}", f"out={tmp_path / 'out'}"]
     assert main(arguments) == 0
     table = pd.read_parquet(tmp_path / "out" / "gap.parquet")
-    want = measure_gap(simulator, measure(PlanarBox(recording)), effects=effect).table
+    want = measure_gap(system, measure(system), effects=effect).table
     np.testing.assert_allclose(table["rms"], want["rms"], rtol=1e-9)
     out = capsys.readouterr().out
     assert "starts fitted" in out

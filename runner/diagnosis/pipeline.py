@@ -484,7 +484,7 @@ def notes(
         episode = recording.episodes[e]
         out.append(
             f"What episode {episode.index} shows from {episode.t_s[sample]:.2f} s on counts for the closure alone: "
-            "whether a push there starts the body hangs on less friction than floors are even in."
+            "whether a push there starts the body hangs on less friction than surfaces are even in."
         )
     if measured.noise_model.lag_one.any():
         out.append("The noise is correlated from sample to sample; this was taken into account.")

@@ -1,8 +1,8 @@
 """What hangs on a breakaway: whether a push just starts a body that static friction holds, or just doesn't.
 
-Friction that differs by a fraction of a per cent from place to place, as on any floor, decides that, and it makes all
-the difference to what follows. No simulator that does not know the floor so well predicts it, so what comes after says
-nothing about the explanation: it is left out of the fit.
+Friction that differs by a fraction of a per cent from place to place, as on any surface, decides that, and it makes
+all the difference to what follows. No simulator that does not know the surface so well predicts it, so what comes after
+says nothing about the explanation: it is left out of the fit.
 """
 
 from __future__ import annotations

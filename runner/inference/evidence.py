@@ -1,11 +1,11 @@
 """How well each explanation accounts for a recording, once the simulator's own small errors are allowed for.
 
-No model is exact: floors have texture, sizes are off by a little. With the noise of a good sensor, errors of a tenth
+No model is exact: surfaces have texture, sizes are off by a little. With the noise of a good sensor, errors of a tenth
 of a percent are many standard errors, and a comparison that takes the model for exact will find an "effect" in every
 recording. So every explanation is granted a small share of everything else: along each direction in which any
 effect would move the prediction, a Gaussian amplitude of standard deviation `SHARE * level` times the effect's usual
-size, and a floor texture of the same kind. Those amplitudes, and the start states, are integrated out (a Gaussian
-integral; Kennedy & O'Hagan 2001 in the linear case), and so are the explanation's own parameters (Laplace).
+size, and a texture of the workspace of the same kind. Those amplitudes, and the start states, are integrated out (a
+Gaussian integral; Kennedy & O'Hagan 2001 in the linear case), and so are the explanation's own parameters (Laplace).
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ from runner.inference.least_squares import Explanation, Fit, Fitter, bounds, dif
 from runner.systems.base import AbstractSystem
 
 SHARE = 0.01  # of an effect's usual size: how far the simulator may be off in its direction
-TEXTURE = 0.02  # of the amplitude of the patches that span the floor (0.2): friction off by 0.4 % from place to place
+TEXTURE = (
+    0.02  # of the amplitude of the patches that span the workspace (0.2): friction off by 0.4 % from place to place
+)
 LEVELS = (0.5, 1.0, 2.0, 4.0, 8.0)  # the mismatch is not known beforehand: these multiples, equally likely
 
 
@@ -36,7 +38,7 @@ class Direction:
         vector: The vector that it goes to.
         per: How much of the unit amplitude that is; the column is divided by it.
         mismatch: Standard deviation that the simulator's own error has in this direction, in units of the amplitude.
-        texture: Whether it is one of many that span the floor: an effect at one place leaves errors at the others.
+        texture: Whether it is one of many that span the workspace: an effect at one place leaves errors at the others.
     """
 
     candidate: Candidate
@@ -101,7 +103,7 @@ class NormalEquations:
 def normal_equations(fit: Fit, *known: Sensitivities) -> NormalEquations:
     """Set a fit amid the directions of surveys made around it or near it; of each direction the first counts.
 
-    Those of its own effects are left out, save for the texture of the floor.
+    Those of its own effects are left out, save for the texture of the workspace.
     """
     chosen: dict[tuple[Candidate, bytes], tuple[Sensitivities, int]] = {}
     for one in known:

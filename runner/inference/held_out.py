@@ -27,7 +27,7 @@ INDEPENDENT_UNSEEN, INDEPENDENT_FITTED = 3.0, 1.0
 # Log odds against an effect that is nothing beside its own standard error; none from one of them on; and more where it
 # is less than such a share.
 DOUBT, LOST, LOST_BELOW = 25.0, 1000.0, 0.6
-FAINT = 1000.0  # the same against one that is nothing beside the unevenness of any floor
+FAINT = 1000.0  # the same against one that is nothing beside the unevenness of any surface
 # A gap of this share of the noise's variance is as likely none; log odds by which each e-fold changes that; and the gap
 # from which on the odds grow in proportion to it: what small errors of a simulator add up to has no heavy tail.
 BARELY, BY_GAP, VISIBLE = 0.3, 6.0, 1.5
@@ -139,7 +139,7 @@ def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], f
 
 
 def doubt(contender: Contender, context: Scope) -> float:
-    """Return the log odds against an explanation whose effects do not stand out of their own errors or the floor's.
+    """Return the log odds against an explanation whose effects do not stand out of their own errors or of surfaces' unevenness.
 
     The evidence asks whether an effect's pattern is in the residual; the plain errors, the simulator's own mismatch
     included, how far it is from not being there at all. Effects that make up for another's wrong form fail that.

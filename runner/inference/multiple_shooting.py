@@ -104,7 +104,7 @@ def explains(seed: WarmStart, fitter: Fitter, episodes: Sequence[int]) -> bool:
 
 
 def begun(fit: Fit, spans: Sequence[Span], whole: Fit) -> np.ndarray:
-    """Return start states of whole episodes, (E, 6): of their first pieces where those were fitted, else of a fit."""
+    """Return start states of whole episodes, (E, S): of their first pieces where those were fitted, else of a fit."""
     starts = whole.starts.copy()
     for piece, start in zip(fit.episodes, fit.starts, strict=True):
         if spans[piece].begin == 0:

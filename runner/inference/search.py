@@ -68,7 +68,7 @@ class Contender:
 
 @dataclass(frozen=True)
 class WarmStart:
-    """Where a fit may begin: an explanation, its parameters, (p,), start states, (E, 6), and the loss there."""
+    """Where a fit may begin: an explanation, its parameters, (p,), start states, (E, S), and the loss there."""
 
     explanation: Explanation
     x: np.ndarray
@@ -108,7 +108,7 @@ def search(
 ) -> Search:
     """Fit and compare explanations of up to `most` effects on these episodes.
 
-    `starts` are start states to begin with, (E, 6). `pieces` says that they are pieces of episodes: short, so that few
+    `starts` are start states to begin with, (E, S). `pieces` says that they are pieces of episodes: short, so that few
     steps will do.
     """
     every = directions(fitter.system)

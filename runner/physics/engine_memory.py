@@ -8,8 +8,6 @@ them.
 from __future__ import annotations
 
 import ctypes
-import hashlib
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -50,16 +48,6 @@ def offset_of_array(address: int, array: np.ndarray, size: int) -> int:
     if not len(hits):
         raise RuntimeError(f"mujoco {mujoco.__version__}: an array was not found; pin mujoco==3.17.0.")
     return 8 * int(hits[-1])
-
-
-def fingerprint(*sources: str | Path) -> int:
-    """Return a number that changes with the text of these files, below 2^60.
-
-    Numba keeps a compiled function for as long as its own file does not change, and asks nothing of the files that its
-    callees stand in. A callback that holds this number of all of them in its closure is compiled anew after any change.
-    """
-    text = b"".join(Path(source).read_bytes() for source in sorted(map(str, sources)))
-    return int(hashlib.sha256(text).hexdigest()[:15], 16)
 
 
 def _cast(typing_context, address):

@@ -28,6 +28,7 @@ from numba import carray, cfunc, types
 
 from runner.physics import dry_friction, engine_memory
 from runner.physics.engine_memory import as_pointer, doubles, integer, offset_of
+from runner.storage.numba_cache import fingerprint
 
 MAGIC = 314159.2653
 SIZE = 8  # of the tape in userdata: these, counted from the end
@@ -167,7 +168,7 @@ def install() -> None:
             userdata=offset_of(d, data.userdata.ctypes.data),
             qpos=offset_of(d, data.qpos.ctypes.data),
             qvel=offset_of(d, data.qvel.ctypes.data),
-            sources=engine_memory.fingerprint(engine_memory.__file__),
+            sources=fingerprint(engine_memory.__file__),
         )
     )
     callback = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64)(tape.address)

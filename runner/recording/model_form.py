@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import mujoco
@@ -60,7 +61,7 @@ class MechanismEpisode:
     def __len__(self) -> int:
         return len(self.t_s)
 
-    @property
+    @cached_property
     def step_s(self) -> float:
         """Usual time from one sample to the next."""
         return float(np.median(np.diff(self.t_s)))
@@ -89,7 +90,7 @@ class MechanismRecording:
         """What the owner states beside the MJCF."""
         return self.mapping
 
-    @property
+    @cached_property
     def step_s(self) -> float:
         """Usual time from one sample to the next."""
         return float(np.median(np.concatenate([np.diff(e.t_s) for e in self.episodes])))
@@ -278,8 +279,8 @@ def _degrees(values: Float, limits: tuple[float, float]) -> bool:
     width = high - low
     extremes = np.array([np.nanmin(values, initial=0.0), np.nanmax(values, initial=0.0)])
     outside = max(low - extremes[0], extremes[1] - high)
-    angles = np.radians(extremes)
-    return outside > 2 * width and bool(angles[0] > low - 0.1 * width and angles[1] < high + 0.1 * width)
+    inside = np.radians(extremes[0]) > low - 0.1 * width and np.radians(extremes[1]) < high + 0.1 * width
+    return bool(outside > 2 * width and inside)
 
 
 def _orientation(table: Table, columns: Sequence[str]) -> Float:

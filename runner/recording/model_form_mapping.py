@@ -274,11 +274,9 @@ def _channel(key: str, name: str, of: Mapping, model: mujoco.MjModel) -> list[Ch
     target = _named(f"{key}.{kind}", kind, of[kind], model)
     if kind == "sensor":
         return [_sensor(key, name, target, of, model)]
-    quantity = of.get("quantity")
+    quantity = str(of.get("quantity"))
     if quantity not in QUANTITIES[kind]:
-        raise RecordingError(
-            f"{key}.quantity: unknown '{quantity}' of a {kind}. {nearest(str(quantity), QUANTITIES[kind])}"
-        )
+        raise RecordingError(f"{key}.quantity: unknown '{quantity}' of a {kind}. {nearest(quantity, QUANTITIES[kind])}")
     if kind == "joint":
         return [_joint(key, name, target, quantity, of, model)]
     if kind == "actuator":
@@ -289,9 +287,10 @@ def _channel(key: str, name: str, of: Mapping, model: mujoco.MjModel) -> list[Ch
         _columns(f"{key}.columns", of.get("columns"), 4)
         return [ChannelSource(f"{name}.{a}", kind, target, quantity, i, "rad") for i, a in enumerate(AXES)]
     _check_keys(f"{key}.", of, ("body", "quantity", "axis"))
-    if of.get("axis") not in AXES:
-        raise RecordingError(f"{key}.axis: must be 'x', 'y' or 'z', got {of.get('axis')!r}.")
-    return [ChannelSource(name, kind, target, quantity, AXES.index(of["axis"]), BODY_UNITS[quantity])]
+    axis = of.get("axis")
+    if axis not in AXES:
+        raise RecordingError(f"{key}.axis: must be 'x', 'y' or 'z', got {axis!r}.")
+    return [ChannelSource(name, kind, target, quantity, AXES.index(axis), BODY_UNITS[quantity])]
 
 
 def _joint(key: str, name: str, target: str, quantity: str, of: Mapping, model: mujoco.MjModel) -> ChannelSource:

@@ -56,7 +56,7 @@ class Fitted:
     jacobian: np.ndarray
 
     def freedom(self, valid: np.ndarray) -> np.ndarray:
-        """Return how many values of each channel are left after the fit, (W, S): samples less what the fit follows.
+        """Return how many values of each channel are left after the fit, (W, C): samples less what the fit follows.
 
         So many times the variance of the noise is what the sum of squared residuals of a perfect model comes to, be
         the noise white or coloured: diag(C - J (J^T C^-1 J)^-1 J^T) with C the noise's covariance.

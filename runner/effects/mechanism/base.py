@@ -97,7 +97,12 @@ class MechanismEffect(AbstractEffect):
         """Add the elements that the effect needs. Names of joints, bodies and actuators must go on meaning the same."""
 
     def edit_model(self, model: mujoco.MjModel) -> None:
-        """Write the effect's numbers into a compiled model that holds the nominal ones (and the spec's elements)."""
+        """Write the effect's numbers into a compiled model that holds the nominal ones (and the spec's elements).
+
+        Its time step is the one that will be simulated, which an effect may change. Derived constants are computed anew
+        after all effects (`mj_setConst`); bodies are compiled with `simple="false"`, and `joint_law.reserve` has made
+        room.
+        """
 
     def edit_start(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Set positions and speeds of the joints that the effect has added, better than those that they follow.

@@ -111,8 +111,8 @@ def couple(spec: mujoco.MjSpec, joint: str, **changes: float) -> None:
     tendon.userdata = astuple(coupling)
     if spec.nuser_tendon >= 0:
         spec.nuser_tendon = max(spec.nuser_tendon, len(tendon.userdata))
-    model = spec.copy().compile()
-    numbers = _numbers(model, joint, coupling)
+    # inertias are asked for by springs alone, and compiling takes a while
+    numbers = _numbers(spec.copy().compile(), joint, coupling) if coupling.stiffness else _flanks(coupling)
     tendon.stiffness = _first(tendon.stiffness, numbers.stiffness)
     tendon.damping = _first(tendon.damping, numbers.damping)
     tendon.springlength, tendon.range = numbers.flanks, numbers.flanks
@@ -148,15 +148,14 @@ def _numbers(model: mujoco.MjModel, joint: str, coupling: Coupling) -> _Numbers:
     MuJoCo steps springs explicitly. One that is too fast for the step becomes a soft limit, which is solved implicitly:
     it gives as much under a steady load, and swings as fast as the step can follow, damped.
     """
-    half, stiffness = max(0.5 * coupling.play, TIGHT), coupling.stiffness
-    flanks = [-half, half]
+    rigid, stiffness = _flanks(coupling), coupling.stiffness
     if stiffness == 0.0:
-        return _Numbers(0.0, 0.0, flanks, True, [STOP_TIME_CONSTANT_S, 1.0], [*STOP_IMPEDANCE])
+        return rigid
     link, drive = (float(model.dof_M0[int(model.joint(j).dofadr[0])]) for j in (joint, joint + DRIVE))
     inertia, step = link * drive / (link + drive), float(model.opt.timestep)
     if stiffness * step**2 <= FASTEST**2 * inertia:
         damping = 2.0 * coupling.damping_ratio * math.sqrt(stiffness * inertia)
-        return _Numbers(stiffness, damping, flanks, False, [STOP_TIME_CONSTANT_S, 1.0], [*STOP_IMPEDANCE])
+        return rigid._replace(stiffness=stiffness, damping=damping, limited=False)
     # MuJoCo's constraint: force = weight (-rate r - damping v - a), weight = d / (1 - d) / inverse inertia
     inverse = float(model.tendon_invweight0[model.tendon(joint + COUPLING).id])
     weight = stiffness * step**2 / FASTEST**2
@@ -164,7 +163,13 @@ def _numbers(model: mujoco.MjModel, joint: str, coupling: Coupling) -> _Numbers:
     weight = d / (1.0 - d) / inverse
     rate = min(stiffness / weight, (FASTEST / step) ** 2)
     damping = 2.0 * SLUGGISH * math.sqrt(rate * (1.0 + inertia / weight))
-    return _Numbers(0.0, 0.0, flanks, True, [-rate * d, -damping * d], [d, d, 0.001, 0.5, 2.0])
+    return rigid._replace(solref=[-rate * d, -damping * d], solimp=[d, d, 0.001, 0.5, 2.0])
+
+
+def _flanks(coupling: Coupling) -> _Numbers:
+    """Return the numbers of rigid flanks, so far apart as there is play."""
+    half = max(0.5 * coupling.play, TIGHT)
+    return _Numbers(0.0, 0.0, [-half, half], True, [STOP_TIME_CONSTANT_S, 1.0], [*STOP_IMPEDANCE])
 
 
 def _first(coefficients: float | np.ndarray, value: float) -> float | np.ndarray:

@@ -13,6 +13,7 @@ from runner.physics.dry_friction.planar import Engine, step_planar
 from runner.physics.dry_friction.push import push_free, push_upright
 from runner.physics.dry_friction.record import COLUMN, FREE, MAGIC, STRIDE, UPRIGHT
 from runner.physics.engine_memory import as_pointer, double, doubles, integer, ints, offset_of
+from runner.storage.numba_cache import fingerprint
 
 JOINTS = COLUMN["joints"]
 
@@ -83,7 +84,7 @@ def _measure() -> Offsets:
         userdata=of_data("userdata"),
         qfrc_applied=of_data("qfrc_applied"),
         qfrc_passive=of_data("qfrc_passive"),
-        sources=engine_memory.fingerprint(engine_memory.__file__, *Path(__file__).parent.glob("*.py")),
+        sources=fingerprint(engine_memory.__file__, *Path(__file__).parent.glob("*.py")),
     )
 
 

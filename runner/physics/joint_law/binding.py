@@ -37,6 +37,7 @@ from numba import carray, cfunc, njit, types
 from runner.physics import engine_memory, passive
 from runner.physics.engine_memory import as_pointer, double, doubles, integer, ints, offset_of, offset_of_array
 from runner.physics.joint_law.record import COLUMN, MAGIC, SIZE
+from runner.storage.numba_cache import fingerprint
 
 OFFSET, EXCESS, EXCESS_SPEED, EXCESS_POWER = (COLUMN[n] for n in ("offset", "excess", "excess_speed", "excess_power"))
 LOAD_SHARE, LOAD_DOF = COLUMN["load_share"], COLUMN["load_dof"]
@@ -128,7 +129,7 @@ def _measure() -> Offsets:
         efc_frictionloss=of_data("efc_frictionloss"),
         map_efc2iefc=of_data("map_efc2iefc"),
         iefc_frictionloss=of_data("iefc_frictionloss"),
-        sources=engine_memory.fingerprint(engine_memory.__file__, *Path(__file__).parent.glob("*.py")),
+        sources=fingerprint(engine_memory.__file__, *Path(__file__).parent.glob("*.py")),
     )
 
 

@@ -52,9 +52,13 @@ def _shape(model: mujoco.MjModel, geom: int) -> Shape | None:
         shift = np.empty(3)
         mujoco.mju_rotVecQuat(shift, middle, quaternion)
         position = position + shift
-    return Shape(
-        kind, tuple(map(float, size[: SIZES[kind]])), tuple(map(float, position)), tuple(map(float, quaternion))
-    )  # type: ignore[arg-type]
+    return _placed(kind, size[: SIZES[kind]], position, quaternion)
+
+
+def _placed(kind: str, size: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> Shape:
+    x, y, z = map(float, position)
+    qw, qx, qy, qz = map(float, quaternion)
+    return Shape(kind, tuple(map(float, size)), (x, y, z), (qw, qx, qy, qz))
 
 
 def _lines(model: mujoco.MjModel, body: int) -> list[Shape]:
@@ -68,9 +72,7 @@ def _lines(model: mujoco.MjModel, body: int) -> list[Shape]:
         if length > radius:
             quaternion = np.empty(4)
             mujoco.mju_quatZ2Vec(quaternion, end)
-            out.append(
-                Shape("capsule", (radius, length / 2), tuple(map(float, end / 2)), tuple(map(float, quaternion)))
-            )  # type: ignore[arg-type]
+            out.append(_placed("capsule", np.array([radius, length / 2]), end / 2, quaternion))
     return out
 
 

@@ -7,6 +7,11 @@ import numpy as np
 from runner.systems.base import FloatArray
 
 
+def even_times(count: int, step_s: float) -> FloatArray:
+    """Return times from 0 in even steps, (count,)."""
+    return np.arange(count, dtype=np.float64) * step_s
+
+
 def step_means(t_s: FloatArray, held: FloatArray, edges_s: FloatArray, before: FloatArray) -> FloatArray:
     """Return the mean of a held signal over each step: exact, whatever the clock.
 

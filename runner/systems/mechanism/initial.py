@@ -47,6 +47,9 @@ class MechanismStart(AbstractInitialState):
         self._data = mujoco.MjData(compiled.model)
         self._sources = recording.mapping.sources
         self._tells = [_tells(s, compiled.model) for s in self._sources]
+        # joints that are measured by themselves show the same whatever the position
+        self._direct = all(s.kind in ("joint", "actuator") for s in self._sources)
+        self._constant = self._derivatives(np.array(compiled.model.qpos0)) if self._direct else None
         self.steps = np.ones(2 * self._coordinates.nv)
         self.steps = np.clip(self.scale(sigma), 1e-6, 0.02)
 
@@ -67,17 +70,29 @@ class MechanismStart(AbstractInitialState):
 
     def scale(self, sigma: FloatArray) -> FloatArray:
         """Return how well the channels of one sample, and slopes of a few, tell each number."""
-        nv = self._coordinates.nv
         broad = self.broad()
-        matrix = self._jacobian(np.array(self._model.qpos0))
-        position = np.array([t == "position" for t in self._tells])
-        velocity = np.array([t == "velocity" for t in self._tells])
-        rows = [matrix[position] / sigma[position, None]]
-        normal = sum((r.T @ r for r in rows), np.diag(broad[:nv] ** -2.0))
-        first = np.sqrt(np.diag(np.linalg.inv(normal)))
-        rates = [matrix[velocity] / sigma[velocity, None], matrix[position] / sigma[position, None] * SLOPE]
-        normal = sum((r.T @ r for r in rates), np.diag(broad[nv:] ** -2.0))
-        return np.concatenate([first, np.sqrt(np.diag(np.linalg.inv(normal)))])
+        return np.concatenate(
+            [
+                self._known(sigma, broad[: self._coordinates.nv], position=1.0, velocity=0.0),
+                self._known(sigma, broad[self._coordinates.nv :], position=SLOPE, velocity=1.0),
+            ]
+        )
+
+    def speed_error(self, sigma: FloatArray) -> FloatArray:
+        """Return the standard error of velocities of a smooth guess in the middle of an episode, (nv,)."""
+        step_s = self._recording.step_s
+        n = 2 * max(FEWEST, round(SMOOTH_S / step_s)) + 1
+        broad = self.broad()[self._coordinates.nv :]
+        # of a straight line through n samples: slope and level
+        return self._known(sigma, broad, position=step_s * np.sqrt(n**3 / 12.0), velocity=np.sqrt(n))
+
+    def _known(self, sigma: FloatArray, broad: FloatArray, *, position: float, velocity: float) -> FloatArray:
+        """Return standard errors (nv,) from channels with these weights, and a prior as broad as that."""
+        matrix, weight = self._jacobian(np.array(self._model.qpos0)), np.zeros(len(sigma))
+        weight[[t == "position" for t in self._tells]] = position
+        weight[[t == "velocity" for t in self._tells]] = velocity
+        rows = matrix * (weight / sigma)[:, None]
+        return np.sqrt(np.diag(np.linalg.inv(rows.T @ rows + np.diag(broad**-2.0))))
 
     def guess(self, signals: Signals, episode: int) -> FloatArray:
         """Return the start from local polynomials through the first samples; at rest: level at the first."""
@@ -129,7 +144,7 @@ class MechanismStart(AbstractInitialState):
         right = np.concatenate(
             [level[rates] / signals.sigma[rates], slope[slopes] / signals.sigma[slopes] * SLOPE, np.zeros(nv)]
         )
-        return np.concatenate([x, np.linalg.lstsq(rows, right, rcond=None)[0]])
+        return np.concatenate([x, _least_squares(rows, right)])
 
     def _posed(self, level: FloatArray, episode: int, sample: int, sigma: FloatArray, begin: FloatArray) -> FloatArray:
         """Return positions (nq,) that show these levels, (C,), as nearly as the noise says; NaN counts for nothing.
@@ -150,7 +165,7 @@ class MechanismStart(AbstractInitialState):
             away = self._coordinates.difference(qpos, reference)
             rows = np.vstack([matrix * weight[:, None], np.diag(weak)])
             right = np.concatenate([(level[told] - shown) * weight, -away * weak])
-            step = np.linalg.lstsq(rows, right, rcond=None)[0]
+            step = _least_squares(rows, right)
             qpos = self._coordinates.moved(qpos, step)
             if np.abs(step).max() < CLOSE:
                 break
@@ -167,18 +182,20 @@ class MechanismStart(AbstractInitialState):
         values = self._turned(signals.values[episode], whole, first)[span]
         valid = signals.valid[episode][span] & np.isfinite(values)
         time = t[span] - t[first]
+        here = first - (span.start or 0)
+        powers = np.stack([time**0, time**2] if rests else [time**0, time, time**2], axis=1)
         level, slope = np.full(values.shape[1], np.nan), np.full(values.shape[1], np.nan)
-        for c in range(values.shape[1]):
-            fine = valid[:, c]
+        # channels that are measured at the same samples are fitted together
+        for pattern in {tuple(column) for column in valid.T.tolist()}:
+            fine = np.array(pattern)
             if not fine.any():
                 continue
-            powers = [np.ones_like(time), time**2] if rests else [np.ones_like(time), time, time**2]
-            order = min(len(powers), int(fine.sum()))
-            fitted = np.linalg.lstsq(np.stack(powers[:order], axis=1)[fine], values[fine, c], rcond=None)[0]
-            here = first - span.start
-            level[c] = fitted[0] if smooth or not fine[here] else values[here, c]
+            these = np.flatnonzero((valid == fine[:, None]).all(axis=0))
+            order = min(powers.shape[1], int(fine.sum()))
+            fitted = np.linalg.lstsq(powers[fine, :order], values[fine][:, these], rcond=None)[0]
+            level[these] = fitted[0] if smooth or not fine[here] else values[here, these]
             if not rests and order > 1:
-                slope[c] = fitted[1]
+                slope[these] = fitted[1]
         return level, slope
 
     def _turned(self, values: FloatArray, whole: Span, first: int) -> FloatArray:
@@ -217,10 +234,11 @@ class MechanismStart(AbstractInitialState):
         """Return what each channel shows in a state: numbers, of an orientation the quaternion."""
         data, model = self._data, self._model
         data.qpos[:], data.qvel[:] = qpos, qvel
-        mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_sensorPos(model, data)
-        mujoco.mj_fwdVelocity(model, data)
-        mujoco.mj_sensorVel(model, data)
+        if not self._direct:
+            mujoco.mj_fwdPosition(model, data)
+            mujoco.mj_sensorPos(model, data)
+            mujoco.mj_fwdVelocity(model, data)
+            mujoco.mj_sensorVel(model, data)
         out = []
         for source in self._sources:
             if source.kind == "joint":
@@ -241,6 +259,9 @@ class MechanismStart(AbstractInitialState):
 
     def _jacobian(self, qpos: FloatArray) -> FloatArray:
         """Return how channels change with what they tell of: with positions, or with velocities, (C, nv)."""
+        return self._derivatives(qpos) if self._constant is None else self._constant
+
+    def _derivatives(self, qpos: FloatArray) -> FloatArray:
         nv = self._coordinates.nv
         still = np.zeros(nv)
         base = self._raw(qpos, still)
@@ -257,6 +278,10 @@ class MechanismStart(AbstractInitialState):
                 elif self._tells[k] == "velocity":
                     out[k, i] = fast[k] - base[k]
         return out
+
+
+def _least_squares(rows: FloatArray, right: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0], dtype=np.float64)
 
 
 def _tells(source: ChannelSource, model: mujoco.MjModel) -> str:

@@ -18,7 +18,7 @@ from runner.systems.mechanism.models import Models
 AFTER_S = 0.1  # so long a change of command is "just" past
 CHANGE = 0.2  # of the largest command: a step of the command that counts as a change
 IDLE = 0.01  # of the largest command: a motor below is not driven
-SLOW = 0.03  # of the usual speed: a joint below does not move
+SLOW, ERRORS = 0.03, 4.0  # of the usual speed, and standard errors: a joint below does not move
 FULL = 0.999  # of a limit: an actuator above is saturated
 
 REGIMES = (
@@ -75,8 +75,9 @@ def label(
     count, rows = len(windows), np.arange(len(windows))
     most = np.argmax(np.abs(share).max(axis=1), axis=1) if motion.names else np.zeros(count, int)
     steps = windows.samples - 1
-    still = np.abs(share) < SLOW
-    rest = still.all(axis=(1, 2))
+    error = initial.speed_error(signals.sigma)[[initial.coordinates.by_name[n].v.start for n in motion.names]]
+    still = np.abs(share) < np.maximum(SLOW, ERRORS * error / usual)
+    rest = np.asarray(still.all(axis=(1, 2)))
     breakaway = (still[:, 0] & ~still[:, 2]).any(axis=1)
     turned = ((share[:, 0] * share[:, 2] < 0) & ~still[:, 0] & ~still[:, 2]).any(axis=1)
     sent = windows.of([e.commands for e in recording.episodes])[:, :-1]
@@ -90,7 +91,7 @@ def label(
     middle = windows.first + steps / 2
     lengths = np.array([len(recording.episodes[e]) for e in windows.episode])
     quarter = np.minimum(4 * middle / lengths, 3).astype(int)
-    moves = ~rest
+    moves = np.logical_not(rest)
     position, speed = motion.position[rows, 1, most], motion.speed[rows, 1, most]
     table = pd.DataFrame(
         {

@@ -26,6 +26,7 @@ from numba import carray, cfunc, types
 
 from runner.physics import engine_memory, passive
 from runner.physics.engine_memory import as_pointer, double, doubles, integer, offset_of, offset_of_array
+from runner.storage.numba_cache import fingerprint
 
 MARK = 0.00027182818284  # in `o_margin`, which counts for nothing unless contacts are overridden: this model takes part
 BIG = 1 << 30
@@ -94,7 +95,7 @@ def _measure() -> Offsets:
         qfrc_constraint=of_data("qfrc_constraint"),
         qfrc_bias=of_data("qfrc_bias"),
         qfrc_smooth=of_data("qfrc_smooth"),
-        sources=engine_memory.fingerprint(engine_memory.__file__, __file__),
+        sources=fingerprint(engine_memory.__file__, __file__),
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
 from runner.recording.model_form_mapping import is_servo
 from runner.systems.base import FloatArray
+from runner.systems.mechanism.held import even_times
 
 LENGTH_S = 4.0
 SETTLE_S = 0.5  # before anything is commanded
@@ -93,7 +94,7 @@ def resting_commands(recording: MechanismRecording, model: mujoco.MjModel) -> Ma
 
 def unmeasured(recording: MechanismRecording, model: mujoco.MjModel, proposed: list[Trial]) -> MechanismRecording:
     """Return a recording in which each episode is one of these experiments, and nothing has been measured."""
-    t = np.arange(round(LENGTH_S / recording.step_s) + 1) * recording.step_s
+    t = even_times(round(LENGTH_S / recording.step_s) + 1, recording.step_s)
     rest = resting_commands(recording, model)
     names = [c.actuator for c in recording.mapping.commands.values()]
     forces, channels = len(recording.mapping.forces), len(recording.mapping.sources)

@@ -20,7 +20,7 @@ from runner.recording.model_form_mapping import is_servo
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.base import AbstractSimulator, Effects, FloatArray, Run, Span, Windows
 from runner.systems.mechanism import quaternions
-from runner.systems.mechanism.held import step_means
+from runner.systems.mechanism.held import even_times, step_means
 from runner.systems.mechanism.models import (
     Compiled,
     Models,
@@ -234,8 +234,8 @@ class MechanismSimulator(AbstractSimulator):
                 part = column[first : first + steps]
                 part = np.concatenate([part, np.repeat(column[-1:], steps - len(part))])
             else:
-                edges = (place + np.arange(steps + 1)) * self.step_s
-                grid = np.arange(len(column)) * self.step_s
+                edges = self._time(stretch) + even_times(steps + 1, self.step_s)
+                grid = even_times(len(column), self.step_s)
                 part = step_means(grid, column[:, None], edges, column[:1])[:, 0]
             out[:, model.actuator(name).id] = part
         return out
@@ -249,7 +249,7 @@ class MechanismSimulator(AbstractSimulator):
                 self._commands.clear()
             recorded, mapping = self.recording.episodes[episode], self.recording.mapping
             t = recorded.t_s - recorded.t_s[0]
-            edges = np.arange(int(np.ceil(t[-1] / self.step_s - 1e-6)) + 2) * self.step_s
+            edges = even_times(int(np.ceil(t[-1] / self.step_s - 1e-6)) + 2, self.step_s)
             model = self.models.compiled(()).model
             names = [c.actuator for c in mapping.commands.values()]
             before = np.array(
@@ -330,7 +330,7 @@ class MechanismSimulator(AbstractSimulator):
         """Return what the sensors report at the samples, (R, T, C), of runs with the same effects and samples."""
         episode = self.recording.episodes[stretch.episode]
         span = slice(stretch.begin, stretch.end)
-        grid = np.arange(n) * self.step_s
+        grid = even_times(n, self.step_s)
         sampling = Sampling(grid, episode.t_s[span] - episode.t_s[stretch.begin])
         numbers: dict[str, FloatArray] = {}
         for source in self._sources:
@@ -377,7 +377,7 @@ class MechanismSimulator(AbstractSimulator):
         if not _on_readings(effects):
             return true
         believed = self.models.believed_coordinates
-        grid = np.arange(2) * self.step_s
+        grid = even_times(2, self.step_s)
         wanted = self._own_channels(shown, grid)
         for _ in range(CORRECTIONS):
             reported = self._reported(effects, grid, self._own_channels(true, grid), at_rest=at_rest)

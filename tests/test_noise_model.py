@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import cholesky, solve_triangular, toeplitz
 
-from runner.noise.model import Colour, estimate
+from runner.noise.model import NoiseModel, estimate
 
 
 def noise(n: int, k: int, share: float, memory: float, seed: int) -> np.ndarray:
@@ -28,7 +28,7 @@ def test_whitening_is_that_of_the_covariance(share: float, memory: float) -> Non
     want = np.stack(
         [solve_triangular(cholesky(covariance(n, share, memory), lower=True), one, lower=True) for one in x]
     )
-    got = Colour(np.array([share, 0.0]), np.array([memory, 0.0])).whiten(x)
+    got = NoiseModel(np.array([share, 0.0]), np.array([memory, 0.0])).whiten(x)
     np.testing.assert_allclose(got[..., 0], want[..., 0], atol=1e-6)
     np.testing.assert_array_equal(got[..., 1], x[..., 1])
 

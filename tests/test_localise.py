@@ -8,12 +8,13 @@ from cases import RATE_HZ, made
 
 from runner.effects.planar_box import ActuatorDelay, FrictionPatch, Inertia, Wind
 from runner.errors import RecordingError
-from runner.localise.where import Where, localise, smoothed_states
+from runner.localise.where import Where, localise
 from runner.noise.measured import measure
-from runner.noise.model import Colour
 from runner.simulate.shooting import windows_of
-from runner.systems.planar_box.simulator import Effects
+from runner.systems.base import Span
+from runner.systems.planar_box.initial import PlanarStart
 from runner.systems.planar_box.system import PlanarBox
+from runner.systems.planar_box.windows import Effects
 
 PATCH = FrictionPatch(0.5, 0.8, 0.3, 0.5)
 
@@ -43,7 +44,7 @@ def test_noise_alone_exceeds_nothing(nothing: Where) -> None:
     assert (nothing.cells["q"].to_numpy()[nothing.cells["factor"] != "channel"] > 0.05).all()
     assert nothing.gap["noises"].to_numpy() == pytest.approx(1.0, abs=0.12)
     for name in ("fx_n", "fy_n", "mz_n_m"):
-        ratio = (nothing.wrench[name] / nothing.wrench[f"{name}_se"]).dropna().to_numpy()
+        ratio = (nothing.missing_force[name] / nothing.missing_force[f"{name}_se"]).dropna().to_numpy()
         assert len(ratio) > 50
         assert abs(np.mean(ratio)) < 4 / np.sqrt(len(ratio))
         assert 0.6 < np.std(ratio) < 1.3
@@ -71,7 +72,7 @@ def test_right_effect_takes_the_gap_away() -> None:
 
 def test_wind_is_the_missing_wrench() -> None:
     """A planted wind of 1.2 N comes out in the world, within its error, with no moment."""
-    found = where((Wind(1.2, 2.0),)).wrench
+    found = where((Wind(1.2, 2.0),)).missing_force
     for name, true in (("fx_n", 1.2 * np.cos(2.0)), ("fy_n", 1.2 * np.sin(2.0)), ("mz_n_m", 0.0)):
         known = found[[name, f"{name}_se"]].dropna().to_numpy()
         weight = known[:, 1] ** -2
@@ -132,11 +133,10 @@ def test_smoothed_states_are_exact_on_a_cubic() -> None:
         values = (np.hstack([pose, rate]),)
         valid = (np.ones((121, 6), bool),)
         sigma = np.array([0.01, 0.01, 0.01, 0.1, 0.1, 0.1])
-        colour = Colour.white(6)
-        stated = np.ones(6, bool)
+        spans = (Span(0, 0, 121),)
 
     windows = windows_of([121], 20)
-    states = smoothed_states(windows, Cubic(), RATE_HZ)
+    states = PlanarStart(RATE_HZ).guess_windows(Cubic(), windows, smooth=True)
     np.testing.assert_allclose(states, Cubic.values[0][windows.first], atol=1e-9)
 
 

@@ -15,12 +15,14 @@ from runner.effects.vocabulary import Candidate
 from runner.inference.breakaway import hanging
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.multiple_shooting import carried, explains, look
-from runner.inference.search import Seed
+from runner.inference.search import WarmStart
 from runner.noise.measured import measure
 from runner.recording import Episode, Form, Recording, Span
-from runner.systems.planar_box.simulator import Effects, Run, Simulator
+from runner.systems.base import Run
+from runner.systems.planar_box.simulator import Simulator, context_of
 from runner.systems.planar_box.system import PlanarBox
-from tests.cases import NOMINAL, RATE_HZ, measured_as
+from runner.systems.planar_box.windows import Effects
+from tests.cases import NOMINAL, RATE_HZ, fitter_of, measured_as
 
 FRICTION_N = 0.3 * 3.0 * 9.81
 
@@ -95,14 +97,14 @@ def test_a_look_at_pieces_finds_what_acts_late() -> None:
     assert nominal.total > 10 * fitter.measured.count(range(5))
     seen = look(fitter, nominal)
     assert seen is not None
-    seed = seen.beginning.seeds[(fx.Tether,)]
+    seed = seen.beginning.seeds[(Candidate(fx.Tether),)]
     assert seed.total < 2 * fitter.measured.count(range(5))
     found = seed.explanation.make(seed.x, fitter.context)[0].report()
     for key, true in tether.report().items():
         assert found[key] == pytest.approx(true, rel=0.2, abs=0.1), key
     assert not seen.hung
     # another is not worth a fit of its own any more
-    assert (fx.Inertia,) in seen.beginning.ruled_out
+    assert (Candidate(fx.Inertia),) in seen.beginning.ruled_out
 
 
 def test_what_does_not_show_in_pieces_is_sought_on_the_way_to_the_whole() -> None:
@@ -111,7 +113,7 @@ def test_what_does_not_show_in_pieces_is_sought_on_the_way_to_the_whole() -> Non
     fitter = fitter_of(recording)
     starts, count = fitter.fit(NONE, range(5)).starts, fitter.measured.count(range(5))
     alone, x = Explanation((Candidate(fx.Stribeck),)), np.array([-0.42, 0.16])
-    seed = Seed(alone, x, starts, fitter.loss(alone, x, starts, range(5)))
+    seed = WarmStart(alone, x, starts, fitter.loss(alone, x, starts, range(5)))
     assert seed.total > 10 * count
     first, last = carried(fitter, seed, range(5), fitter.longest_s(range(5)))
     assert first.explanation == alone
@@ -125,10 +127,10 @@ def test_what_does_not_show_in_pieces_is_sought_on_the_way_to_the_whole() -> Non
 def test_what_is_out_of_its_range_explains_nothing() -> None:
     """A Stribeck effect of the least speed stands in for static friction, a tether without slack for nothing else."""
     recording = pushed(random_pushes(2, 2.0), [()] * 2)
-    fitter = fitter_of(recording)
+    fitter, context = fitter_of(recording), context_of(recording)
     starts, count = np.zeros((2, 6)), fitter.measured.count(range(2))
-    _, speed = fx.Stribeck.parameters(fitter.context)
-    stiffness, x, _, slack = fx.Tether.parameters(fitter.context)
+    _, speed = fx.Stribeck.parameters(context)
+    stiffness, x, _, slack = fx.Tether.parameters(context)
     for kind, vector, total, holds in (
         (fx.Stribeck, [0.3, speed.lower], 0.9 * count, False),
         (fx.Stribeck, [0.3, speed.lower + 0.1], 0.9 * count, True),
@@ -136,9 +138,8 @@ def test_what_is_out_of_its_range_explains_nothing() -> None:
         (fx.Tether, [stiffness.scale, 0.5 * (x.lower + x.upper), 0.0, slack.lower], 0.9 * count, True),
         (fx.Tether, [stiffness.scale, x.upper, 0.0, slack.lower], 0.9 * count, False),
     ):
-        assert (
-            explains(Seed(Explanation((Candidate(kind),)), np.array(vector), starts, total), fitter, range(2)) is holds
-        )
+        seed = WarmStart(Explanation((Candidate(kind),)), np.array(vector), starts, total)
+        assert explains(seed, fitter, range(2)) is holds
 
 
 def test_no_look_where_the_nominal_model_holds() -> None:
