@@ -28,7 +28,7 @@ MANIFOLD = 10.0  # a share from which on it is told as so many times
 
 
 def title(effects: Sequence[str]) -> str:
-    """Return effect names as they are read: `friction + floor tilt`, `joint friction of elbow`."""
+    """Return effect names as they are read: `joint friction of elbow + gravity`."""
     return " + ".join(_named(e) for e in effects)
 
 
