@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 
 from runner.effects.wording import number, percent
+from runner.localise.where import Where
 from runner.recording import Episode, Form, Nominal, Recording
 from runner.report import html, words
 from runner.report.statement import Kind, Left, caveats, state
@@ -182,7 +183,7 @@ def test_an_unknown_cause_has_a_suspect(factor: str, cell: str, where: str, advi
         {"factor": "channel", "cell": "wz", "share": 0.4, "lift": 2.4, "p": 1e-9, "q": 1e-8},
     ]
     diagnosis = made((("unknown",), {}), 0.9)
-    diagnosis.where = SimpleNamespace(exceeds=True, cells=pd.DataFrame(rows))
+    diagnosis.where = where_of(rows)
     (suspect,) = suspects(SYSTEM, diagnosis.where)
     assert suspect.where == f"The gap is largest {where}: 70 % of it, in 20 % of the time."
     assert advice in suspect.advice
@@ -190,9 +191,14 @@ def test_an_unknown_cause_has_a_suspect(factor: str, cell: str, where: str, advi
 
 
 def test_one_channel_is_a_suspect_of_its_own() -> None:
-    """A gap that is in one channel for the most part points at how that is measured."""
+    """A gap that is in one channel for the most part points at how that is measured; no gap points at nothing."""
     rows = [{"factor": "channel", "cell": "wz", "share": 0.8, "lift": 4.8, "p": 1e-9, "q": 1e-8}]
-    (suspect,) = suspects(SYSTEM, SimpleNamespace(exceeds=True, cells=pd.DataFrame(rows)))  # type: ignore[arg-type]
+    (suspect,) = suspects(SYSTEM, where_of(rows))
     assert suspect.where == "It shows in the yaw rate above all: 80 % of it."
-    nothing = SimpleNamespace(exceeds=False, cells=pd.DataFrame(rows))
-    assert suspects(SYSTEM, nothing) == ()  # type: ignore[arg-type]
+    assert suspects(SYSTEM, where_of(rows, p=0.5)) == ()
+
+
+def where_of(rows: list[dict[str, Any]], p: float = 0.0) -> Where:
+    """Return where the gap is, of its cells alone; `p` of there being none."""
+    nothing = pd.DataFrame()
+    return Where(nothing, nothing, nothing, pd.DataFrame(rows), 0.25, 100.0, 10.0, p, "")
