@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from runner import effects as fx
-from runner.blind.physics import Episode as BlindEpisode
-from runner.blind.physics import World, simulate
+from runner.blind.physics import PlannedEpisode, World, simulate
 from runner.effects.base import Motion, ahead, late
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.multiple_shooting import begun
@@ -92,7 +91,7 @@ def recorded(world: World, *, noise: float = 0.0) -> Recording:
     episodes = []
     for i, start in enumerate(STARTS):
         command = pushes(i)
-        state = simulate(world, BlindEpisode(start, command, RATE), points=12)
+        state = simulate(world, PlannedEpisode(start, command, RATE), points=12)
         state = state + noise * SIGMA * rng.normal(size=state.shape)
         force = np.column_stack([command[:, :2], np.zeros(len(command))])
         time = np.arange(len(command)) / RATE
