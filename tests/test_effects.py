@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runner.blind.physics import Episode as BlindEpisode
-from runner.blind.physics import World, simulate
+from runner.blind.physics import PlannedEpisode, World, simulate
 from runner.effects import planar_box as fx
 from runner.effects.planar_box.base import Motion, ahead, late
 from runner.effects.vocabulary import Candidate
@@ -94,7 +93,7 @@ def recorded(world: World, *, noise: float = 0.0) -> Recording:
     episodes = []
     for i, start in enumerate(STARTS):
         command = pushes(i)
-        state = simulate(world, BlindEpisode(start, command, RATE), points=12)
+        state = simulate(world, PlannedEpisode(start, command, RATE), points=12)
         state = state + noise * SIGMA * rng.normal(size=state.shape)
         force = np.column_stack([command[:, :2], np.zeros(len(command))])
         time = np.arange(len(command)) / RATE
