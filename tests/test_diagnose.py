@@ -193,7 +193,7 @@ def test_what_fails_on_unseen_episodes_loses_its_lead(tilted: Recording) -> None
     alone = normal_equations(nominal, sensitivities(fitter, nominal, every))
 
     def contender(around: NormalEquations, log: float) -> Contender:
-        return Contender(around.fit, around, evidence(around, fitter.context), log, {})
+        return Contender(around.fit, around, evidence(around, fitter.system), log, {})
 
     for fit, stays in ((true, True), (wild, False)):
         search = Search((contender(normal_equations(fit, known), 0.0), contender(alone, -20.0)), nominal)
@@ -235,7 +235,7 @@ def contended(recording: Recording, kind: type[fx.PlanarEffect], vector: list[fl
     fitter = fitter_of(recording)
     fit = fitter.fit(Explanation((Candidate(kind),)), (0, 1), x=np.array(vector), iterations=0)
     around = normal_equations(fit, sensitivities(fitter, fit, directions(fitter.system)))
-    return fitter, Contender(fit, around, evidence(around, fitter.context), 0.0, {})
+    return fitter, Contender(fit, around, evidence(around, fitter.system), 0.0, {})
 
 
 def test_a_tether_from_as_far_as_can_be_is_no_tether(tilted: Recording) -> None:
@@ -295,13 +295,11 @@ def test_what_strains_the_simulator_s_trust_is_not_explained(tilted: Recording) 
 
     def strain(kind: type[fx.PlanarEffect]) -> float:
         around = normal_equations(fitter.fit(Explanation((Candidate(kind),)), episodes, near=nominal), known)
-        return strained(
-            Contender(around.fit, around, evidence(around, fitter.context), 0.0, {}), nominal, fitter.measured
-        )
+        return strained(Contender(around.fit, around, evidence(around, fitter.system), 0.0, {}), nominal, fitter)
 
     assert strain(fx.FloorTilt) < 0.01
     assert strain(fx.Inertia) > 0.5
     # where nothing is claimed, nothing is strained, however far off the simulator has to be
     alone = normal_equations(nominal, known)
-    none = Contender(nominal, alone, evidence(alone, fitter.context), 0.0, {})
-    assert strained(none, nominal, fitter.measured) == 0.0
+    none = Contender(nominal, alone, evidence(alone, fitter.system), 0.0, {})
+    assert strained(none, nominal, fitter) == 0.0

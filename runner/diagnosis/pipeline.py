@@ -17,7 +17,7 @@ from runner.effects.vocabulary import Vocabulary
 from runner.errors import RecordingError
 from runner.inference.breakaway import hanging
 from runner.inference.confounding import Rival, rivals
-from runner.inference.evidence import LEVELS, directions, normal_equations, sensitivities
+from runner.inference.evidence import directions, normal_equations, sensitivities
 from runner.inference.held_out import Confirmed, confirm, unseen
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.multiple_shooting import look
@@ -166,7 +166,7 @@ def diagnose(system: AbstractSystem, *, threads: int | None = None, advise: bool
         unknown = max(_unknown(excess, nominal_excess), FAILED if confirmed.fails else 0.0)
     else:
         unknown = not_none(confirmed.gap)
-    known = (1.0 - unknown) * (1.0 - strained(found.best, found.nominal, measured))
+    known = (1.0 - unknown) * (1.0 - strained(found.best, found.nominal, fitter))
     unknown = float(np.clip(1.0 - known, LEAST_UNKNOWN, MOST_UNKNOWN))
     ranked = rank(found, system, unknown)
     # what is named is what is put into the corrected model
@@ -330,7 +330,7 @@ def not_none(gap: float) -> float:
     return float(expit(np.log(max(gap, 1e-4) / SOMETHING) / SOMETHING_WIDTH))
 
 
-def strained(best: Contender, nominal: Fit, measured: Measured) -> float:
+def strained(best: Contender, nominal: Fit, fitter: Fitter) -> float:
     """Probability that none of the explanations holds, from how far the simulator must be off for the best to do so.
 
     Mismatch of many times the usual size can make up for a wrong explanation, and leave no excess. So where the
@@ -339,8 +339,9 @@ def strained(best: Contender, nominal: Fit, measured: Measured) -> float:
     """
     if not best.fit.x.size:
         return 0.0  # nothing is claimed
-    left, gap = (max(measured.excess(f.total, f.episodes), 1e-4) for f in (best.fit, nominal))
-    asked = float(softmax(best.evidence.level) @ np.log2(LEVELS))
+    levels = fitter.system.mismatch_levels
+    left, gap = (max(fitter.measured.excess(f.total, f.episodes), 1e-4) for f in (best.fit, nominal))
+    asked = float(softmax(best.evidence.level) @ np.log2(levels))
     allowed = STRAINED_LEFT + STRAINED_SHARE * gap
     return float(expit((asked - STRAINED) / STRAINED_WIDTH) * expit(np.log(left / allowed) / STRAINED_LEFT_WIDTH))
 

@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from runner.effects.base import Scope
 from runner.effects.vocabulary import Candidate
-from runner.inference.evidence import LEVELS, Evidence, NormalEquations, clip
+from runner.inference.evidence import Evidence, NormalEquations, clip
 from runner.inference.least_squares import Explanation, Fit, Fitter, amplitudes
-from runner.systems.base import Run
+from runner.systems.base import AbstractSystem, Run
 
 ALIKE = 0.6  # what is less alike needs no trial
 TRIALS = 3
@@ -49,7 +48,7 @@ class Rival:
 
 def rivals(around: NormalEquations, evidence: Evidence, fitter: Fitter) -> tuple[Rival, ...]:
     """Return the rivals of every effect of a fit, the most alike first."""
-    screened = _screened(around, evidence, fitter.context)
+    screened = _screened(around, evidence, fitter.system)
     tried = [
         replace(r, log_odds=_trial(r, around.fit, fitter)) if i < TRIALS and r.alike > ALIKE else r
         for i, r in enumerate(screened)
@@ -80,11 +79,12 @@ def _trial(rival: Rival, fit: Fit, fitter: Fitter) -> float:
     return float(0.5 * min(losses))
 
 
-def _screened(around: NormalEquations, evidence: Evidence, context: Scope) -> tuple[Rival, ...]:
+def _screened(around: NormalEquations, evidence: Evidence, system: AbstractSystem) -> tuple[Rival, ...]:
+    context = system.context
     gram = around.gram.sum(axis=0)[:-1, :-1]
     explanation, x = around.fit.explanation, around.fit.x
     p = len(x)
-    level = LEVELS[int(np.argmax(evidence.level))]
+    level = system.mismatch_levels[int(np.argmax(evidence.level))]
     spread = np.array([d.mismatch * level for d in around.directions])
     by_candidate: dict[Candidate, list[int]] = {}
     for i, direction in enumerate(around.directions):

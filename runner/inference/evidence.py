@@ -23,7 +23,6 @@ from runner.systems.base import AbstractSystem
 
 SHARE = 0.01  # of an effect's usual size: how far the simulator may be off in its direction
 TEXTURE = 0.02  # of the amplitude of the patches that span the workspace (0.2): friction off by 0.4 % here and there
-LEVELS = (0.5, 1.0, 2.0, 4.0, 8.0)  # the mismatch is not known beforehand: these multiples, equally likely
 
 
 @dataclass(frozen=True)
@@ -135,7 +134,7 @@ class Evidence:
 
     Args:
         log: Log evidence, up to a constant that all explanations of a recording share.
-        level: Log evidence of each mismatch level, (len(LEVELS),).
+        level: Log evidence of each of the system's mismatch levels.
         loss: Sum of squared residuals after the mismatch has taken its part, at level 1: what the simulator is trusted
             with beforehand.
         covariance: Of the parameters as they were fitted, by plain least squares, (p, p): the mismatch has moved them
@@ -164,20 +163,21 @@ def log_densities(fit: Fit, context: Scope) -> np.ndarray:
     return np.array(out)
 
 
-def evidence(around: NormalEquations, context: Scope, known: np.ndarray | None = None) -> Evidence:
+def evidence(around: NormalEquations, system: AbstractSystem, known: np.ndarray | None = None) -> Evidence:
     """Integrate the mismatch and the parameters out.
 
     A parameter that may rest on its bound stays there; any other one there makes the explanation impossible.
 
     Args:
         around: The fit amid the directions of mismatch.
-        context: What effects may know.
+        system: What was recorded; how large the mismatch is, is not known beforehand: its levels are equally likely.
         known: Covariance of the parameters from elsewhere, (p, p): they may move so far only. None: their prior.
     """
     fit, whole = around.fit, len(around.fit.x)
+    context, levels = system.context, system.mismatch_levels
     if is_out_of_range(fit.explanation.parameters(context), fit.x):
         nothing = np.full((whole, whole), np.nan)
-        return Evidence(-np.inf, np.full(len(LEVELS), -np.inf), float(fit.total), nothing)
+        return Evidence(-np.inf, np.full(len(levels), -np.inf), float(fit.total), nothing)
     free = np.flatnonzero(~fit.at_bound)
     total = around.gram.sum(axis=0)
     keep = np.concatenate([free, np.arange(whole, len(total))])
@@ -194,7 +194,7 @@ def evidence(around: NormalEquations, context: Scope, known: np.ndarray | None =
     if known is not None:
         width = width + np.linalg.pinv(known[np.ix_(free, free)])
     logs, losses = [], []
-    for level in LEVELS:
+    for level in levels:
         s = spread[mismatch] * level
         # in amplitudes of unit prior variance
         inner = cho_factor(np.eye(len(s)) + s[:, None] * h_rr * s, lower=True)
@@ -212,13 +212,13 @@ def evidence(around: NormalEquations, context: Scope, known: np.ndarray | None =
         logs.append(-0.5 * loss - float(np.log(np.diag(inner[0])).sum()) + volume)
         losses.append(loss)
     inverse = np.linalg.inv(h_oo + width)
-    moved = h_or * (spread[mismatch] * LEVELS[int(np.argmax(logs))])
+    moved = h_or * (spread[mismatch] * levels[int(np.argmax(logs))])
     covariance = np.diag(np.exp(-2 * every_density) / (2 * np.pi))  # of what rests on its bound: its prior's
     covariance[np.ix_(free, free)] = inverse @ (h_oo + moved @ moved.T) @ inverse
     return Evidence(
-        float(np.logaddexp.reduce(logs) - np.log(len(LEVELS))),
+        float(np.logaddexp.reduce(logs) - np.log(len(levels))),
         np.array(logs),
-        float(losses[LEVELS.index(1.0)]),
+        float(losses[levels.index(1.0)]),
         covariance,
     )
 

@@ -92,9 +92,9 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     weighed, loss = [], {}
     for c in leaders:
         there = normal_equations(there_by[id(c)], *((alone,) if c is nominal else (around_best, alone)))
-        whole = evidence(together(c.around, there), fitter.context)
+        whole = evidence(together(c.around, there), fitter.system)
         weighed.append(replace(c, log_posterior=c.log_posterior + whole.log - c.evidence.log))
-        loss[id(c.fit)] = evidence(there, fitter.context, c.evidence.covariance).loss
+        loss[id(c.fit)] = evidence(there, fitter.system, c.evidence.covariance).loss
     fits = {id(c.fit): there_by[id(c)] for c in leaders}
     weighed = _with_what_is_left(weighed, fits, fitter)
     everything = (*nominal.fit.episodes, *held_out)

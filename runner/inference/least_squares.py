@@ -20,6 +20,7 @@ from runner.effects.vocabulary import Candidate
 from runner.noise.measured import Measured
 from runner.systems.base import AbstractSimulator, AbstractSystem, Run, Span
 
+HALVINGS = 6  # of a beginning at which the motion diverges
 BEHIND = 0.05  # squared noises by which a fit may be behind what others have reached, and is finished all the same
 FEWEST = 5  # samples of each channel that is measured at all that a piece of an episode must have
 
@@ -197,7 +198,7 @@ class Fitter:
         out = []
         for k, e in enumerate(fit.episodes):
             rows = self.whitened(e, [Run(effects, fit.starts[k]) for effects in (base, *runs)])
-            out.append(_project((rows[1:] - rows[0]).T, fit.basis.q[k]))
+            out.append(_project(_finite(rows[1:] - rows[0]).T, fit.basis.q[k]))
         return out
 
     def fit(
@@ -239,6 +240,12 @@ class Fitter:
             starts = self.first_starts(episodes) if near is None else near.starts
             basis = None if near is None else near.basis
         point = self._linearise(explanation, x, starts, episodes, basis)
+        for _ in range(HALVINGS):
+            if np.isfinite(point.total):
+                break
+            # where the motion diverges there is no way down: nearer to the effect's absence there is
+            x = np.clip(0.5 * x, low, high)
+            point = self._linearise(explanation, x, starts, episodes, basis)
         damping, converged = 1e-4, False
         count = self.measured.count(episodes)
         behind = False
@@ -297,9 +304,9 @@ class Fitter:
                 runs += [Run(effects[0], starts[k] + d) for d in np.diag(self.system.initial.steps)]
             rows = self.whitened(e, runs)
             residual.append(rows[0])
-            jacobian.append(((rows[1 : len(effects)] - rows[0]) / steps[:, None]).T)
+            jacobian.append((_finite(rows[1 : len(effects)] - rows[0]) / steps[:, None]).T)
             if basis is None:
-                by_start = ((rows[len(effects) :] - rows[0]) / self.system.initial.steps[:, None]).T
+                by_start = (_finite(rows[len(effects) :] - rows[0]) / self.system.initial.steps[:, None]).T
                 q, r = _orthonormal(by_start)
                 qs.append(q)
                 rs.append(r)
@@ -340,6 +347,11 @@ class Fitter:
             left = moved - q @ along
             promised += float(r @ r) - float(left @ left)
         return dx, np.array(ds), promised
+
+
+def _finite(changes: np.ndarray) -> np.ndarray:
+    """Return changes (k, n), nothing where the motion diverges: from there no direction can be told."""
+    return np.where(np.isfinite(changes).all(axis=1, keepdims=True), changes, 0.0)
 
 
 def _orthonormal(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

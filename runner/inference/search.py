@@ -385,7 +385,7 @@ def _offers(contender: Contender, fitter: Fitter) -> list[tuple[float, Candidate
 def contend(fitter: Fitter, fit: Fit, *known: Sensitivities, against: float = 0.0) -> Contender:
     """Return a fit as a contender; `against` are prior log odds that it has against it beside those of its size."""
     around = normal_equations(fit, *known)
-    found = evidence(around, fitter.context)
+    found = evidence(around, fitter.system)
     size = len(fit.explanation.candidates)
-    # little mismatch: it must not take what the next effect could explain
-    return Contender(fit, around, found, found.log - ONE_MORE * size - against, predicted_gain(around, 1.0))
+    gains = predicted_gain(around, fitter.system.screening_level)
+    return Contender(fit, around, found, found.log - ONE_MORE * size - against, gains)

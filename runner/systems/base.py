@@ -302,6 +302,9 @@ class AbstractSystem(ABC):
         activities: Those factors that say what was done, rather than where, when or how fast.
         noun: What the object is called in a sentence: "object", "mechanism".
         experiment: What is done to it: "push"; `reach`: what limits that so far; `reach_further`: what would go beyond.
+        mismatch_levels: How far any simulator of such an object may be off in the direction of each effect, in units of
+            `runner.inference.evidence.SHARE`: equally likely multiples, 1 among them. How far is not known beforehand.
+        screening_level: At which of them effects are screened; the mismatch must not take what an effect could explain.
         plan_view: Positions in `channels` of two lengths that make a map, or None.
         force_views: Further columns of the table of missing forces that are worth a drawing, each with its label.
     """
@@ -321,6 +324,8 @@ class AbstractSystem(ABC):
     experiment: str = "experiment"
     reach: str = "the commands used so far"
     reach_further: str = "command more, or otherwise"
+    mismatch_levels: tuple[float, ...] = (1 / 16, 1 / 8, 1 / 4, 0.5, 1.0, 2.0, 4.0, 8.0)
+    screening_level: float = 1 / 16
     plan_view: tuple[int, int] | None = None
     force_views: Mapping[str, str] = MappingProxyType({})
 

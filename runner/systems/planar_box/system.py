@@ -64,6 +64,9 @@ class PlanarBox(AbstractSystem):
     experiment = "push"
     reach = "the forces used so far"
     reach_further = "push harder, or elsewhere"
+    # floors are never even: their texture is never below half of a hundredth of an effect's usual size
+    mismatch_levels = (0.5, 1.0, 2.0, 4.0, 8.0)
+    screening_level = 1.0
     plan_view = (0, 1)
     force_views = MappingProxyType({"along_n": "along the motion [N]", "left_n": "left of the motion [N]"})
     recording: Recording
