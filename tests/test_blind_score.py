@@ -18,7 +18,8 @@ from runner.__main__ import main
 from runner.blind.ledger import Ledger
 from runner.blind.make import HASH_FILE
 from runner.blind.oracle import candidates_of
-from runner.blind.score import Bar, blind_score, check_hash, difference, if_calibrated, of_oracle, planted
+from runner.blind.planted import difference, planted
+from runner.blind.score import Bar, blind_score, check_hash, if_calibrated, of_oracle
 from runner.blind.score_figures import draw
 from runner.blind.score_page import headline
 from runner.blind.score_words import notes, outcome

@@ -23,26 +23,30 @@ from joblib import Parallel, delayed
 
 from runner.blind.ledger import Ledger
 from runner.blind.oracle import oracle_closed
+from runner.blind.planted import difference, planted
 from runner.blind.run import read_hash
-from runner.diagnosis.score import NONE, UNKNOWN, Score, accuracy, calibration_error, ordered_sizes, score, share
+from runner.diagnosis.score import (
+    NONE,
+    UNKNOWN,
+    Score,
+    accuracy,
+    calibration_error,
+    full_name,
+    ordered_sizes,
+    score,
+    share,
+)
 from runner.errors import ResultError
 from runner.progress import track
-from runner.recording import Nominal, read_case
+from runner.systems.case import open_case
 
 DRAWS = 2000  # bootstrap over cases
 WORST = 10
 WIDE = 1.959964  # standard errors to each side of a 95 % interval
-AXES = {("anisotropic_friction", "angle_rad")}  # a direction without a sense: known up to half a turn
 PLACED = ("friction_patch", "tether")
 LEAST_CLOSED = 0.05  # of the noise's variance: less than this, even by the oracle, tells nothing
 # of a case that was not diagnosed: wrong, and as if it had been certain
 NO_VERDICT = {"ranked": [{"effects": ["no verdict"], "probability": 1.0, "parameters": {}, "standard_errors": {}}]}
-RENAMED = {
-    ("friction", "mu"): "friction",
-    ("stribeck", "speed_m_s"): "speed_m_per_s",
-    ("anisotropic_friction", "angle_rad"): "axis_1_rad",
-    ("viscous_drag", "film_n_s_per_m"): "coefficient_n_s_per_m",
-}
 
 
 @dataclass(frozen=True)
@@ -166,9 +170,9 @@ def blind_score(
     basic = score(verdicts, answers, otherwise=NO_VERDICT)
     verdicts = verdicts | dict.fromkeys(basic.unanswered, NO_VERDICT)
     names = list(basic.cases["case"])
-    nominal = {} if cases is None else {name: read_case(cases / name).nominal for name in names}
+    beliefs = {} if cases is None else {name: open_case(cases / name).beliefs for name in names}
     parameters = pd.DataFrame(
-        [row for name in names for row in _compared(name, answers[name], verdicts[name], nominal.get(name))],
+        [row for name in names for row in _compared(name, answers[name], verdicts[name], beliefs.get(name))],
         columns=["case", "effect", "parameter", "true", "value", "standard_error", "errors_off", "covered", "right"],
     )
     gap = None
@@ -247,68 +251,27 @@ def if_calibrated(p: np.ndarray) -> float:
     return float(np.mean([calibration_error(p, (rng.random(len(p)) < p).astype(float)) for _ in range(DRAWS // 4)]))
 
 
-def planted(effect: Mapping[str, Any], answer: Mapping[str, Any], nominal: Nominal | None) -> dict[str, float]:
-    """Return the true values of an effect under the names that a verdict has for them, SI units.
-
-    What a verdict has no word for is left out: the profile of a pressure and of a patch with soft flanks differ in
-    kind from those that are fitted, so that their numbers can't be compared; of the patch, its place can.
-    """
-    name, true = effect["name"], dict(effect.get("true", {}))
-    if name == "contact_pressure":
-        return {}
-    if name == "friction_patch" and true.get("shape") == "gaussian":
-        return {k: true[k] for k in ("x_m", "y_m")}
-    if name == "anisotropic_friction":
-        true["ratio"] = true["friction_1"] / true["friction_2"]
-    if name == "inertia" and nominal is not None:
-        masses = [e["true"]["mass_kg"] for e in answer["effects"] if e["name"] == "mass"]
-        heavier = masses[0] / nominal.mass_kg if masses else 1.0
-        true["ratio"] = true["inertia_kg_m2"] / (_yaw_inertia(nominal) * heavier)
-    out = {k: v for k, v in true.items() if not isinstance(v, str)}
-    return out | {new: out[old] for (kind, new), old in RENAMED.items() if kind == name and old in out}
-
-
-def _yaw_inertia(nominal: Nominal) -> float:
-    given = nominal.inertia_kg_m2
-    if isinstance(given, float | int):
-        return float(given)
-    if given is not None:
-        return float(given[2])
-    return nominal.mass_kg * (nominal.half_size_m[0] ** 2 + nominal.half_size_m[1] ** 2) / 3.0
-
-
-def _compared(
-    case: str, answer: dict[str, Any], verdict: dict[str, Any], nominal: Nominal | None
-) -> list[dict[str, Any]]:
+def _compared(case: str, answer: dict[str, Any], verdict: dict[str, Any], beliefs: Any) -> list[dict[str, Any]]:
     """Return the parameters that the first answer states of effects that were planted, under their own names.
 
     One without a standard error claims to hold exactly that value; one without a value holds nothing.
     """
     first = verdict["ranked"][0]
-    right = set(first["effects"]) == {e["name"] for e in answer["effects"]}
+    right = set(first["effects"]) == {full_name(e) for e in answer["effects"]}
     rows = []
     for effect in answer["effects"]:
-        name = effect["name"]
-        true = planted(effect, answer, nominal)
+        name, true = full_name(effect), planted(effect, answer, beliefs)
         for parameter, value in first["parameters"].get(name, {}).items():
             error = first["standard_errors"].get(name, {}).get(parameter) or 0.0
             if parameter in true:
                 value = math.nan if value is None else value
-                off = difference(name, parameter, value, true[parameter])
+                off = difference(effect["name"], parameter, value, true[parameter])
                 rows.append(
                     {"case": case, "effect": name, "parameter": parameter, "true": true[parameter], "value": value,
                      "standard_error": error, "errors_off": off / error if error > 0 else math.nan,
                      "covered": abs(off) <= WIDE * error, "right": right}
                 )  # fmt: skip
     return rows
-
-
-def difference(effect: str, parameter: str, value: float, true: float) -> float:
-    """Return value less truth, angles the short way round."""
-    if not parameter.endswith("_rad"):
-        return value - true
-    turn = math.pi if (effect, parameter) in AXES else 2 * math.pi
-    return (value - true + turn / 2) % turn - turn / 2
 
 
 def _coverage(parameters: pd.DataFrame) -> pd.DataFrame:
@@ -371,7 +334,7 @@ def _oracle(
 def _told(
     name: str, case: Path, effects: list[dict[str, Any]], unseen: list[int] | None
 ) -> tuple[str, tuple[float, float]]:
-    return name, oracle_closed(read_case(case), effects, unseen)
+    return name, oracle_closed(open_case(case), effects, unseen)
 
 
 def _gap(
@@ -381,7 +344,7 @@ def _gap(
     rows = []
     for name, first in cases.set_index("case").loc[list(fits), "first"].items():
         own = float(verdicts[name].get("closable_closed") or 0.0)
-        as_planted = set(first.split("+")) == {e["name"] for e in answers[name]["effects"]}
+        as_planted = set(first.split("+")) == {full_name(e) for e in answers[name]["effects"]}
         rows.append(
             {"case": name, "own": own, "oracle": fits[name][0], "ratio": of_oracle(own, *fits[name]),
              "as_planted": as_planted}

@@ -106,9 +106,9 @@ def with_episode_to_check(recording: MechanismRecording) -> MechanismRecording:
     That is the convention of the format. The second begins wherever the first has got to. Other recordings are
     returned as they are.
     """
-    whole, *further = recording.episodes
-    if further:
+    if len(recording.episodes) != 1:
         return recording
+    (whole,) = recording.episodes
     cut = len(whole) - len(whole) // 3
     first, second = (_part(whole, number, s) for number, s in ((0, slice(0, cut)), (1, slice(cut, None))))
     note = f"one episode: its last third, from {whole.t_s[cut]:.6g} s on, is kept from the fit as episode 1"
@@ -286,7 +286,7 @@ def _degrees(values: Float, limits: tuple[float, float]) -> bool:
 def _orientation(table: Table, columns: Sequence[str]) -> Float:
     """Return unit quaternions, (N, 4), NaN where one of the numbers is."""
     q = table.stack(columns)
-    q = np.where(np.isnan(q).any(axis=1, keepdims=True), np.nan, q)
+    q = np.where(np.asarray(np.isnan(q).any(axis=1))[:, None], np.nan, q)
     length = np.linalg.norm(q, axis=1)
     bad = (length < NORM[0]) | (length > NORM[1])
     if bad.any():

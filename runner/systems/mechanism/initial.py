@@ -27,7 +27,7 @@ BROAD = {"rad": 1.0, "m": 0.3}  # what nobody measured may be so far from the re
 BROAD_RATE = 3.0  # and so fast, rad/s or m/s
 SLOPE = 0.03  # a slope over a window that short: its error is that of a sample over so many seconds
 ITERATIONS, CLOSE = 6, 1e-7  # of positions that show what was measured; rad or m
-WEAK = 1e-3  # what is not measured is held at its reference by so much of its breadth
+WEAK = 1e-6  # what is not measured is held at its reference by so much of its breadth
 DIFFERENCE = 1e-6
 VELOCITY_SENSORS = (int(mujoco.mjtStage.mjSTAGE_VEL),)
 

@@ -79,7 +79,7 @@ class Models:
     """
 
     def __init__(self, recording: MechanismRecording, threads: int) -> None:
-        self._recording, self._threads = recording, threads
+        self._recording, self.threads = recording, threads
         joint_law.install()
         midpoint.install()
         self._believed = recording.spec()
@@ -134,14 +134,17 @@ class Models:
                 model = spec.compile()
             signature = _signature(key, model)
             same = next((c for c in self._compiled.values() if c.signature == signature), None)
-            data = same.data if same else tuple(mujoco.MjData(model) for _ in range(self._threads))
+            data = same.data if same else tuple(mujoco.MjData(model) for _ in range(self.threads))
             self._compiled[key] = Compiled(spec, model, Coordinates(model), data, signature)
         return self._compiled[key]
 
-    def edited(self, effects: Effects) -> mujoco.MjModel:
-        """Return the model with these effects in it, as MuJoCo would take it from a file."""
+    def edited(self, effects: Effects, step_s: float | None = None) -> mujoco.MjModel:
+        """Return the model with these effects in it, as MuJoCo would take it from a file; None: with its own step."""
         base = self.compiled(effects)
         model = copy.copy(base.model)
+        if step_s is not None:
+            # some effects are written in another way where the step is long
+            model.opt.timestep = step_s
         for effect in mechanical(effects):
             effect.edit_model(model)
         mujoco.mj_setConst(model, base.data[0])
@@ -153,7 +156,7 @@ class Models:
         if key not in self._models:
             if len(self._models) > KEPT_MODELS:
                 self._models.clear()
-            model = self.edited(effects)
+            model = self.edited(effects, step_s)
             _discretise(model, step_s, self.compiled(effects).data[0], leapfrog=self.leapfrog)
             self._models[key] = model
         return self._models[key]
@@ -210,8 +213,7 @@ def servo_damping(model: mujoco.MjModel) -> FloatArray:
 
 
 def _discretise(model: mujoco.MjModel, step_s: float, scratch: mujoco.MjData, *, leapfrog: bool) -> None:
-    """Set the step and what belongs to it; see the module's docstring."""
-    model.opt.timestep = step_s
+    """Set what belongs to the step; see the module's docstring."""
     # a run that diverges must end there, not begin anew
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     time = model.dof_solref[:, 0]

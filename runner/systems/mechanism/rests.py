@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
+from runner.systems.mechanism.scope import spreads
 
 SETTLE_S, LEAST_S = 0.5, 0.3
 FEWEST = 8  # samples
@@ -16,7 +17,7 @@ ERRORS = 4.0  # a trend within so many of its standard errors is none
 
 def resting(recording: MechanismRecording) -> list[tuple[int, slice]]:
     """Return where commands have not changed for long and no channel has spread or trend: episode and samples."""
-    spread = np.nanstd(np.concatenate([e.values for e in recording.episodes]), axis=0)
+    spread = spreads([e.values for e in recording.episodes])
     moving = [c for c, s in enumerate(recording.mapping.sources) if s.quantity == "position"]
     return [(i, span) for i, e in enumerate(recording.episodes) for span in _spans(e, spread, moving)]
 
@@ -43,4 +44,4 @@ def _is_flat(episode: MechanismEpisode, span: slice, channel: int, spread: float
     if known.sum() < FEWEST:
         return False
     fit, covariance = np.polyfit(t[known] - t[known].mean(), values[known], 1, cov=True)
-    return bool(np.std(values[known]) < FLAT * spread and abs(fit[0]) < ERRORS * np.sqrt(covariance[0, 0]))
+    return bool(np.std(values[known]) < FLAT * spread and abs(fit[0]) <= ERRORS * np.sqrt(covariance[0, 0]))

@@ -42,13 +42,18 @@ def raw_signals(recording: MechanismRecording) -> RawSignals:
 
 def _rough_noise(values: Sequence[FloatArray]) -> float:
     """Return the noise of a channel if it is white: third differences leave little of a smooth motion."""
-    known = np.concatenate([v[np.isfinite(v)] for v in values] or [np.zeros(0)])
     third = np.concatenate([np.diff(v, 3) for v in values])
     third = third[np.isfinite(third)]
-    spread = float(np.std(known)) if len(known) else 0.0
+    spread = float(spreads([v[:, None] for v in values])[0])
     # white noise has 20 times the variance in third differences
     white = float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0) if len(third) else 0.0
     return max(white, 1e-4 * spread, 1e-6)
+
+
+def spreads(values: Sequence[FloatArray]) -> FloatArray:
+    """Return the standard deviation of each channel over all episodes, each (T, C): (C,); 0 of what has no values."""
+    columns = [column[np.isfinite(column)] for column in np.concatenate(values).T]
+    return np.array([np.std(column) if len(column) else 0.0 for column in columns])
 
 
 def scope_of(recording: MechanismRecording, models: Models, initial: MechanismStart, signals: RawSignals) -> Scope:
@@ -57,7 +62,7 @@ def scope_of(recording: MechanismRecording, models: Models, initial: MechanismSt
     speed, reach, force = _motion(recording, models, initial, signals)
     commands = np.concatenate([e.commands for e in recording.episodes])
     targets = [c.actuator for c in recording.mapping.commands.values()]
-    spread = np.nanstd(np.concatenate(signals.values), axis=0)
+    spread = spreads(signals.values)
     names = [j.name for j in coordinates.joints if j.kind in (HINGE, SLIDE)]
     dofs = [j.v.start for j in coordinates.joints if j.kind in (HINGE, SLIDE)]
     return Scope(

@@ -86,7 +86,7 @@ class MechanismSimulator(AbstractSimulator):
     ) -> None:
         self.recording, self.models, self.step_s = recording, models, step_s
         self.simulated_s = 0.0
-        self.threads = threads or cores()
+        self.threads = min(threads or models.threads, models.threads)
         self._pool = rollout.Rollout(nthread=self.threads if self.threads > 1 else 0)
         self._spans = spans or tuple(Span(i, 0, len(e)) for i, e in enumerate(recording.episodes))
         self._sources = recording.mapping.sources
@@ -152,10 +152,11 @@ class MechanismSimulator(AbstractSimulator):
     def _simulate(self, compiled: Compiled, stretches: Sequence[Stretch], steps: int) -> FloatArray:
         model = compiled.model
         models = [self.models.model(s.effects, self.step_s) for s in stretches]
-        control = np.zeros((len(stretches), steps, mujoco.mj_stateSize(model, CONTROL)))
+        # one step more than is made: a force is read under the command that follows the last sample
+        control = np.zeros((len(stretches), steps + 1, mujoco.mj_stateSize(model, CONTROL)))
         initial = np.zeros((len(stretches), mujoco.mj_stateSize(model, FULL)))
         for r, s in enumerate(stretches):
-            control[r, :, : model.nu] = self._control(s, model, steps)
+            control[r, :, : model.nu] = self._control(s, model, steps + 1)
             if s.disturbance is not None:
                 control[r, :, model.nu :] = self._generalised(s.disturbance, compiled)
             initial[r] = self._initial(s, compiled, models[r], control[r, 0, : model.nu])
@@ -164,7 +165,7 @@ class MechanismSimulator(AbstractSimulator):
                 models,
                 list(compiled.data[: self.threads]),
                 initial,
-                control,
+                control[:, :-1],
                 control_spec=CONTROL,
                 chunk_size=max(1, min(16, len(models) // (4 * self.threads))),
             )
@@ -173,7 +174,7 @@ class MechanismSimulator(AbstractSimulator):
         stopped = np.diff(state[:, :, 0], axis=1, prepend=initial[:, None, 0]) < 0.5 * self.step_s
         state[stopped | ~(np.abs(state).max(axis=2) < HUGE)] = np.nan
         full = np.concatenate([initial[:, None], state], axis=1)
-        return self._sampled(compiled, models, stretches, full, np.concatenate([control, control[:, -1:]], axis=1))
+        return self._sampled(compiled, models, stretches, full, control)
 
     def _initial(self, stretch: Stretch, compiled: Compiled, model: mujoco.MjModel, command: FloatArray) -> FloatArray:
         """Return the state that a rollout begins with: positions half a step ahead of velocities."""
