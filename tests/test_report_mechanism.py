@@ -129,7 +129,7 @@ def test_page_of_a_mechanism(found: Any) -> None:
 def test_what_is_missed_points_at_the_joint(found: Any) -> None:
     """The gap is the elbow's, and so the suspect is."""
     assert "elbow" in found.where.sentence
-    unknown = SimpleNamespace(**(vars(found) | {"ranked": found.ranked[1:], "effects": ()}))
+    unknown: Any = SimpleNamespace(**(vars(found) | {"ranked": found.ranked[1:], "effects": ()}))
     assert any("elbow" in s.where for s in suspects(found.system, found.where))
     assert "elbow" in " ".join(words.next_steps(unknown))
 
