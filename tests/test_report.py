@@ -283,6 +283,25 @@ def test_page_shows_everything(found: Any, page: str) -> None:
     assert page.count("<svg") >= 3
 
 
+def test_page_of_none_corrects_nothing(found: Any) -> None:
+    """Where the model will do there is no after, nothing in orange, and what is missed is told as it is."""
+    nothing = ranked(("none",), 0.97, gap_closed=0.0)
+    page = html.render(
+        changed(found, ranked=(nothing,), effects=(), gap_closed=0.0, corrected_starts=found.nominal_starts)
+    )
+    text = said(page)
+    for part in (
+        "Keep your model.",
+        "Nothing was corrected.",
+        "what is missed, in mean squares",
+        "Small errors are left",
+    ):
+        assert part in text
+    for part in ("simulator corrected", "corrected.yaml", "After the correction", "what is left is"):
+        assert part not in text
+    assert "var(--corrected)" not in "".join(re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL))
+
+
 def test_page_is_self_contained(page: str) -> None:
     """No script, and no address that a browser would fetch."""
     assert "<script" not in page

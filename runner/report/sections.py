@@ -44,9 +44,9 @@ def first_figure(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | N
         return about | {"kind": "map", "svg": Markup(svg), "framed": None}
     # one cell is marked, that of the first sentence's: what was done, if anything done stands out
     marked = [s.cell for s in suspects(diagnosis.system, found) if s.cell is not None]
-    svg = where_figures.timeline(found.windows, marked[0] if marked else None, "first")
+    svg, top = where_figures.timeline(found.windows, marked[0] if marked else None, "first")
     framed = diagnosis.system.phrase(*marked[0]) if marked else None
-    return about | {"kind": "timeline", "svg": Markup(svg), "framed": framed}
+    return about | {"kind": "timeline", "svg": Markup(svg), "framed": framed, "top": number(top, 2)}
 
 
 def trajectories(diagnosis: Diagnosis, paths: list[Paths]) -> list[dict[str, Any]]:

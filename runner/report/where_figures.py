@@ -106,8 +106,8 @@ def place_map(system: AbstractSystem, places: pd.DataFrame, paths: Sequence[Path
         return svg(figure, name, "Map: gap in each place against the average")
 
 
-def timeline(windows: pd.DataFrame, framed: tuple[str, str] | None, name: str) -> str:
-    """Return what is missed over time, one row per episode, in noise levels.
+def timeline(windows: pd.DataFrame, framed: tuple[str, str] | None, name: str) -> tuple[str, float]:
+    """Return what is missed over time, one row per episode, and how many noise levels a full row is.
 
     Args:
         windows: As in `Where`.
@@ -138,4 +138,4 @@ def timeline(windows: pd.DataFrame, framed: tuple[str, str] | None, name: str) -
         ax.set_ylim(len(rows) - 0.75, -1.0)
         ax.tick_params(axis="y", length=0)
         ax.set_xlabel("time [s]", labelpad=1)
-        return svg(figure, name, "What is missed over time, by episode")
+        return svg(figure, name, "What is missed over time, by episode"), top
