@@ -44,7 +44,10 @@ def logarithm(q: FloatArray) -> FloatArray:
 def continuous(turn: FloatArray) -> FloatArray:
     """Return rotation vectors (..., n, 3) with whole turns added about their axes so that they don't jump."""
     out = turn.copy()
-    for k in range(1, turn.shape[-2]):
+    jumps = np.linalg.norm(np.diff(turn, axis=-2), axis=-1) > np.pi
+    if not jumps.any():
+        return out
+    for k in range(int(np.argmax(jumps.reshape(-1, jumps.shape[-1]).any(axis=0))) + 1, turn.shape[-2]):
         now, before = out[..., k, :], out[..., k - 1, :]
         size = np.linalg.norm(now, axis=-1, keepdims=True)
         axis = np.divide(now, size, out=np.zeros_like(now), where=size > 1e-12)
