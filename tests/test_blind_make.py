@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from runner.blind import make, plants
 from runner.blind.excite import FAMILIES, Drive, draw_episodes
-from runner.blind.make import BANDS, Job, Mix, Reality, find_size, make_case, make_cases, plan_jobs
+from runner.blind.make import BANDS, Job, Mix, Reality, case_set, find_size, make_case, make_cases, plan_jobs
 from runner.blind.physics import World, simulate, simulate_all
 from runner.errors import ConfigError, ResultError
 from runner.recording import read_case
@@ -35,9 +35,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> make.MadeCases:
     return make_cases(6, 3, folder / "cases", folder / "answers.json", workers=2)
 
 
-def scene_of(world: World = CUBE, seed: int = 0) -> plants.Scene:
+def unplanted(world: World = CUBE, seed: int = 0) -> plants.UnplantedCase:
     episodes = draw_episodes(Drive(world, 60.0, heights=False), np.random.default_rng(seed))[:3]
-    return plants.Scene(world, episodes, simulate_all(world, episodes))
+    return plants.UnplantedCase(world, episodes, simulate_all(world, episodes))
 
 
 def test_the_answers_lie_outside_and_their_hash_with_the_cases(made: make.MadeCases) -> None:
@@ -113,24 +113,24 @@ def test_the_mismatch_is_real_and_below_its_limit(tmp_path: Path) -> None:
 
 
 def test_every_effect_is_neutral_at_no_size_and_moves_the_box_at_its_largest() -> None:
-    scene = scene_of()
+    case = unplanted()
     for name in [*plants.VOCABULARY, *plants.OUTSIDE]:
-        plant = plants.draw(name, scene, np.random.default_rng(2))
-        nothing = [simulate(plant.edit(CUBE, 1e-12), e) for e in scene.episodes]
-        largest = [simulate(plant.edit(CUBE, plant.largest), e) for e in scene.episodes]
+        plant = plants.draw(name, case, np.random.default_rng(2))
+        nothing = [simulate(plant.edit(CUBE, 1e-12), e) for e in case.episodes]
+        largest = [simulate(plant.edit(CUBE, plant.largest), e) for e in case.episodes]
         near = 1e-2 if name == "contact_pressure" else 1e-4  # its base points are laid out in panels
-        for path, reference in zip(nothing, scene.paths, strict=True):
+        for path, reference in zip(nothing, case.paths, strict=True):
             np.testing.assert_allclose(path, reference, atol=near, err_msg=name)
-        moved = max(np.abs(a[:, :2] - b[:, :2]).max() for a, b in zip(largest, scene.paths, strict=True))
-        turned = max(np.abs(a[:, 2] - b[:, 2]).max() for a, b in zip(largest, scene.paths, strict=True))
+        moved = max(np.abs(a[:, :2] - b[:, :2]).max() for a, b in zip(largest, case.paths, strict=True))
+        turned = max(np.abs(a[:, 2] - b[:, 2]).max() for a, b in zip(largest, case.paths, strict=True))
         assert moved > 0.01 or turned > 0.01, name
 
 
 def test_the_true_values_are_those_of_the_world() -> None:
-    scene, g = scene_of(), np.random.default_rng(0)
-    mass = plants.draw("mass", scene, g)
+    case, g = unplanted(), np.random.default_rng(0)
+    mass = plants.draw("mass", case, g)
     assert mass.true(CUBE, 0.1)["mass_kg"] == pytest.approx(mass.edit(CUBE, 0.1).mass)
-    offset = plants.draw("com_offset", scene, g)
+    offset = plants.draw("com_offset", case, g)
     assert (offset.true(CUBE, 0.1)["x_m"], offset.true(CUBE, 0.1)["y_m"]) == pytest.approx(offset.edit(CUBE, 0.1).com)
     heavier = mass.edit(CUBE, 0.1)
     assert heavier.yaw_inertia / CUBE.yaw_inertia == pytest.approx(heavier.mass / CUBE.mass)
@@ -212,7 +212,7 @@ def test_an_interrupted_set_is_taken_up_again(tmp_path: Path, monkeypatch: pytes
 
     part = tmp_path / "part"
     arguments = (3, 5, part / "cases", part / "answers.json")
-    monkeypatch.setattr(make, "make_case", interrupted)
+    monkeypatch.setattr(case_set, "make_case", interrupted)
     with pytest.raises(KeyboardInterrupt):
         make_cases(*arguments, mix=mix, workers=1)
     assert not (part / "answers.json").exists()
@@ -239,4 +239,4 @@ def test_a_folder_in_use_and_answers_inside_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"blind\.out: '.*' can't be made"):
         make_cases(1, 0, tmp_path / "file" / "below", tmp_path.parent / "answers.json")
     with pytest.raises(ConfigError, match="Did you mean 'friction'"):
-        plants.draw("fricton", scene_of(), np.random.default_rng(0))
+        plants.draw("fricton", unplanted(), np.random.default_rng(0))

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from runner.blind import physics
-from runner.blind.physics import Episode, IntegrationError, World, base_load, carried_out, simulate
+from runner.blind.physics import IntegrationError, PlannedEpisode, World, base_load, carried_out, simulate
 from runner.errors import ConfigError
 
 G = 9.81
@@ -31,14 +31,14 @@ def episode(
     until_s: float = math.inf,
     rate_hz: float = 100.0,
     **more: float,
-) -> Episode:
+) -> PlannedEpisode:
     n = round(duration_s * rate_hz) + 1
     command = np.zeros((n, 5))
     command[np.arange(n) / rate_hz < until_s] = [*force, *point]
-    return Episode(np.array(start, float), command, rate_hz, **more)  # pyright: ignore[reportArgumentType]
+    return PlannedEpisode(np.array(start, float), command, rate_hz, **more)  # pyright: ignore[reportArgumentType]
 
 
-def times(e: Episode) -> np.ndarray:
+def times(e: PlannedEpisode) -> np.ndarray:
     return np.arange(len(e.command)) / e.rate_hz
 
 
@@ -308,7 +308,7 @@ def test_tighter_tolerances_and_finer_points_change_little(texture: float) -> No
     command = np.zeros((n, 5))
     pushed = (t % 2 > 0.2) & (t % 2 < 1.0)
     command[pushed] = np.column_stack([14 * np.cos(2 * t), 14 * np.sin(2 * t), 0 * t + 0.1, 0 * t - 0.2, 0 * t])[pushed]
-    e = Episode(np.zeros(6), command, 60.0)
+    e = PlannedEpisode(np.zeros(6), command, 60.0)
     path = simulate(box, e)
     assert np.ptp(path[:, 0]) > 0.3
     np.testing.assert_allclose(path, simulate(box, e, rtol=1e-10, atol=1e-11), atol=5e-5)

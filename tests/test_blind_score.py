@@ -18,10 +18,11 @@ from runner.__main__ import main
 from runner.blind.ledger import Ledger
 from runner.blind.make import HASH_FILE
 from runner.blind.oracle import candidates_of
-from runner.blind.score import Bar, blind_score, check_hash, difference, if_calibrated, of_oracle, planted
-from runner.blind.score_figures import draw
-from runner.blind.score_page import headline
-from runner.blind.score_words import notes, outcome
+from runner.blind.planted import difference, planted
+from runner.blind.score import Bar, blind_score, check_hash, if_calibrated, of_oracle
+from runner.blind.score.figures import draw
+from runner.blind.score.page import headline
+from runner.blind.score.words import notes, outcome
 from runner.diagnosis.score import calibration_error, is_right, share
 from runner.effects.planar_box import AnisotropicFriction, AxisFriction, Mass, ViscousDrag, ViscousFilm
 from runner.effects.vocabulary import Candidate
@@ -355,7 +356,7 @@ def test_the_oracle_is_asked_once_for_each_case(tmp_path: Path, monkeypatch: pyt
         (asked / f"{name}-{unseen[0]}").touch(exist_ok=False)
         return name, (1.0, 20.0)
 
-    monkeypatch.setattr("runner.blind.score._told", told)
+    monkeypatch.setattr("runner.blind.score.gap._told", told)
     of = {"answers": "f" * 64}
 
     def scored() -> tuple[list[float], set[str]]:

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runner.blind.physics import Episode as BlindEpisode
-from runner.blind.physics import World, simulate
+from runner.blind.physics import PlannedEpisode, World, simulate
 from runner.effects import planar_box as fx
 from runner.effects.planar_box.base import Motion, ahead, late
 from runner.effects.vocabulary import Candidate
@@ -94,7 +93,7 @@ def recorded(world: World, *, noise: float = 0.0) -> Recording:
     episodes = []
     for i, start in enumerate(STARTS):
         command = pushes(i)
-        state = simulate(world, BlindEpisode(start, command, RATE), points=12)
+        state = simulate(world, PlannedEpisode(start, command, RATE), points=12)
         state = state + noise * SIGMA * rng.normal(size=state.shape)
         force = np.column_stack([command[:, :2], np.zeros(len(command))])
         time = np.arange(len(command)) / RATE
@@ -209,3 +208,13 @@ def test_a_delay_of_part_of_a_step_is_exact_for_uniform_acceleration() -> None:
     moving = time > delay + step
     np.testing.assert_allclose(read.twist[moving, 0], 2 * (time[moving] - delay), atol=1e-12)
     np.testing.assert_allclose(read.pose[moving, 0], (time[moving] - delay) ** 2, atol=1e-12)
+
+
+def test_what_is_confounded_is_so_both_ways() -> None:
+    """Each of a pair names the other, for one reason and with one advice; one of them stands for both."""
+    pairs = [(cls, other) for classes in fx.EFFECTS.values() for cls in classes for other in cls.confounded]
+    assert len(pairs) == 6
+    for cls, other in pairs:
+        (theirs,) = (c for variant in fx.EFFECTS[other.name] for c in variant.confounded)
+        assert (theirs.name, theirs.why, theirs.advice) == (cls.name, other.why, other.advice)
+        assert {cls.commonness, fx.EFFECTS[other.name][0].commonness} == {0, 1}

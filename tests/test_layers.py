@@ -20,8 +20,9 @@ LAYERS = (
     "storage",
     "config progress viewer",
     "physics recording",
-    "effects noise",
+    "effects",
     "systems teleop",
+    "noise",
     "simulate",
     "estimation",
     "studies figures",
@@ -62,6 +63,29 @@ def own_imports() -> dict[str, set[str]]:
     return graph
 
 
+def name_of(file: Path) -> str:
+    """Return the full name of a module."""
+    parts = file.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports_by_file() -> dict[str, set[str]]:
+    """Return which modules of the tree each module of the tree imports; of a package itself, its `__init__`."""
+    known = {name_of(f) for f in FILES}
+    graph: dict[str, set[str]] = {}
+    for file in FILES:
+        wanted = set()
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                wanted |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                # a name of a package is one of its modules, or else stands in its `__init__`
+                inside = {alias.name: f"{node.module}.{alias.name}" for alias in node.names}
+                wanted |= {full if full in known else str(node.module) for full in inside.values()}
+        graph[name_of(file)] = wanted & known
+    return graph
+
+
 def test_every_module_has_its_layer() -> None:
     """What is added to the tree must be put into the order, or nothing would watch it."""
     assert {unit(f) for f in FILES} - {"__init__"} == set(LEVEL)
@@ -74,6 +98,33 @@ def test_no_module_imports_in_a_circle() -> None:
     except CycleError as error:
         pytest.fail(f"imports in a circle: {' -> '.join(error.args[1])}")
     assert order.index("errors") < order.index("__main__")
+
+
+def test_no_file_imports_in_a_circle() -> None:
+    """Neither do the modules within a package, whichever they are."""
+    graph = imports_by_file()
+    assert len(graph) == len(FILES)
+    try:
+        order = list(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        pytest.fail(f"imports in a circle: {' -> '.join(error.args[1])}")
+    assert order.index("runner.systems.base") < order.index("runner.systems.case")
+
+
+def test_kinds_of_systems_do_not_know_each_other() -> None:
+    """A kind can be taken away, and another added, without a look at the others; `open_case` alone knows them all."""
+    kinds = sorted(d.name for d in (PACKAGE / "systems").iterdir() if (d / "__init__.py").exists())
+    assert "planar_box" in kinds
+    graph = imports_by_file()
+    wrong = []
+    for name, others in graph.items():
+        _, room, own, *_ = [*name.split("."), "", ""]
+        if room not in ("systems", "effects") or name == "runner.systems.case":
+            continue
+        foreign = [f"runner.{r}.{k}" for r in ("systems", "effects") for k in kinds if k != own]
+        wrong += [f"{name} imports {o}" for o in others if any(f"{o}.".startswith(f"{f}.") for f in foreign)]
+    assert not wrong
+    assert all(any(o.startswith(f"runner.systems.{k}.") for o in graph["runner.systems.case"]) for k in kinds)
 
 
 def test_layers_import_only_from_above() -> None:

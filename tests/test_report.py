@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
 import io
-import json
 import math
 import re
 import shutil
@@ -20,6 +18,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import rerun as rr
+from playwright.sync_api import sync_playwright
 from rich.console import Console
 
 from runner.effects.planar_box import EFFECTS, Friction
@@ -436,82 +435,23 @@ needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on thi
 @needs_chromium
 def test_page_in_a_browser(found: Any, tmp_path: Path) -> None:
     """It opens from the file, shows the verdict, draws its figures, fetches nothing and says nothing in the console."""
-    page = write_html(found, tmp_path)
-    seen = asyncio.run(_opened(page, tmp_path / "profile"))
-    assert seen["verdict"] == words.verdict(found)
-    assert seen["figures"] >= 3
-    assert seen["smallest_figure_px"] > 100
-    assert seen["overflow_px"] <= 0
-    assert seen["messages"] == []
-    assert [r for r in seen["requests"] if not r.startswith(("file://", "data:"))] == []
-
-
-async def _opened(page: Path, profile: Path) -> dict[str, Any]:
-    """Open a page through the DevTools port; return what it shows, its console messages and its requests."""
-    import websockets
-
-    assert CHROMIUM is not None
-    browser = await asyncio.create_subprocess_exec(
-        CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--remote-debugging-port=0", "--window-size=1200,900",
-        f"--user-data-dir={profile}", "about:blank", stderr=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.DEVNULL,
-    )  # fmt: skip
-    try:
-        assert browser.stderr is not None
-        address = ""
-        while not address:
-            line = (await asyncio.wait_for(browser.stderr.readline(), 60)).decode()
-            assert line, "Chromium ended before it listened"
-            address = line.split("listening on ")[-1].strip() if "listening on" in line else ""
-        async with websockets.connect(address, max_size=None) as socket:
-            return await asyncio.wait_for(_visit(socket, page.as_uri()), 60)
-    finally:
-        if browser.returncode is None:
-            browser.terminate()
-        await browser.wait()
-
-
-async def _visit(socket: Any, uri: str) -> dict[str, Any]:
-    seen: dict[str, Any] = {"messages": [], "requests": []}
-    sent = 0
-    loaded = asyncio.Event()
-
-    async def ask(method: str, session: str | None = None, **params: Any) -> Any:
-        nonlocal sent
-        sent += 1
-        number = sent
-        await socket.send(
-            json.dumps({"id": number, "method": method, "params": params} | ({"sessionId": session} if session else {}))
-        )
-        while True:
-            event = json.loads(await socket.recv())
-            if event.get("id") == number:
-                return event.get("result", {})
-            note(event)
-
-    def note(event: dict[str, Any]) -> None:
-        kind, data = event.get("method", ""), event.get("params", {})
-        if kind == "Network.requestWillBeSent":
-            seen["requests"].append(data["request"]["url"])
-        elif kind in ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded"):
-            seen["messages"].append(data)
-        elif kind == "Page.loadEventFired":
-            loaded.set()
-
-    target = (await ask("Target.createTarget", url="about:blank"))["targetId"]
-    session = (await ask("Target.attachToTarget", targetId=target, flatten=True))["sessionId"]
-    for domain in ("Page", "Network", "Runtime", "Log"):
-        await ask(f"{domain}.enable", session)
-    await ask("Page.navigate", session, url=uri)
-    while not loaded.is_set():
-        note(json.loads(await socket.recv()))
-    script = """JSON.stringify({
-      verdict: document.getElementById("verdict").textContent,
-      figures: document.querySelectorAll("figure svg").length,
-      smallest_figure_px: Math.min(...[...document.querySelectorAll("figure svg")].map(
-          s => s.getBoundingClientRect().height)),
-      overflow_px: document.documentElement.scrollWidth - document.documentElement.clientWidth})"""
-    answer = await ask("Runtime.evaluate", session, expression=script)
-    return seen | json.loads(answer["result"]["value"])
+    messages, requests = [], []
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1200, "height": 900})
+        page.on("console", lambda message: messages.append(message.text))
+        page.on("pageerror", lambda error: messages.append(str(error)))
+        page.on("request", lambda request: requests.append(request.url))
+        page.goto(write_html(found, tmp_path).as_uri())
+        figures = [figure.bounding_box() for figure in page.locator("figure svg").all()]
+        assert page.locator("#verdict").text_content() == words.verdict(found)
+        wider_by = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        assert page.evaluate(wider_by) <= 0
+        browser.close()
+    assert len(figures) >= 3
+    assert all(box is not None and box["height"] > 100 for box in figures)
+    assert messages == []
+    assert [r for r in requests if not r.startswith(("file://", "data:"))] == []
 
 
 def test_the_missing_wrench_is_drawn_where_longer_windows_were_looked_at(found: Any) -> None:

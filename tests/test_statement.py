@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from runner.effects.wording import percent
+from runner.effects.wording import number, percent
+from runner.localise.where import Where
 from runner.recording import Episode, Form, Nominal, Recording
 from runner.report import html, words
 from runner.report.statement import Kind, Left, caveats, state
@@ -27,18 +28,18 @@ BOTH = ("friction", "wind"), {"friction": {"mu": 0.27}, "wind": {"force_n": 0.4,
 CLAIMS = {
     r"what is left is the noise": Left.NOISE,
     r"Nothing is left": Left.NOISE,
-    r"(?<!the )\bnoise what is left": Left.NOISE,
+    r"(?<!the )\bnoise what is (left|missed)": Left.NOISE,
     r"should show the noise and no more": Left.NOISE,
     r"[Ss]mall errors (are left|of any simulator)": Left.SMALL_ERRORS,
     r"no more than what is left here": Left.SMALL_ERRORS,
     r"Something is left": Left.SOMETHING,
     r"[Ss]omething (else|is going on)": Left.SOMETHING,
     r"another cause": Left.SOMETHING,
-    r"what is left exceeds the noise": Left.SOMETHING,
+    r"what is left is [\d.]+ (%|times)": Left.SOMETHING,
     r"no(ne of the)? known effects? explains": Left.SOMETHING,
     r"its cause is not found": Left.SOMETHING,
 }
-BEYOND = r"([\d.]+ %) (?:over the noise|on top of the noise|\(mean squares\)\.|more than the noise)|noise by ([\d.]+ %)"
+BEYOND = r"([\d.]+ %) over the noise|([\d.]+) times the noise(?!'s)|([\d.]+ %) more than the noise"
 
 
 def made(
@@ -123,9 +124,10 @@ def test_all_parts_claim_the_same_of_what_is_left(everything: list[tuple[Any, An
 
 def test_all_parts_give_the_same_figure(everything: list[tuple[Any, Any, str]]) -> None:
     """What is left beyond the noise is one number, wherever it is told, and no part gives one where it is nothing."""
-    for diagnosis, said, text in everything:
-        told = {a or b for a, b in re.findall(BEYOND, text)} - {percent(diagnosis.closure.closable_closed or 0.0)}
-        assert told <= {percent(said.over_noise)}, text
+    for _, said, text in everything:
+        told = {found for each in re.findall(BEYOND, text) for found in each if found}
+        assert told <= {percent(said.over_noise), number(1 + said.over_noise, 2)}, text
+        assert len(told) == (said.left is not Left.NOISE and said.over_noise >= 0.005)
         assert said.over_noise >= 0
 
 
@@ -150,7 +152,7 @@ def test_headline_tiles_and_ranking_give_the_same_gain() -> None:
 def test_what_is_left_is_not_noise_where_the_residual_says_otherwise() -> None:
     """All but a ten thousandth of a huge gap closed, and yet 548 % more than the noise is left."""
     text = words.verdict(made(FRICTION, 0.97, closable=0.9999, after=2.5, excess=5.48, nominal_excess=5e4))
-    assert text.endswith("; what is left exceeds the noise by 548 % (mean squares).")
+    assert text.endswith("; what is left is 548 % over the noise (mean squares).")
     text = words.verdict(made(FRICTION, 0.97, closable=0.9999, after=1.0, excess=0.02))
     assert text.endswith("; what is left is the noise of the measurement.")
 
@@ -181,7 +183,7 @@ def test_an_unknown_cause_has_a_suspect(factor: str, cell: str, where: str, advi
         {"factor": "channel", "cell": "wz", "share": 0.4, "lift": 2.4, "p": 1e-9, "q": 1e-8},
     ]
     diagnosis = made((("unknown",), {}), 0.9)
-    diagnosis.where = SimpleNamespace(exceeds=True, cells=pd.DataFrame(rows))
+    diagnosis.where = where_of(rows)
     (suspect,) = suspects(SYSTEM, diagnosis.where)
     assert suspect.where == f"The gap is largest {where}: 70 % of it, in 20 % of the time."
     assert advice in suspect.advice
@@ -189,9 +191,14 @@ def test_an_unknown_cause_has_a_suspect(factor: str, cell: str, where: str, advi
 
 
 def test_one_channel_is_a_suspect_of_its_own() -> None:
-    """A gap that is in one channel for the most part points at how that is measured."""
+    """A gap that is in one channel for the most part points at how that is measured; no gap points at nothing."""
     rows = [{"factor": "channel", "cell": "wz", "share": 0.8, "lift": 4.8, "p": 1e-9, "q": 1e-8}]
-    (suspect,) = suspects(SYSTEM, SimpleNamespace(exceeds=True, cells=pd.DataFrame(rows)))  # type: ignore[arg-type]
+    (suspect,) = suspects(SYSTEM, where_of(rows))
     assert suspect.where == "It shows in the yaw rate above all: 80 % of it."
-    nothing = SimpleNamespace(exceeds=False, cells=pd.DataFrame(rows))
-    assert suspects(SYSTEM, nothing) == ()  # type: ignore[arg-type]
+    assert suspects(SYSTEM, where_of(rows, p=0.5)) == ()
+
+
+def where_of(rows: list[dict[str, Any]], p: float = 0.0) -> Where:
+    """Return where the gap is, of its cells alone; `p` of there being none."""
+    nothing = pd.DataFrame()
+    return Where(nothing, nothing, nothing, pd.DataFrame(rows), 0.25, 100.0, 10.0, p, "")

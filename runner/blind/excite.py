@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runner.blind.physics import Episode, IntegrationError, World, simulate
+from runner.blind.physics import IntegrationError, PlannedEpisode, World, simulate
 
 REST_LIMIT = 0.75  # of the half size: how far pushes, friction and height may move the centre of load
 GROWTH_LIMIT = 8.0  # an episode that magnifies an error of its start more than this is no use to anybody
@@ -171,7 +171,7 @@ FAMILIES: tuple[Callable[..., np.ndarray], ...] = (
 ALWAYS = (central, off_centre, off_centre)
 
 
-def draw_episodes(drive: Drive, generator: np.random.Generator) -> list[Episode]:
+def draw_episodes(drive: Drive, generator: np.random.Generator) -> list[PlannedEpisode]:
     """Draw 7 to 10 episodes of 4 to 8 s: straight and turning pushes, steady forces, and thrown starts.
 
     Commands are rounded to single precision, as they are recorded. An episode that is unstable (a push from behind that
@@ -182,7 +182,7 @@ def draw_episodes(drive: Drive, generator: np.random.Generator) -> list[Episode]
     kinds = [*ALWAYS, FAMILIES[int(g.integers(5, 8))]]
     kinds += [FAMILIES[int(i)] for i in g.integers(0, len(FAMILIES), count - len(kinds))]
     thrown = set(g.choice(count, size=int(g.integers(1, 4)), replace=False).tolist())
-    episodes: list[Episode] = []
+    episodes: list[PlannedEpisode] = []
     elapsed = 0.0
     for number, kind in enumerate([kinds[int(i)] for i in g.permutation(count)]):
         for _ in range(REDRAWS):
@@ -203,7 +203,7 @@ def _draw_episode(
     thrown: bool,
     elapsed_s: float,
     number: int,
-) -> Episode:
+) -> PlannedEpisode:
     n = round(0.25 * int(g.integers(16, 33)) * drive.rate_hz) + 1
     t = np.arange(n) / drive.rate_hz
     start = np.array([g.uniform(-2, 2), g.uniform(-2, 2), g.uniform(-math.pi, math.pi), 0.0, 0.0, 0.0])
@@ -216,10 +216,10 @@ def _draw_episode(
     else:
         command = kind(drive, g, t)
     command[np.all(command[:, :2] == 0.0, axis=1)] = 0.0
-    return Episode(start, command.astype(np.float32).astype(float), drive.rate_hz, elapsed_s, number)
+    return PlannedEpisode(start, command.astype(np.float32).astype(float), drive.rate_hz, elapsed_s, number)
 
 
-def growth(world: World, episode: Episode, *, turn_rad: float = 1e-3) -> float:
+def growth(world: World, episode: PlannedEpisode, *, turn_rad: float = 1e-3) -> float:
     """Return how much an error of the heading at the start grows: the largest in yaw, or in place by the half size."""
     start = np.array(episode.start, float)
     start[2] += turn_rad

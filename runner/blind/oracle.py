@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from runner.diagnosis.pipeline import close, split
+from runner.diagnosis.score import full_name
 from runner.effects.base import Effects
 from runner.effects.vocabulary import Candidate, Vocabulary
 from runner.errors import ResultError
@@ -30,8 +31,7 @@ def candidates_of(effects: Sequence[Mapping[str, Any]], vocabulary: Vocabulary) 
     """
     out = []
     for effect in effects:
-        target = effect.get("target")
-        name = effect["name"] if target is None else f"{effect['name']}[{target}]"
+        name = full_name(effect)
         variants = [c for c in vocabulary.by_name.get(name, ()) if c in vocabulary.candidates]
         if not variants:
             raise ResultError(f"answers: no effect '{name}' in the vocabulary.")

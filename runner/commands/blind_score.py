@@ -14,12 +14,11 @@ from pathlib import Path
 
 from rich.console import Console
 
-from runner.blind import score_words as words
 from runner.blind.ledger import Ledger, header
 from runner.blind.run import own_provenance, provenance
-from runner.blind.score import blind_score, check_hash
-from runner.blind.score_figures import write_figures
-from runner.blind.score_page import FILE, headline, write_page
+from runner.blind.score import blind_score, check_hash, words
+from runner.blind.score.figures import write_figures
+from runner.blind.score.page import FILE, headline, write_page
 from runner.commands import Command, Job
 from runner.commands._print import print_table
 from runner.diagnosis.score import read_answers

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from runner.blind import score_words as words
+from runner.blind.score import words
 from runner.commands import Command, Job
 from runner.commands._print import print_table
 from runner.diagnosis.score import read_answers, score

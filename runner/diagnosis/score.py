@@ -8,7 +8,7 @@ The answers are read here and nowhere else.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from pathlib import Path
@@ -112,7 +112,7 @@ def score(
 
 
 def _marked(case: str, verdict: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
-    truth, accept = [_full_name(e) for e in answer["effects"]], set(answer["accept"])
+    truth, accept = [full_name(e) for e in answer["effects"]], set(answer["accept"])
     ranks = [r for r in verdict["ranked"] if r["effects"]]
     first = ranks[0]["effects"]
     rank = next((i for i, r in enumerate(ranks, 1) if is_right(r["effects"], truth, accept)), None)
@@ -153,7 +153,7 @@ def _stands_for(name: str, planted: str, truth: Collection[str], accept: Collect
     return accepted and name not in truth and (not confounded or any(other in pair for pair in confounded))
 
 
-def _full_name(effect: dict[str, Any]) -> str:
+def full_name(effect: Mapping[str, Any]) -> str:
     """Return the name of a planted effect with its target, if it has one: `joint_friction[elbow]`."""
     target = effect.get("target")
     return effect["name"] if target is None else f"{effect['name']}[{target}]"

@@ -22,9 +22,7 @@ from runner.inference.least_squares import Explanation, Fit, Fitter, bounds, dif
 from runner.systems.base import AbstractSystem
 
 SHARE = 0.01  # of an effect's usual size: how far the simulator may be off in its direction
-TEXTURE = (
-    0.02  # of the amplitude of the patches that span the workspace (0.2): friction off by 0.4 % from place to place
-)
+TEXTURE = 0.02  # of the amplitude of the patches that span the workspace (0.2): friction off by 0.4 % here and there
 LEVELS = (0.5, 1.0, 2.0, 4.0, 8.0)  # the mismatch is not known beforehand: these multiples, equally likely
 
 

@@ -139,7 +139,7 @@ def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], f
 
 
 def doubt(contender: Contender, context: Scope) -> float:
-    """Return the log odds against an explanation whose effects do not stand out of their own errors or of surfaces' unevenness.
+    """Return the log odds against effects that do not stand out of their own errors or of a surface's unevenness.
 
     The evidence asks whether an effect's pattern is in the residual; the plain errors, the simulator's own mismatch
     included, how far it is from not being there at all. Effects that make up for another's wrong form fail that.

@@ -104,7 +104,8 @@ def facts(diagnosis: Diagnosis, said: Statement) -> list[tuple[str, str]]:
         out.append((f"of the gap closed{unseen}", value))
         if said.settled and said.closable_closed is not None:
             out.append(("of what can be closed, all but the noise", percent(said.closable_closed)))
-    out.append(("what is left" if said.corrected else "what is missed, in mean squares", words.left(said)))
+    much, what = words.left(said)
+    out.append((what, much))
     if (miss := headline_miss(diagnosis)) is not None:
         sensor, amount = miss
         out.append((f"{sensor} missed{unseen} (root mean square)", amount))

@@ -17,7 +17,7 @@ from runner.effects.wording import probability
 from runner.report import words
 from runner.report.missing_force import missing_force
 from runner.report.motions import Paths, replay, whole
-from runner.report.record_layout import COLOURS, COMMAND, FORCE, INK, TRAIL_S, blueprint, drawn_channels, models
+from runner.report.record_layout import COLOURS, COMMAND, FORCE, INK, TRAIL_S, Eye, blueprint, drawn_channels, models
 from runner.report.statement import NONE, state
 from runner.systems.base import DrawnBody, Shape
 from runner.viewer.rrd import written
@@ -30,6 +30,7 @@ PAUSE_S = 1.0  # between two episodes on the timeline
 TICK_S = 1 / 15  # of a trail
 REACH_OF_ARROW = 1.6  # of the bodies' size: how long the arrow of a typical large force is
 ABOVE = 1.04  # trails and arrows of what is seen from above lie so far above it
+NEAR, STANDING = 7.0, 2.2  # sizes of a body, or of all that stands somewhere: how far the eye is from it
 SHOWN = 8  # explanations in the ranking
 WORLD_FORCE = ("fx_n", "fy_n", "fz_n")  # a disturbance that has the first two is a force in world axes
 
@@ -49,17 +50,18 @@ def write_rrd(diagnosis: Diagnosis, path: str | Path) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     paths = sorted(replay(diagnosis), key=lambda p: (not p.held_out, p.episode))
     poses = _Poses(diagnosis, paths)
-    with written(path, blueprint(diagnosis, poses.followed, poses.begin_m, poses.size_m), "runner diagnosis") as log:
+    with written(path, blueprint(diagnosis, poses.eye), "runner diagnosis") as log:
         log.send_recording_name(diagnosis.case)
         log.send_property("verdict", rr.AnyValues(sentence=words.verdict(diagnosis), gap_closed=diagnosis.gap_closed))
-        for name, text in (("verdict", _verdict(diagnosis)), ("ranking", _ranking(diagnosis))):
-            log.log(name, rr.TextDocument(text, media_type="text/markdown"), static=True)
         _send_look(log, diagnosis, poses)
+        arrows: list[str] = []
         if paths:
             _send_motion(log, diagnosis, paths, poses)
             _send_residuals(log, diagnosis, paths)
-            _send_commands(log, diagnosis, paths, poses)
-            _send_missing_force(log, diagnosis, paths, poses)
+            arrows += _send_commands(log, diagnosis, paths, poses)
+            arrows += _send_missing_force(log, diagnosis, paths, poses)
+        for name, text in (("verdict", _verdict(diagnosis, arrows)), ("ranking", _ranking(diagnosis))):
+            log.log(name, rr.TextDocument(text, media_type="text/markdown"), static=True)
     return path
 
 
@@ -68,8 +70,8 @@ class _Poses:
 
     Attributes:
         of: By model and body, per episode (T, 7): x, y, z, qw, qx, qy, qz.
-        followed: The body that moves most: it leaves the trail.
-        begin_m: Where it is at first, (3,).
+        traced: The body that moves most: it leaves the trail.
+        eye: On what is seen from above it is near, and follows it; of what stands somewhere it sees all.
         size_m: Typical half extent of a body.
         lift_m: How far above a body's origin trails and arrows lie.
     """
@@ -83,9 +85,10 @@ class _Poses:
                 for body, pose in system.poses(path.episode, whole(getattr(path, model))).items():
                     self.of.setdefault((model, body), []).append(pose)
         way = {b.name: sum(_length(p[:, :3]) for p in self.of.get(("measured", b.name), ())) for b in bodies}
-        self.followed = max(way, key=lambda name: way[name])
-        self.begin_m = self.of["measured", self.followed][0][0, :3] if paths else np.zeros(3)
+        self.traced = max(way, key=lambda name: way[name])
         self.size_m = max(float(np.mean(s.size_m)) for b in bodies for s in b.shapes)
+        places = [p[:, :3] for (model, _), each in self.of.items() if model == "measured" for p in each]
+        self.eye = _eye(places, self.size_m, None if system.plan_view is None else self.traced)
         tops = [s.position_m[2] + _height(s) for b in bodies for s in b.shapes]
         self.lift_m = 0.0 if system.plan_view is None else ABOVE * max(tops)
 
@@ -96,6 +99,17 @@ class _Poses:
     def lifted(self, positions: np.ndarray) -> np.ndarray:
         """Return positions (..., 3) where they are seen."""
         return positions + np.array([0.0, 0.0, self.lift_m])
+
+
+def _eye(places: Sequence[np.ndarray], size_m: float, followed: str | None) -> Eye:
+    """Return where to look, from where the bodies are at all times, (T, 3) each."""
+    if not places:
+        return Eye(np.zeros(3), NEAR * size_m, followed)
+    if followed is not None:
+        return Eye(places[0][0], NEAR * size_m, followed)
+    low, high = (np.array([getattr(p, side)(axis=0) for p in places]) for side in ("min", "max"))
+    low, high = low.min(axis=0), high.max(axis=0)
+    return Eye((low + high) / 2, STANDING * (float(np.linalg.norm(high - low)) / 2 + size_m), None)
 
 
 def _length(way: np.ndarray) -> float:
@@ -203,7 +217,7 @@ def _send_motion(log: rr.RecordingStream, diagnosis: Diagnosis, paths: Sequence[
 def _send_trail(log: rr.RecordingStream, model: str, paths: Sequence[Paths], poses: _Poses) -> None:
     """Send the way of the body that moves most, as one short line per tick; none joins two episodes."""
     times, strips = [], []
-    for begin, path, pose in zip(_begins(paths), paths, poses.of[model, poses.followed], strict=True):
+    for begin, path, pose in zip(_begins(paths), paths, poses.of[model, poses.traced], strict=True):
         every = max(1, round(TICK_S / float(path.t_s[1] - path.t_s[0])))
         place = poses.lifted(pose[::every, :3])
         times.append(begin + path.t_s[::every])
@@ -231,15 +245,18 @@ def _send_residuals(log: rr.RecordingStream, diagnosis: Diagnosis, paths: Sequen
         _send_scalars(log, f"residual/{channel.name}", time_s, np.column_stack([*columns, band]))
 
 
-def _send_commands(log: rr.RecordingStream, diagnosis: Diagnosis, paths: Sequence[Paths], poses: _Poses) -> None:
-    """Send what was commanded as arrows, their tips where it acts, if the system says so."""
+def _send_commands(
+    log: rr.RecordingStream, diagnosis: Diagnosis, paths: Sequence[Paths], poses: _Poses
+) -> tuple[str, ...]:
+    """Send what was commanded as arrows, their tips where it acts, if the system says so; return what that shows."""
     found = [diagnosis.system.command_arrows(p.episode, whole(p.measured)) for p in paths]
     known = [f for f in found if f is not None]
     if len(known) < len(paths):
-        return
+        return ()
     tip, force = (np.concatenate([f[k] for f in known]) for k in (0, 1))
     arrows = force * _per_newton(force, poses)
     _send_arrows(log, "world/command", _joined(paths), poses.lifted(tip) - arrows, arrows)
+    return ("Green arrow: a commanded force, its tip where it acts.",)
 
 
 def _per_newton(force: np.ndarray, poses: _Poses) -> float:
@@ -248,14 +265,19 @@ def _per_newton(force: np.ndarray, poses: _Poses) -> float:
     return REACH_OF_ARROW * poses.size_m / max(large, 1e-9)
 
 
-def _send_missing_force(log: rr.RecordingStream, diagnosis: Diagnosis, paths: Sequence[Paths], poses: _Poses) -> None:
-    """Send the missing force over time, and as an arrow on the first body where it is a force in world axes."""
+def _send_missing_force(
+    log: rr.RecordingStream, diagnosis: Diagnosis, paths: Sequence[Paths], poses: _Poses
+) -> tuple[str, ...]:
+    """Send the missing force over time, and as an arrow on the first body where it is a force in world axes.
+
+    Returns what the arrow shows.
+    """
     found = [missing_force(diagnosis, diagnosis.where, p.episode) for p in paths]
     parts = [
         (b, f, p, k) for k, (b, f, p) in enumerate(zip(_begins(paths), found, paths, strict=True)) if f is not None
     ]
     if not parts:
-        return
+        return ()
     time_s = np.concatenate([b + f.t_s for b, f, _, _ in parts])
     value, seen = (np.concatenate([getattr(f, name) for _, f, _, _ in parts]) for name in ("value", "seen"))
     names = diagnosis.system.disturbance.names
@@ -266,7 +288,7 @@ def _send_missing_force(log: rr.RecordingStream, diagnosis: Diagnosis, paths: Se
     # where friction holds the body no force can be seen: no arrow there
     shown = np.asarray(seen[:, axes].all(axis=1))
     if len(axes) < 2 or not shown.any():
-        return
+        return ()
     first = diagnosis.system.drawn()[0].name
     at = np.concatenate(
         [
@@ -277,6 +299,7 @@ def _send_missing_force(log: rr.RecordingStream, diagnosis: Diagnosis, paths: Se
     force = np.zeros((len(value), 3))
     force[:, : len(axes)] = np.where(shown[:, None], value[:, axes], 0.0)
     _send_arrows(log, "world/missing_force", time_s, poses.lifted(at), force * _per_newton(force[shown], poses))
+    return ("Blue arrow: the force that the simulator as believed lacks.",)
 
 
 def _send_arrows(
@@ -285,16 +308,18 @@ def _send_arrows(
     log.send_columns(entity, _index(time_s), rr.Arrows3D.columns(origins=origin, vectors=vector))
 
 
-def _verdict(diagnosis: Diagnosis) -> str:
+def _verdict(diagnosis: Diagnosis, arrows: Sequence[str]) -> str:
     lines = [f"### {words.verdict(diagnosis)}", ""]
     if confounded := words.confounded(diagnosis):
         lines += [confounded, ""]
     corrected = ", orange: corrected" if diagnosis.effects else ""
     lines.append(
         f"Black: measured, grey: the simulator as believed{corrected}; the line behind is the way of the last "
-        f"{TRAIL_S:.0f} s. Green arrow: a commanded force, its tip where it acts. Blue arrow: the force that the "
-        "simulator as believed lacks. Arrows of each kind have a scale of their own."
+        f"{TRAIL_S:.0f} s."
     )
+    lines += arrows
+    if len(arrows) > 1:
+        lines.append("Arrows of each kind have a scale of their own.")
     return "\n".join(lines)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,7 @@ COMMAND = (0, 158, 115)
 FORCE = ((0, 114, 178), (204, 121, 167), (0, 158, 115), (86, 180, 233), (230, 159, 0), (120, 94, 240))
 MOST = 12  # residuals, and
 MOST_FORCES = 6  # components of the missing force that have a plot
-DISTANCE = 7.0  # of the eye, in sizes of the body that it follows
+FROM = np.array([0.35, -0.7, 0.62])  # where the eye is from what it looks at, of length 1
 
 
 def models(diagnosis: Diagnosis) -> list[str]:
@@ -33,15 +34,17 @@ def drawn_channels(system: AbstractSystem) -> tuple[Channel, ...]:
     return system.channels[:MOST]
 
 
-def blueprint(diagnosis: Diagnosis, followed: str, begin_m: np.ndarray, size_m: float) -> rrb.Blueprint:
-    """Return the layout.
+@dataclass(frozen=True)
+class Eye:
+    """What the eye looks at: a place (3,), from how far, and the body that it follows from there on, or None."""
 
-    Args:
-        diagnosis: What is shown.
-        followed: The body that the eye follows.
-        begin_m: Where it is at first, (3,).
-        size_m: Typical half extent of a body.
-    """
+    target_m: np.ndarray
+    distance_m: float
+    followed: str | None
+
+
+def blueprint(diagnosis: Diagnosis, eye: Eye) -> rrb.Blueprint:
+    """Return the layout."""
     system = diagnosis.system
     paper = rrb.archetypes.PlotBackground(color=PAPER)
     recent = rrb.VisibleTimeRange(
@@ -57,10 +60,10 @@ def blueprint(diagnosis: Diagnosis, followed: str, begin_m: np.ndarray, size_m: 
         background=list(PAPER),
         line_grid=rrb.LineGrid3D(visible=True, spacing=0.5, color=[120, 124, 130, 90]),
         eye_controls=rrb.EyeControls3D(
-            position=tuple(begin_m + DISTANCE * size_m * np.array([0.35, -0.7, 0.62])),
-            look_target=tuple(begin_m),
+            position=tuple(eye.target_m + eye.distance_m * FROM),
+            look_target=tuple(eye.target_m),
             eye_up=(0, 0, 1),
-            tracking_entity=f"/world/measured/{followed}",
+            tracking_entity=None if eye.followed is None else f"/world/measured/{eye.followed}",
         ),
     )
     residuals = [

@@ -12,7 +12,7 @@ from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from runner.effects.base import Phrase
-from runner.effects.wording import Values, listed, percent, probability
+from runner.effects.wording import Values, listed, number, percent, probability
 from runner.report.statement import NOISE_LEFT, NONE, OVER, UNKNOWN, Kind, Left, Statement, state
 from runner.report.suspects import suspects
 
@@ -24,10 +24,11 @@ Numbers = Mapping[str, float]
 SURE = 0.9  # an answer less likely than this asks for more data
 NOTEWORTHY = 0.02  # explanations less likely than this are not worth a sentence
 LEAST_SHARE = 0.005  # of anything: less is told as nothing
+MANIFOLD = 10.0  # a share from which on it is told as so many times
 
 
 def title(effects: Sequence[str]) -> str:
-    """Return effect names as they are read: `friction + floor tilt`, `joint friction of elbow`."""
+    """Return effect names as they are read: `joint friction of elbow + gravity`."""
     return " + ".join(_named(e) for e in effects)
 
 
@@ -44,7 +45,7 @@ def label(system: AbstractSystem, effect: str) -> str:
     if effect == UNKNOWN:
         return "something that no known effect explains"
     candidate = system.vocabulary.by_name[effect][0]
-    return candidate.effect.label + (f" of '{candidate.target}'" if candidate.target else "")
+    return candidate.effect.label + (f" ({candidate.target})" if candidate.target else "")
 
 
 def phrase(system: AbstractSystem, effect: str, values: Numbers, errors: Numbers) -> Phrase:
@@ -88,7 +89,7 @@ def gain(said: Statement, applied: str = "With it") -> str:
         if said.closable_closed < NOISE_LEFT:
             left = f"; of what can be closed, all but the noise, that is {percent(said.closable_closed)} (mean squares)"
         elif said.left is Left.SOMETHING:
-            left = f"; what is left exceeds the noise by {percent(said.over_noise)} (mean squares)"
+            left = f"; what is left is {_beyond(said)} (mean squares)"
         else:
             left = "; what is left is the noise of the measurement"
     return f"{applied} the simulator misses {percent(said.gap_closed)} less{where}{left}."
@@ -126,19 +127,24 @@ def verdict(diagnosis: Diagnosis) -> str:
     return f"{text[0].upper()}{text[1:]} {chance}. {with_it}".strip()
 
 
-def left(said: Statement) -> str:
-    """Return what the best model leaves, in a few words for a tile."""
-    if said.left is Left.NOISE:
-        return "noise"
-    over = f"{percent(said.over_noise)} over the noise"
-    if said.left is Left.SMALL_ERRORS:
-        return f"{over}: small errors of any simulator"
-    return f"{over}: something else" if said.over_noise >= LEAST_SHARE else "something else"
+def _beyond(said: Statement) -> str:
+    """Return how much of what is left is beyond the noise."""
+    if said.over_noise < MANIFOLD:
+        return f"{percent(said.over_noise)} over the noise"
+    return f"{number(1 + said.over_noise, 2)} times the noise"
+
+
+def left(said: Statement) -> tuple[str, str]:
+    """Return what the best model leaves, for a tile: how much, and what that is."""
+    much = "noise" if said.left is Left.NOISE else _beyond(said) if said.over_noise >= LEAST_SHARE else "a residual"
+    what = "what is left" if said.corrected else "what is missed, in mean squares"
+    cause = {Left.SMALL_ERRORS: ": small errors of any simulator", Left.SOMETHING: ": something else"}
+    return much, what + cause.get(said.left, "")
 
 
 def left_at_large(said: Statement) -> tuple[str, str]:
     """Return what the best model leaves of whole episodes: what to say in bold, and what follows it."""
-    over = f", {percent(said.over_noise)} on top of the noise's mean square" if said.over_noise >= LEAST_SHARE else ""
+    over = f", {_beyond(said)} in mean squares" if said.over_noise >= LEAST_SHARE else ""
     if said.left is Left.NOISE:
         return "Nothing is left", " that would matter"
     if said.left is Left.SMALL_ERRORS:

@@ -28,7 +28,7 @@ from __future__ import annotations
 
 from runner.blind.physics.actuator import carried_out
 from runner.blind.physics.bearing import base_load
-from runner.blind.physics.episode import Episode, IntegrationError, simulate, simulate_all
+from runner.blind.physics.episode import IntegrationError, PlannedEpisode, simulate, simulate_all
 from runner.blind.physics.forces import wander_terms
 from runner.blind.physics.pack import SLIP_EPS
 from runner.blind.physics.surface import TEXTURE_CELL_M, base_points, floor_texture
@@ -37,8 +37,8 @@ from runner.blind.physics.world import World
 __all__ = [
     "SLIP_EPS",
     "TEXTURE_CELL_M",
-    "Episode",
     "IntegrationError",
+    "PlannedEpisode",
     "World",
     "base_load",
     "base_points",

@@ -26,7 +26,7 @@ class IntegrationError(RunnerError):
 
 
 @dataclass(frozen=True)
-class Episode:
+class PlannedEpisode:
     """Start state and commands of one episode.
 
     Args:
@@ -52,7 +52,7 @@ class Episode:
 
 def simulate(
     world: World,
-    episode: Episode,
+    episode: PlannedEpisode,
     *,
     rtol: float = 1e-7,
     atol: float = 1e-8,
@@ -119,7 +119,7 @@ def simulate(
     return result
 
 
-def _intervals(world: World, episode: Episode) -> tuple[np.ndarray, np.ndarray]:
+def _intervals(world: World, episode: PlannedEpisode) -> tuple[np.ndarray, np.ndarray]:
     """Return the intervals of constant force: when each starts, (K,), s, and its wrench before the lag, (K, 8).
 
     In the time of the body; the sensor's clock is behind by `observation_delay`.
@@ -153,7 +153,7 @@ def _odeint(p: np.ndarray, y: np.ndarray, times: np.ndarray, rtol: float, atol: 
     return path
 
 
-def simulate_all(world: World, episodes: list[Episode], **options: float) -> list[np.ndarray]:
+def simulate_all(world: World, episodes: list[PlannedEpisode], **options: float) -> list[np.ndarray]:
     """Return `simulate` of every episode."""
     packed = pack(
         world, points=int(options.get("points", BASE_POINTS)), slip_eps=float(options.get("slip_eps", SLIP_EPS))

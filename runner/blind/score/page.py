@@ -12,12 +12,11 @@ from typing import Any
 
 from markupsafe import Markup
 
-from runner.blind import score_words as words
-from runner.blind.score import Bar, BlindScore, if_calibrated
+from runner.blind.score import Bar, BlindScore, if_calibrated, words
 from runner.report.html import page_template
 
 FILE = "score.html"
-TEMPLATE = "score_page.html.j2"
+TEMPLATE = "page.html.j2"
 
 
 def write_page(
@@ -32,7 +31,7 @@ def write_page(
         digest: SHA-256 of the answers.
         by: What diagnosed, see `runner.blind.run.provenance`.
     """
-    path.write_text(page_template("runner.blind", TEMPLATE).render(_content(found, figures, digest, by)), "utf-8")
+    path.write_text(page_template("runner.blind.score", TEMPLATE).render(_content(found, figures, digest, by)), "utf-8")
     return path
 
 

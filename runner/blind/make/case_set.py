@@ -1,0 +1,108 @@
+"""A set of cases, made on all cores, and their answers; an interrupted one is taken up again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import cast
+
+from joblib import Parallel, delayed
+
+from runner.blind.ledger import Ledger
+from runner.blind.make.case import make_case
+from runner.blind.make.plan import Mix, case_names, plan_jobs
+from runner.blind.make.reality import Reality
+from runner.errors import ConfigError, check_range
+from runner.progress import track
+
+HASH_FILE = "answers.sha256"
+
+
+@dataclass(frozen=True)
+class MadeCases:
+    """What `make_cases` made.
+
+    Args:
+        folder: One folder for each case, and the hash of the answers.
+        answers: File of the answers.
+        sha256: Of that file.
+        cases: Names of the cases.
+        seconds: Wall time.
+    """
+
+    folder: Path
+    answers: Path
+    sha256: str
+    cases: tuple[str, ...] = field(repr=False)
+    seconds: float
+
+
+def make_cases(
+    n: int,
+    seed: int,
+    out_dir: Path | str,
+    answers_path: Path | str,
+    *,
+    mix: Mix | None = None,
+    reality: Reality | None = None,
+    workers: int | None = None,
+) -> MadeCases:
+    """Make n cases; the same seed makes the same cases, whatever the number of workers.
+
+    What was made before an interruption is kept, and its answers in a file beside the one for all of them: called
+    again with the same arguments, this goes on from there.
+
+    Args:
+        n: Number of cases.
+        seed: Of everything that is drawn.
+        out_dir: Folder for the cases: must not exist, be empty, or be that of an interrupted call.
+        answers_path: File for the answers, outside `out_dir`.
+        mix: Shares of singles, pairs, nulls and unknowns.
+        reality: Departures from the textbook.
+        workers: Processes; none: one for each core.
+
+    Raises:
+        ConfigError: If the folder is in use or can't be made, or the answers would lie inside it.
+        ResultError: If an interrupted call was for other cases, or the answers can't be written.
+    """
+    check_range("blind.n", n, 1, 100000)
+    folder, answers = Path(out_dir), Path(answers_path)
+    if folder.resolve() == answers.resolve().parent or folder.resolve() in answers.resolve().parents:
+        raise ConfigError(f"blind.answers: must lie outside the folder of the cases '{folder}', got '{answers}'.")
+    kept = part_of(answers)
+    if folder.exists() and not folder.is_dir():
+        raise ConfigError(f"blind.out: '{folder}' is a file; give a folder.")
+    if folder.exists() and any(folder.iterdir()) and not kept.exists():
+        raise ConfigError(f"blind.out: the folder '{folder}' is not empty; give one that is new.")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        answers.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"blind.out: '{error.filename}' can't be made: {error.strerror}.") from None
+    begun = time.perf_counter()
+    mix, reality = mix or Mix(), reality or Reality()
+    belongs = {"n": n, "seed": seed, "out": str(folder.resolve()), "mix": asdict(mix), "reality": asdict(reality)}
+    ledger = Ledger(kept, belongs)
+    names = case_names(n, seed)
+    todo = [(job, name) for job, name in zip(plan_jobs(n, seed, mix), names, strict=True) if name not in ledger.done]
+    calls = (delayed(make_case)(job, reality, folder / name) for job, name in todo)
+    results = Parallel(n_jobs=workers or os.cpu_count() or 1, return_as="generator_unordered")(calls)
+    results = cast("Iterable[tuple[str, dict]]", results)
+    for name, answer in track(results, "Making cases", total=len(todo), unit="cases"):
+        ledger.add(name, answer)
+    text = json.dumps({name: ledger.done[name] for name in sorted(names)}, indent=1) + "\n"
+    answers.write_text(text)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    (folder / HASH_FILE).write_text(f"{digest}  {answers.name}\n")
+    kept.unlink()
+    return MadeCases(folder, answers, digest, tuple(sorted(names)), time.perf_counter() - begun)
+
+
+def part_of(answers: Path) -> Path:
+    """Return the file that holds the answers of the cases made so far."""
+    return answers.with_name(f"{answers.name}.part")

@@ -1,0 +1,98 @@
+"""How large an effect is to be: the size that moves the recording by so many times the noise."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from runner.blind.physics import IntegrationError, PlannedEpisode, World, simulate_all
+from runner.blind.plants import Plant, UnplantedCase
+
+SMALLEST = 1e-5  # of the largest size: below, an effect is not looked for
+FIRST_SIZE = 0.03  # of the largest size: where the search begins
+COARSE = {"points": 8, "rtol": 1e-6, "atol": 1e-8}  # for finding sizes: a quarter of the time
+
+
+def simulate_or_none(world: World, episodes: Sequence[PlannedEpisode], **options: float) -> list[np.ndarray] | None:
+    """Return the motion, or none where the world can't be integrated (it tips, or it runs away)."""
+    try:
+        return simulate_all(world, list(episodes), **options)
+    except IntegrationError:
+        return None
+
+
+def error_ratio(paths: list[np.ndarray] | None, nominal: list[np.ndarray], sigma: np.ndarray) -> float:
+    if paths is None:
+        return math.inf
+    difference = np.concatenate([(a - b) / sigma for a, b in zip(paths, nominal, strict=True)])
+    return float(np.sqrt(np.mean(difference**2)))
+
+
+def size_for(
+    plant: Plant,
+    severity: str,
+    bands: dict[str, tuple[float, float]],
+    real: World,
+    case: UnplantedCase,
+    sigma: np.ndarray,
+    g: np.random.Generator,
+    *,
+    lowest: str,
+) -> tuple[float, str] | None:
+    """Return the size that reaches a severity, or the next lower one, and its name; none where none can be reached."""
+
+    @functools.cache
+    def excess(size: float) -> float:
+        # the ratio without noise, which adds 1 in squares
+        return error_ratio(simulate_or_none(plant.edit(real, size), case.episodes, **COARSE), case.paths, sigma)
+
+    names = [name for name in ("strong", "moderate", "subtle") if name in bands]
+    for name in names[names.index(severity) : names.index(lowest) + 1]:
+        low, high = bands[name]
+        target = math.sqrt(float(np.exp(g.uniform(math.log(1.08 * low), math.log(0.92 * high)))) ** 2 - 1.0)
+        share = float(g.uniform(0.2, 0.9))
+        size = find_size(excess, plant.largest, target)
+        if size is None:
+            least, top = math.sqrt((1.04 * low) ** 2 - 1.0), excess(plant.largest)
+            if least < top < target:
+                size = find_size(excess, plant.largest, least * (top / least) ** share)
+        if size is not None:
+            return size, name
+    return None
+
+
+def find_size(excess: Callable[[float], float], largest: float, target: float) -> float | None:
+    """Return a size with an excess within 6 % of the target, or none: regula falsi in logarithms, inside a bracket.
+
+    Args:
+        excess: Excess at a size; rises with it, at least on the whole.
+        largest: Largest size.
+        target: Excess to reach.
+    """
+    low, high = math.log(largest * SMALLEST), math.log(largest)
+    at_low, at_high = -8.0, math.nan  # errors at the ends; the upper end is looked at only where it has to be
+    guess = high + math.log(FIRST_SIZE)
+    for step in range(24):
+        error = min(max(math.log(max(excess(math.exp(guess)), 1e-12) / target), -8.0), 8.0)
+        if abs(error) < 0.06:
+            return math.exp(guess)
+        if error > 0:
+            at_low *= 0.5 if high < math.log(largest) else 1.0  # Illinois: the lower end must not be stuck
+            high, at_high = guess, error
+        elif guess >= math.log(largest):
+            return None  # the largest size does too little
+        else:
+            at_high *= 0.5 if at_low > -8.0 else 1.0
+            low, at_low = guess, error
+        if high - low < 1e-6:
+            return None  # the excess jumps over the target
+        if step < 2 or math.isnan(at_high):
+            guess = min(guess - error, high)  # the excess is about proportional to the size
+        else:
+            guess = (low * at_high - high * at_low) / (at_high - at_low)
+        if not low < guess <= high or (step % 4 == 3 and not math.isnan(at_high)):
+            guess = 0.5 * (low + high)
+    return None
