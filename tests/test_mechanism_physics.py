@@ -19,12 +19,15 @@ def predicted(system: MechanismSystem, start: list[float], episode: int = 0) -> 
     return system.simulator().predict(episode, [Run((), np.array(start))])[0]
 
 
-def test_a_pendulum_swings_with_its_period(tmp_path: Path):
+@pytest.mark.parametrize("integrator", ["implicitfast", "Euler", "RK4"])
+def test_a_pendulum_swings_with_its_period(tmp_path: Path, integrator: str):
     """Twenty times 2 pi sqrt(I / m g l) (1 + amplitude^2 / 16), the first term of its series."""
     t = np.arange(2001) * 0.005
     columns = {"t": t, "u": 0.0 * t, "q_hinge": 0.0 * t, "dq_hinge": 0.0 * t}
     nominal = {"commands": {"u": {"actuator": "drive"}}, "channels": joint_channels(["hinge"])}
-    system = system_of(write_case(tmp_path, PENDULUM.format(damping=0), [columns], nominal))
+    system = system_of(
+        write_case(tmp_path, PENDULUM.format(damping=0).replace("implicitfast", integrator), [columns], nominal)
+    )
     q, dq = predicted(system, [0.02, 0.0]).T
     inertia = 0.01 + 1.5 * 0.4**2
     rate = np.sqrt(1.5 * 9.81 * 0.4 / inertia) * (1 - 0.02**2 / 16)

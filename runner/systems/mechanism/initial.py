@@ -10,7 +10,6 @@ tells of velocities and from the slopes of the others. What no channel tells of 
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 
 from runner.recording.model_form import MechanismRecording
@@ -18,18 +17,17 @@ from runner.recording.model_form_mapping import ChannelSource
 from runner.systems.base import AbstractInitialState, FloatArray, Signals, Span, Windows
 from runner.systems.mechanism import quaternions
 from runner.systems.mechanism.coordinates import HINGE, Coordinates
-from runner.systems.mechanism.models import OWN, Models
-from runner.systems.mechanism.observer import ACCELERATION
+from runner.systems.mechanism.kinematics import Kinematics
+from runner.systems.mechanism.models import Models
 
 SMOOTH_S = 0.05  # half width of the local polynomials
 FEWEST = 5  # samples that a local polynomial rests on
 BROAD = {"rad": 1.0, "m": 0.3}  # what nobody measured may be so far from the reference
 BROAD_RATE = 3.0  # and so fast, rad/s or m/s
 SLOPE = 0.03  # a slope over a window that short: its error is that of a sample over so many seconds
-ITERATIONS, CLOSE = 6, 1e-7  # of positions that show what was measured; rad or m
+ITERATIONS, CLOSE = 12, 1e-7  # of positions that show what was measured; rad or m
+NEAR = 0.02  # within a step so small, rad or m, the derivatives stay
 WEAK = 1e-6  # what is not measured is held at its reference by so much of its breadth
-DIFFERENCE = 1e-6
-VELOCITY_SENSORS = (int(mujoco.mjtStage.mjSTAGE_VEL),)
 
 
 class MechanismStart(AbstractInitialState):
@@ -44,12 +42,8 @@ class MechanismStart(AbstractInitialState):
     def __init__(self, recording: MechanismRecording, models: Models, sigma: FloatArray) -> None:
         compiled = models.compiled(())
         self._recording, self._model, self._coordinates = recording, compiled.model, compiled.coordinates
-        self._data = mujoco.MjData(compiled.model)
         self._sources = recording.mapping.sources
-        self._tells = [_tells(s, compiled.model) for s in self._sources]
-        # joints that are measured by themselves show the same whatever the position
-        self._direct = all(s.kind in ("joint", "actuator") for s in self._sources)
-        self._constant = self._derivatives(np.array(compiled.model.qpos0)) if self._direct else None
+        self._kinematics = Kinematics(self._sources, compiled)
         self.steps = np.ones(2 * self._coordinates.nv)
         self.steps = np.clip(self.scale(sigma), 1e-6, 0.02)
 
@@ -88,9 +82,10 @@ class MechanismStart(AbstractInitialState):
 
     def _known(self, sigma: FloatArray, broad: FloatArray, *, position: float, velocity: float) -> FloatArray:
         """Return standard errors (nv,) from channels with these weights, and a prior as broad as that."""
-        matrix, weight = self._jacobian(np.array(self._model.qpos0)), np.zeros(len(sigma))
-        weight[[t == "position" for t in self._tells]] = position
-        weight[[t == "velocity" for t in self._tells]] = velocity
+        reference, weight = np.array(self._model.qpos0), np.zeros(len(sigma))
+        matrix = self._kinematics.jacobian(reference) + self._kinematics.rate_jacobian(reference)
+        weight[self._kinematics.positions] = position
+        weight[self._kinematics.velocities] = velocity
         rows = matrix * (weight / sigma)[:, None]
         return np.sqrt(np.diag(np.linalg.inv(rows.T @ rows + np.diag(broad**-2.0))))
 
@@ -116,7 +111,7 @@ class MechanismStart(AbstractInitialState):
         start = np.array(self._model.qpos0)
         out = np.empty((len(channels), self._coordinates.nq))
         for k, values in enumerate(channels):
-            told = np.array([t == "position" for t in self._tells]) & np.isfinite(values)
+            told = self._kinematics.positions & np.isfinite(values)
             level = np.where(told, values, np.nan)
             start = out[k] = self._posed(level, episode, k, np.ones(len(values)), start)
         return out
@@ -127,12 +122,12 @@ class MechanismStart(AbstractInitialState):
         level, slope = self._local(signals, episode, first, smooth=smooth, rests=rests)
         # from here on the episode is that of the recording
         episode, first = signals.spans[episode].episode, signals.spans[episode].begin + first
-        told = np.array([t == "position" for t in self._tells]) & np.isfinite(level)
+        told = self._kinematics.positions & np.isfinite(level)
         reference = np.array(self._model.qpos0)
         qpos = self._posed(np.where(told, level, np.nan), episode, first, signals.sigma, reference)
         x = self._coordinates.difference(qpos, reference)
-        matrix = self._jacobian(qpos)
-        rates = np.array([t == "velocity" for t in self._tells]) & np.isfinite(level)
+        matrix = self._kinematics.jacobian(qpos) + self._kinematics.rate_jacobian(qpos)
+        rates = self._kinematics.velocities & np.isfinite(level)
         slopes = told & np.isfinite(slope)
         rows = np.vstack(
             [
@@ -159,16 +154,20 @@ class MechanismStart(AbstractInitialState):
         told = np.isfinite(level)
         nv, reference = self._coordinates.nv, np.array(self._model.qpos0)
         weight, weak = 1.0 / sigma[told], WEAK / self.broad()[:nv]
+        turns = {k: self._reference(episode, sample, s) for k, s in self._kinematics.turns.items()}
         qpos = begin
+        matrix = self._kinematics.jacobian(qpos)
         for _ in range(ITERATIONS if told.any() else 0):
-            shown, matrix = self._shown(episode, sample, qpos)[told], self._jacobian(qpos)[told]
+            ahead = (level - self._kinematics.from_reference(qpos, turns))[told]
             away = self._coordinates.difference(qpos, reference)
-            rows = np.vstack([matrix * weight[:, None], np.diag(weak)])
-            right = np.concatenate([(level[told] - shown) * weight, -away * weak])
-            step = _least_squares(rows, right)
+            rows = np.vstack([matrix[told] * weight[:, None], np.diag(weak)])
+            step = _least_squares(rows, np.concatenate([ahead * weight, -away * weak]))
             qpos = self._coordinates.moved(qpos, step)
-            if np.abs(step).max() < CLOSE:
+            size = float(np.abs(step).max())
+            if size < CLOSE:
                 break
+            if size > NEAR:
+                matrix = self._kinematics.jacobian(qpos)
         return qpos
 
     def _local(
@@ -201,14 +200,10 @@ class MechanismStart(AbstractInitialState):
     def _turned(self, values: FloatArray, whole: Span, first: int) -> FloatArray:
         """Return the values with orientations as turns from the measured one at a sample, body axes."""
         out = np.array(values)
-        for k, source in enumerate(self._sources):
-            if source.quantity == "orientation" and source.index == 0:
-                measured = self._recording.episodes[whole.episode].orientations[source.column][whole.begin : whole.end]
-                out[:, k : k + 3] = quaternions.logarithm(
-                    quaternions.multiply(
-                        quaternions.inverse(self._reference(whole.episode, whole.begin + first, source)), measured
-                    )
-                )
+        for k, source in self._kinematics.turns.items():
+            measured = self._recording.episodes[whole.episode].orientations[source.column][whole.begin : whole.end]
+            reference = quaternions.inverse(self._reference(whole.episode, whole.begin + first, source))
+            out[:, k : k + 3] = quaternions.logarithm(quaternions.multiply(reference, measured))
         return out
 
     def _reference(self, episode: int, first: int, source: ChannelSource) -> FloatArray:
@@ -217,80 +212,6 @@ class MechanismStart(AbstractInitialState):
         known = np.flatnonzero(np.isfinite(measured[:, 0]))
         return measured[known[np.argmin(np.abs(known - first))]] if len(known) else np.array([1.0, 0.0, 0.0, 0.0])
 
-    def _shown(self, episode: int, first: int, qpos: FloatArray) -> FloatArray:
-        """Return what the channels of positions show, (C,); orientations as turns from the one measured there."""
-        raw = self._raw(qpos, np.zeros(self._coordinates.nv))
-        out = np.full(len(self._sources), np.nan)
-        for k, source in enumerate(self._sources):
-            if source.quantity == "orientation":
-                reference = self._reference(episode, first, source)
-                turn = quaternions.multiply(quaternions.inverse(reference), raw[k])
-                out[k] = quaternions.logarithm(turn)[source.index]
-            elif self._tells[k] == "position":
-                out[k] = raw[k]
-        return out
-
-    def _raw(self, qpos: FloatArray, qvel: FloatArray) -> list:
-        """Return what each channel shows in a state: numbers, of an orientation the quaternion."""
-        data, model = self._data, self._model
-        data.qpos[:], data.qvel[:] = qpos, qvel
-        if not self._direct:
-            mujoco.mj_fwdPosition(model, data)
-            mujoco.mj_sensorPos(model, data)
-            mujoco.mj_fwdVelocity(model, data)
-            mujoco.mj_sensorVel(model, data)
-        out = []
-        for source in self._sources:
-            if source.kind == "joint":
-                joint = self._coordinates.by_name[source.target]
-                out.append(qvel[joint.v][0] if source.quantity == "velocity" else qpos[joint.q][0])
-            elif source.kind == "actuator":
-                out.append(np.nan)
-            else:
-                name = source.target if source.kind == "sensor" else f"{OWN}{source.quantity}:{source.target}"
-                address = int(model.sensor(name).adr[0])
-                turns = source.quantity == "orientation"
-                out.append(
-                    np.array(data.sensordata[address : address + 4])
-                    if turns
-                    else data.sensordata[address + source.index]
-                )
-        return out
-
-    def _jacobian(self, qpos: FloatArray) -> FloatArray:
-        """Return how channels change with what they tell of: with positions, or with velocities, (C, nv)."""
-        return self._derivatives(qpos) if self._constant is None else self._constant
-
-    def _derivatives(self, qpos: FloatArray) -> FloatArray:
-        nv = self._coordinates.nv
-        still = np.zeros(nv)
-        base = self._raw(qpos, still)
-        out = np.zeros((len(self._sources), nv))
-        for i, unit in enumerate(np.eye(nv)):
-            moved = self._raw(self._coordinates.moved(qpos, unit * DIFFERENCE), still)
-            fast = self._raw(qpos, unit)
-            for k, source in enumerate(self._sources):
-                if source.quantity == "orientation":
-                    turn = quaternions.multiply(quaternions.inverse(base[k]), moved[k])
-                    out[k, i] = quaternions.logarithm(turn)[source.index] / DIFFERENCE
-                elif self._tells[k] == "position":
-                    out[k, i] = (moved[k] - base[k]) / DIFFERENCE
-                elif self._tells[k] == "velocity":
-                    out[k, i] = fast[k] - base[k]
-        return out
-
 
 def _least_squares(rows: FloatArray, right: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0], dtype=np.float64)
-
-
-def _tells(source: ChannelSource, model: mujoco.MjModel) -> str:
-    """Return what a channel tells of a state by itself: position | velocity | "" where it depends on forces."""
-    if source.kind == "actuator":
-        return ""
-    if source.kind == "sensor":
-        stage = int(model.sensor_needstage[model.sensor(source.target).id])
-        if stage == ACCELERATION:
-            return ""
-        return "velocity" if stage in VELOCITY_SENSORS else "position"
-    return "velocity" if source.quantity in ("velocity", "angular_velocity") else "position"

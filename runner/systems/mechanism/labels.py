@@ -11,7 +11,7 @@ from runner.effects.mechanism import Scope
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import AT_JOINT, is_servo
 from runner.systems.base import FloatArray, Labels, Signals, Windows
-from runner.systems.mechanism.coordinates import HINGE, SLIDE
+from runner.systems.mechanism.coordinates import FREE, HINGE, SLIDE
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.models import Models
 
@@ -52,7 +52,7 @@ THIRDS = ("low", "middle", "high")
 
 @dataclass(frozen=True)
 class _Motion:
-    """Joints that turn or slide, at the begin, middle and end of each window: positions and speeds, (W, 3, J)."""
+    """All joints at the begin, middle and end of each window: positions and speeds, (W, 3, J)."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -70,7 +70,8 @@ def label(
 ) -> Labels:
     """Return what went on in each window, and the factors that windows are sorted by."""
     motion = _motion(initial, signals, windows, models.qpos0)
-    usual = np.array([max(scope.speed[n], 1e-9) for n in motion.names])
+    seen = np.sqrt(np.mean(motion.speed**2, axis=(0, 1)))
+    usual = np.array([max(scope.speed.get(n, v), 1e-9) for n, v in zip(motion.names, seen, strict=True)])
     share = motion.speed / usual
     count, rows = len(windows), np.arange(len(windows))
     most = np.argmax(np.abs(share).max(axis=1), axis=1) if motion.names else np.zeros(count, int)
@@ -124,9 +125,8 @@ def _where(moves: np.ndarray, names: list[str]) -> np.ndarray:
 
 
 def _motion(initial: MechanismStart, signals: Signals, windows: Windows, qpos0: FloatArray) -> _Motion:
+    """Return how joints move; of one with several degrees of freedom how far it is from its reference, and how fast."""
     coordinates = initial.coordinates
-    joints = [j for j in coordinates.joints if j.kind in (HINGE, SLIDE)]
-    v, q = [j.v.start for j in joints], [j.q.start for j in joints]
     states = np.stack(
         [
             initial.guess_windows(signals, Windows(windows.episode, windows.first + shift, 1), smooth=True)
@@ -134,11 +134,21 @@ def _motion(initial: MechanismStart, signals: Signals, windows: Windows, qpos0: 
         ],
         axis=1,
     )
+    away, rates = states[..., : coordinates.nv], states[..., coordinates.nv :]
+    position, speed = [], []
+    for joint in coordinates.joints:
+        if joint.kind in (HINGE, SLIDE):
+            position.append(qpos0[joint.q.start] + away[..., joint.v.start])
+            speed.append(rates[..., joint.v.start])
+        else:
+            first = slice(joint.v.start, joint.v.start + 3)
+            position.append(np.linalg.norm(away[..., first], axis=-1))
+            speed.append(np.linalg.norm(rates[..., first], axis=-1))
     return _Motion(
-        tuple(j.name for j in joints),
-        tuple("rad" if j.kind == HINGE else "m" for j in joints),
-        qpos0[q] + states[..., v],
-        states[..., [coordinates.nv + i for i in v]],
+        tuple(j.name for j in coordinates.joints),
+        tuple("m" if j.kind in (SLIDE, FREE) else "rad" for j in coordinates.joints),
+        np.stack(position, axis=-1),
+        np.stack(speed, axis=-1),
     )
 
 
@@ -208,7 +218,10 @@ def _actuation(
         edges = np.quantile(effort, [1 / 3, 2 / 3])
         words = ("little load", "a middling load", "a high load")
         named = np.array([words[i] for i in np.searchsorted(edges, effort)], dtype=object)
-    return saturated, idle & bool(recording.mapping.commands), named
+    for i in range(len(recording.mapping.forces)):
+        sizes = [np.linalg.norm(e.forces_n[:, i], axis=1) for e in recording.episodes]
+        idle &= windows.of(sizes).mean(axis=1) < IDLE * max(float(s.max()) for s in sizes)
+    return saturated, idle, named
 
 
 def _thirds(motion: _Motion, most: np.ndarray, position: FloatArray, moves: np.ndarray) -> np.ndarray:

@@ -9,9 +9,16 @@ from runner.systems.base import FloatArray
 
 def multiply(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the product: first b, then a."""
-    aw, av, bw, bv = a[..., :1], a[..., 1:], b[..., :1], b[..., 1:]
-    scalar = aw * bw - np.sum(av * bv, axis=-1, keepdims=True)
-    return np.concatenate([scalar, aw * bv + bw * av + np.cross(av, bv)], axis=-1)
+    (aw, ax, ay, az), (bw, bx, by, bz) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
 
 
 def inverse(q: FloatArray) -> FloatArray:
@@ -37,7 +44,10 @@ def logarithm(q: FloatArray) -> FloatArray:
 def continuous(turn: FloatArray) -> FloatArray:
     """Return rotation vectors (..., n, 3) with whole turns added about their axes so that they don't jump."""
     out = turn.copy()
-    for k in range(1, turn.shape[-2]):
+    jumps = np.linalg.norm(np.diff(turn, axis=-2), axis=-1) > np.pi
+    if not jumps.any():
+        return out
+    for k in range(int(np.argmax(jumps.reshape(-1, jumps.shape[-1]).any(axis=0))) + 1, turn.shape[-2]):
         now, before = out[..., k, :], out[..., k - 1, :]
         size = np.linalg.norm(now, axis=-1, keepdims=True)
         axis = np.divide(now, size, out=np.zeros_like(now), where=size > 1e-12)

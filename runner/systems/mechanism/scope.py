@@ -10,11 +10,12 @@ import numpy as np
 
 from runner.effects.mechanism import EFFECTS, Scope
 from runner.effects.vocabulary import Candidate, Vocabulary
-from runner.recording.model_form import MechanismRecording
+from runner.recording.model_form import MechanismEpisode, MechanismRecording
 from runner.systems.base import FloatArray, Span, Windows
 from runner.systems.mechanism.coordinates import HINGE, SLIDE, Coordinates
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.models import Models
+from runner.systems.mechanism.observer import first_orientation, turns_from
 
 LOOKS = 200  # states of the recording that speeds, ranges and forces are taken from
 APART_S = 0.02  # at least so far apart
@@ -33,11 +34,22 @@ class RawSignals:
 def raw_signals(recording: MechanismRecording) -> RawSignals:
     """Return the channels of a recording with the stated noise, or where there is none a rough one."""
     values = tuple(e.values for e in recording.episodes)
+    shown = [_with_turns(recording, e) for e in recording.episodes]
     stated = [recording.mapping.noise.get(s.name, np.nan) for s in recording.mapping.sources]
-    rough = [_rough_noise([v[:, c] for v in values]) for c in range(len(stated))]
+    rough = [_rough_noise([v[:, c] for v in shown]) for c in range(len(stated))]
     sigma = np.where(np.isfinite(stated), stated, rough)
     spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
     return RawSignals(values, tuple(np.isfinite(v) for v in values), sigma, spans)
+
+
+def _with_turns(recording: MechanismRecording, episode: MechanismEpisode) -> FloatArray:
+    """Return the channels of an episode with orientations as turns from the first, (T, C)."""
+    out = np.array(episode.values)
+    for k, source in enumerate(recording.mapping.sources):
+        if source.quantity == "orientation" and source.index == 0:
+            measured = episode.orientations[source.column]
+            out[:, k : k + 3] = turns_from(first_orientation(episode, source.column), measured)
+    return out
 
 
 def _rough_noise(values: Sequence[FloatArray]) -> float:
@@ -47,7 +59,11 @@ def _rough_noise(values: Sequence[FloatArray]) -> float:
     spread = float(spreads([v[:, None] for v in values])[0])
     # white noise has 20 times the variance in third differences
     white = float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0) if len(third) else 0.0
-    return max(white, 1e-4 * spread, 1e-6)
+    moves = np.abs(np.concatenate([np.diff(v) for v in values]))
+    moves = moves[moves > 0]
+    # an encoder that mostly stands still has the noise of its counts
+    count = float(moves.min()) / np.sqrt(12.0) if len(moves) else 0.0
+    return max(white, count, 1e-4 * spread, 1e-6)
 
 
 def spreads(values: Sequence[FloatArray]) -> FloatArray:

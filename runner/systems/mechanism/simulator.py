@@ -6,6 +6,7 @@ a start. Effects outside the engine change commands before and channels after it
 
 from __future__ import annotations
 
+import copy
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,34 +15,21 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from runner.effects.mechanism.base import Command, MechanismEffect, Reading
+from runner.effects.mechanism.base import MechanismEffect
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import is_servo
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.base import AbstractSimulator, Effects, FloatArray, Run, Span, Windows
-from runner.systems.mechanism import quaternions
-from runner.systems.mechanism.held import even_times, step_means
-from runner.systems.mechanism.models import (
-    Compiled,
-    Models,
-    force_actuators,
-    force_weights,
-)
-from runner.systems.mechanism.observer import (
-    Observer,
-    Sampling,
-    States,
-    first_orientation,
-    held_channels,
-    turns_from,
-)
+from runner.systems.mechanism.commands import Commands
+from runner.systems.mechanism.models import Compiled, Models
+from runner.systems.mechanism.observer import Observer, States
+from runner.systems.mechanism.readings import Readings, on_readings
 
 FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 BYTES_AT_ONCE = 60e6  # of states and commands
-KEPT_COMMANDS = 512
 HUGE = 1e8  # a coordinate or velocity beyond has diverged
-CORRECTIONS, EXACT = 30, 1e-12  # of a start that sensors show, until it is exact
+ADDED_JOINTS_S = 0.001  # the longest step of a model with joints that effects have added: light, and often in contact
 
 
 @dataclass(frozen=True)
@@ -65,6 +53,17 @@ class Stretch:
     disturbance: FloatArray | None = None
 
 
+@dataclass(frozen=True)
+class _Batch:
+    """What one rollout simulates: stretches, their models, which are of one shape, and steps of one length."""
+
+    compiled: Compiled
+    models: Sequence[mujoco.MjModel]
+    stretches: Sequence[Stretch]
+    steps: int
+    step_s: float
+
+
 class MechanismSimulator(AbstractSimulator):
     """Simulates a recording in model form.
 
@@ -72,33 +71,26 @@ class MechanismSimulator(AbstractSimulator):
         recording: The case.
         models: Its compiled models.
         step_s: Physics step.
-        threads: For the rollouts.
-        spans: What is simulated, each on its own, with all that was commanded before; None: every episode.
+        threads: For the rollouts; None: one per core.
     """
 
     def __init__(
-        self,
-        recording: MechanismRecording,
-        models: Models,
-        step_s: float,
-        threads: int | None = None,
-        spans: tuple[Span, ...] | None = None,
+        self, recording: MechanismRecording, models: Models, step_s: float, threads: int | None = None
     ) -> None:
         self.recording, self.models, self.step_s = recording, models, step_s
         self.simulated_s = 0.0
         self.threads = min(threads or models.threads, models.threads)
         self._pool = rollout.Rollout(nthread=self.threads if self.threads > 1 else 0)
-        self._spans = spans or tuple(Span(i, 0, len(e)) for i, e in enumerate(recording.episodes))
-        self._sources = recording.mapping.sources
-        self._held = held_channels(recording, models.compiled(()).model)
-        self._commands: dict[tuple[Effects, int], dict[str, FloatArray]] = {}
-        self._observers: dict[int, Observer] = {}
+        self._spans = tuple(Span(i, 0, len(e)) for i, e in enumerate(recording.episodes))
+        self._commands, self._readings = Commands(recording, models.compiled(()).model), Readings(recording, models)
 
     def parts(self, spans: Sequence[Span]) -> MechanismSimulator:
         """Return a simulator of parts of what this one simulates; `episode` counts what that is."""
         whole = [self._spans[s.episode] for s in spans]
         inside = tuple(Span(w.episode, w.begin + s.begin, w.begin + s.end) for w, s in zip(whole, spans, strict=True))
-        return MechanismSimulator(self.recording, self.models, self.step_s, self.threads, inside)
+        part = copy.copy(self)  # threads and commands are shared
+        part._spans, part.simulated_s = inside, 0.0
+        return part
 
     def predict(self, episode: int, runs: Sequence[Run]) -> FloatArray:
         """Return the predicted channels at the samples of an episode, or span, (len(runs), T, C)."""
@@ -117,74 +109,78 @@ class MechanismSimulator(AbstractSimulator):
         for w in range(count):
             span = self._spans[int(windows.episode[w])]
             first = span.begin + int(windows.first[w])
-            true = self._seen(effects, starts[w], at_rest=self._at_rest(first))
+            true = self._readings.behind(effects, starts[w], self.step_s, at_rest=self._readings.at_rest(first))
             for k in range(columns):
                 push = None if force is None else force[w, k]
                 stretches.append(Stretch(span.episode, first, first + windows.samples, effects, true[k], push))
-        return self.simulate(stretches).reshape(count, columns, windows.samples, len(self._sources))
+        return self.simulate(stretches).reshape(count, columns, windows.samples, -1)
 
     def simulate(self, stretches: Sequence[Stretch]) -> FloatArray:
         """Return the predicted channels of stretches of equally many samples, (R, T, C); NaN once it has diverged."""
         samples = stretches[0].end - stretches[0].begin
-        out = np.empty((len(stretches), samples, len(self._sources)))
+        out = np.empty((len(stretches), samples, len(self.recording.mapping.sources)))
         groups: dict[object, list[int]] = {}
         for i, stretch in enumerate(stretches):
             groups.setdefault(self.models.compiled(stretch.effects).signature, []).append(i)
         for members in groups.values():
             compiled = self.models.compiled(stretches[members[0]].effects)
-            steps = max(self._steps(stretches[i]) for i in members)
+            step_s = self._step(compiled)
+            steps = max(self._steps(stretches[i], step_s) for i in members)
             width = mujoco.mj_stateSize(compiled.model, FULL) + mujoco.mj_stateSize(compiled.model, CONTROL)
             at_once = max(1, int(BYTES_AT_ONCE / (8.0 * steps * width)))
             for k in range(0, len(members), at_once):
                 some = members[k : k + at_once]
-                out[some] = self._simulate(compiled, [stretches[i] for i in some], steps)
+                chosen = [stretches[i] for i in some]
+                models = [self.models.model(stretch.effects, step_s) for stretch in chosen]
+                out[some] = self._simulate(_Batch(compiled, models, chosen, steps, step_s))
         return out
 
-    def _at_rest(self, begin: int) -> bool:
-        """Whether what begins at that sample of an episode begins at rest."""
-        return begin == 0 and self.recording.mapping.rests
+    def _step(self, compiled: Compiled) -> float:
+        """Return the step of a model: a whole part of the usual one where effects have added joints."""
+        added = compiled.model.nv > self.models.believed_coordinates.nv
+        return self.step_s / (int(np.ceil(self.step_s / ADDED_JOINTS_S - 1e-9)) if added else 1)
 
-    def _steps(self, stretch: Stretch) -> int:
+    def _steps(self, stretch: Stretch, step_s: float) -> int:
         """Return how many physics steps reach the last sample."""
         t = self.recording.episodes[stretch.episode].t_s
-        return max(1, int(np.ceil((t[stretch.end - 1] - t[stretch.begin]) / self.step_s - 1e-6)))
+        return max(1, int(np.ceil((t[stretch.end - 1] - t[stretch.begin]) / step_s - 1e-6)))
 
-    def _simulate(self, compiled: Compiled, stretches: Sequence[Stretch], steps: int) -> FloatArray:
-        model = compiled.model
-        models = [self.models.model(s.effects, self.step_s) for s in stretches]
+    def _simulate(self, batch: _Batch) -> FloatArray:
+        model, runs = batch.compiled.model, len(batch.stretches)
         # one step more than is made: a force is read under the command that follows the last sample
-        control = np.zeros((len(stretches), steps + 1, mujoco.mj_stateSize(model, CONTROL)))
-        initial = np.zeros((len(stretches), mujoco.mj_stateSize(model, FULL)))
-        for r, s in enumerate(stretches):
-            control[r, :, : model.nu] = self._control(s, model, steps + 1)
+        control = np.zeros((runs, batch.steps + 1, mujoco.mj_stateSize(model, CONTROL)))
+        initial = np.zeros((runs, mujoco.mj_stateSize(model, FULL)))
+        for r, s in enumerate(batch.stretches):
+            control[r, :, : model.nu] = self._commands.control(
+                s.effects, s.episode, self._time(s), batch.steps + 1, batch.step_s, model
+            )
             if s.disturbance is not None:
-                control[r, :, model.nu :] = self._generalised(s.disturbance, compiled)
-            initial[r] = self._initial(s, compiled, models[r], control[r, 0, : model.nu])
+                control[r, :, model.nu :] = self._generalised(s.disturbance, batch.compiled)
+            initial[r] = self._initial(s, batch, batch.models[r], control[r, 0, : model.nu])
         with quiet():
             state, _ = self._pool.rollout(
-                models,
-                list(compiled.data[: self.threads]),
+                list(batch.models),
+                list(batch.compiled.data[: self.threads]),
                 initial,
                 control[:, :-1],
                 control_spec=CONTROL,
-                chunk_size=max(1, min(16, len(models) // (4 * self.threads))),
+                chunk_size=max(1, min(16, runs // (4 * self.threads))),
             )
-        self.simulated_s += steps * self.step_s * len(stretches)
+        self.simulated_s += batch.steps * batch.step_s * runs
         # a run that has diverged stands still in time from there on
-        stopped = np.diff(state[:, :, 0], axis=1, prepend=initial[:, None, 0]) < 0.5 * self.step_s
+        stopped = np.diff(state[:, :, 0], axis=1, prepend=initial[:, None, 0]) < 0.5 * batch.step_s
         state[stopped | ~(np.abs(state).max(axis=2) < HUGE)] = np.nan
-        full = np.concatenate([initial[:, None], state], axis=1)
-        return self._sampled(compiled, models, stretches, full, control)
+        return self._sampled(batch, np.concatenate([initial[:, None], state], axis=1), control)
 
-    def _initial(self, stretch: Stretch, compiled: Compiled, model: mujoco.MjModel, command: FloatArray) -> FloatArray:
+    def _initial(self, stretch: Stretch, batch: _Batch, model: mujoco.MjModel, command: FloatArray) -> FloatArray:
         """Return the state that a rollout begins with: positions half a step ahead of velocities."""
         nq, nv = model.nq, model.nv
-        position, velocity = self._start(stretch, compiled, model, command)
+        position, velocity = self._start(stretch, batch.compiled, model, command)
         out = np.zeros(mujoco.mj_stateSize(model, FULL))
         out[0] = self._time(stretch)
         out[1 + nq + nv : 1 + nq + nv + model.na] = _activation(model, position, command)
         if self.models.leapfrog:
-            position = compiled.coordinates.moved(position, 0.5 * self.step_s * velocity)
+            position = batch.compiled.coordinates.moved(position, 0.5 * batch.step_s * velocity)
         out[1 : 1 + nq], out[1 + nq : 1 + nq + nv] = position, velocity
         return out
 
@@ -199,7 +195,7 @@ class MechanismSimulator(AbstractSimulator):
         """Return positions and velocities of all joints of a model at the start of a stretch, (nq,) and (nv,)."""
         believed = self.models.believed_coordinates
         at = believed.moved(self.models.qpos0, stretch.start[: believed.nv])
-        rate = np.zeros(believed.nv) if self._at_rest(stretch.begin) else stretch.start[believed.nv :]
+        rate = np.zeros(believed.nv) if self._readings.at_rest(stretch.begin) else stretch.start[believed.nv :]
         position, velocity = np.array(model.qpos0), np.zeros(model.nv)
         structural = [e for e in stretch.effects if e.structural and isinstance(e, MechanismEffect)]
         follows = {added: led for e in structural for added, led in e.follows.items()}
@@ -223,102 +219,38 @@ class MechanismSimulator(AbstractSimulator):
             out[compiled.coordinates.by_name[joint.name].v] = force[joint.v]
         return out
 
-    def _control(self, stretch: Stretch, model: mujoco.MjModel, steps: int) -> FloatArray:
-        """Return the mean command of every actuator over each step, (steps, nu)."""
-        columns = self._sent(stretch.effects, stretch.episode)
-        out = np.zeros((steps, model.nu))
-        place = self._time(stretch) / self.step_s
-        first = round(place)
-        aligned = abs(place - first) < 1e-6
-        for name, column in columns.items():
-            if aligned:
-                part = column[first : first + steps]
-                part = np.concatenate([part, np.repeat(column[-1:], steps - len(part))])
-            else:
-                edges = self._time(stretch) + even_times(steps + 1, self.step_s)
-                grid = even_times(len(column), self.step_s)
-                part = step_means(grid, column[:, None], edges, column[:1])[:, 0]
-            out[:, model.actuator(name).id] = part
-        return out
-
-    def _sent(self, effects: Effects, episode: int) -> dict[str, FloatArray]:
-        """Return what the actuators really get over a whole episode, by actuator, (n,) each."""
-        editing = _on_commands(effects)
-        key = editing, episode
-        if key not in self._commands:
-            if len(self._commands) > KEPT_COMMANDS:
-                self._commands.clear()
-            recorded, mapping = self.recording.episodes[episode], self.recording.mapping
-            t = recorded.t_s - recorded.t_s[0]
-            edges = even_times(int(np.ceil(t[-1] / self.step_s - 1e-6)) + 2, self.step_s)
-            model = self.models.compiled(()).model
-            names = [c.actuator for c in mapping.commands.values()]
-            before = np.array(
-                [recorded.commands[0, k] if is_servo(model, model.actuator(n).id) else 0.0 for k, n in enumerate(names)]
-            )
-            means = step_means(t, recorded.commands, edges, before)
-            command = Command(
-                self.step_s, dict(zip(names, means.T, strict=True)), dict(zip(names, before, strict=True))
-            )
-            for effect in editing:
-                command = effect.edit_command(command)
-            columns = dict(command.columns)
-            for i in range(len(mapping.forces)):
-                weights = force_weights(recorded.points_m[:, i], recorded.forces_n[:, i])
-                columns |= dict(zip(force_actuators(i), step_means(t, weights, edges, np.zeros(12)).T, strict=True))
-            self._commands[key] = columns
-        return self._commands[key]
-
-    def _observer(self, compiled: Compiled) -> Observer:
-        if id(compiled) not in self._observers:
-            self._observers[id(compiled)] = Observer(self.recording, compiled)
-        return self._observers[id(compiled)]
-
-    def _sampled(
-        self,
-        compiled: Compiled,
-        models: Sequence[mujoco.MjModel],
-        stretches: Sequence[Stretch],
-        full: FloatArray,
-        control: FloatArray,
-    ) -> FloatArray:
+    def _sampled(self, batch: _Batch, full: FloatArray, control: FloatArray) -> FloatArray:
         """Return the channels at the samples, (R, T, C), from states (R, n + 1, ...) with leading positions."""
-        model, nq = compiled.model, compiled.model.nq
-        position, velocity = full[..., 1 : 1 + nq], full[..., 1 + nq : 1 + nq + model.nv]
+        model, compiled, stretches = batch.compiled.model, batch.compiled, batch.stretches
+        position, velocity = full[..., 1 : 1 + model.nq], full[..., 1 + model.nq : 1 + model.nq + model.nv]
         if self.models.leapfrog:
-            position = compiled.coordinates.moved(position, -0.5 * self.step_s * velocity)
-        observer = self._observer(compiled)
+            position = compiled.coordinates.moved(position, -0.5 * batch.step_s * velocity)
+        observer = Observer(self.recording, compiled)
         states = States(position, velocity, control[..., : model.nu])
-        sensordata = self._sensordata(compiled, models, full, position, control) if observer.needs_sensors else None
-        shown = observer.channels(models, states, sensordata)
-        out = np.empty((len(stretches), stretches[0].end - stretches[0].begin, len(self._sources)))
+        sensordata = self._sensordata(batch, full, position, control) if observer.needs_sensors else None
+        shown = observer.channels(batch.models, states, sensordata)
+        out = np.empty((len(stretches), stretches[0].end - stretches[0].begin, len(self.recording.mapping.sources)))
         # effects on readings work on many runs at once, and so do samples at the same times
         together: dict[object, list[int]] = {}
         for r, s in enumerate(stretches):
-            together.setdefault((_on_readings(s.effects), s.episode, s.begin), []).append(r)
+            together.setdefault((on_readings(s.effects), s.episode, s.begin), []).append(r)
         for rows in together.values():
+            s = stretches[rows[0]]
             some = {name: values[rows] for name, values in shown.items()}
-            out[rows] = self._read(stretches[rows[0]], some, full.shape[1])
+            out[rows] = self._readings.sampled(s.effects, s.episode, slice(s.begin, s.end), some, batch.step_s)
         return out
 
-    def _sensordata(
-        self,
-        compiled: Compiled,
-        models: Sequence[mujoco.MjModel],
-        full: FloatArray,
-        position: FloatArray,
-        control: FloatArray,
-    ) -> FloatArray:
+    def _sensordata(self, batch: _Batch, full: FloatArray, position: FloatArray, control: FloatArray) -> FloatArray:
         """Return MuJoCo's sensors in every state, (R, n + 1, nsensordata), positions and velocities of one instant."""
         runs, n = full.shape[:2]
         states = full.copy()
-        states[..., 1 : 1 + compiled.model.nq] = position
+        states[..., 1 : 1 + batch.compiled.model.nq] = position
         lost = np.isnan(states).any(axis=-1)
         states[lost] = states[:, :1].repeat(n, axis=1)[lost]
         with quiet():
             _, sensordata = self._pool.rollout(
-                [m for m in models for _ in range(n)],
-                list(compiled.data[: self.threads]),
+                [m for m in batch.models for _ in range(n)],
+                list(batch.compiled.data[: self.threads]),
                 states.reshape(runs * n, -1),
                 control.reshape(runs * n, 1, -1),
                 control_spec=CONTROL,
@@ -327,111 +259,9 @@ class MechanismSimulator(AbstractSimulator):
         sensordata[lost] = np.nan
         return sensordata
 
-    def _read(self, stretch: Stretch, shown: dict[str, FloatArray], n: int) -> FloatArray:
-        """Return what the sensors report at the samples, (R, T, C), of runs with the same effects and samples."""
-        episode = self.recording.episodes[stretch.episode]
-        span = slice(stretch.begin, stretch.end)
-        grid = even_times(n, self.step_s)
-        sampling = Sampling(grid, episode.t_s[span] - episode.t_s[stretch.begin])
-        numbers: dict[str, FloatArray] = {}
-        for source in self._sources:
-            if source.quantity != "orientation":
-                numbers[source.name] = shown[source.name]
-            elif source.index == 0:
-                turn = turns_from(first_orientation(episode, source.column), shown[source.column])
-                numbers |= {f"{source.column}.{a}": turn[..., i] for i, a in enumerate("xyz")}
-        numbers = self._reported(stretch.effects, grid, numbers, at_rest=self._at_rest(stretch.begin))
-        columns = []
-        for source in self._sources:
-            read = sampling.held if source.name in self._held else sampling.smooth
-            columns.append(read(numbers[source.name]))
-        out = np.stack(columns, axis=-1)
-        for k, source in enumerate(self._sources):
-            if source.quantity == "orientation" and source.index == 0:
-                turn = quaternions.exponential(out[..., k : k + 3])
-                whole = quaternions.multiply(first_orientation(episode, source.column), turn)
-                measured = quaternions.inverse(episode.orientations[source.column][span])
-                out[..., k : k + 3] = quaternions.logarithm(quaternions.multiply(measured, whole))
-        return out
-
-    def _reported(
-        self, effects: Effects, grid: FloatArray, channels: dict[str, FloatArray], *, at_rest: bool
-    ) -> dict[str, FloatArray]:
-        """Return channels (R, n) on a grid as sensors with these effects report them."""
-        reading = Reading(grid, channels, held_before=at_rest)
-        for effect in _on_readings(effects):
-            reading = effect.edit_reading(reading)
-        return dict(reading.channels)
-
     def seen_start(self, effects: Effects, start: FloatArray) -> FloatArray:
         """Return the true start (S,) that sensors with these effects show as the given one."""
-        return self._seen(effects, start[None], at_rest=self.recording.mapping.rests)[0]
-
-    def _seen(self, effects: Effects, shown: FloatArray, *, at_rest: bool) -> FloatArray:
-        """Return the true starts (R, S) that sensors with these effects show as the given ones.
-
-        Of joints that are measured by themselves, each by its own channel; other coordinates are taken as shown. A
-        velocity that no channel measures is the slope of the position's. Solved by repeated correction; the motion
-        before is taken to be uniform.
-        """
-        true = shown.copy()
-        if not _on_readings(effects):
-            return true
-        believed = self.models.believed_coordinates
-        grid = even_times(2, self.step_s)
-        wanted = self._own_channels(shown, grid)
-        for _ in range(CORRECTIONS):
-            reported = self._reported(effects, grid, self._own_channels(true, grid), at_rest=at_rest)
-            error = np.zeros_like(true)
-            for source in self._sources:
-                if source.kind != "joint":
-                    continue
-                v = believed.by_name[source.target].v.start
-                ahead = wanted[source.name] - reported[source.name]
-                if source.quantity == "velocity":
-                    error[:, believed.nv + v] = ahead[:, 0]
-                else:
-                    error[:, v] = ahead[:, 0]
-                    if not self._measures_velocity(source.target):
-                        error[:, believed.nv + v] = (ahead[:, 1] - ahead[:, 0]) / self.step_s
-            true += error
-            if np.abs(error).max(initial=0.0) < EXACT:
-                break
-        return true
-
-    def _measures_velocity(self, joint: str) -> bool:
-        return any(s.kind == "joint" and s.target == joint and s.quantity == "velocity" for s in self._sources)
-
-    def _own_channels(self, starts: FloatArray, grid: FloatArray) -> dict[str, FloatArray]:
-        """Return what each channel shows of uniform motion from starts (R, S), (R, n); 0 for all but joints' own."""
-        believed = self.models.believed_coordinates
-        out = {}
-        for source in self._sources:
-            out[source.name] = np.zeros((len(starts), len(grid)))
-            if source.kind == "joint":
-                joint = believed.by_name[source.target]
-                rate = starts[:, believed.nv + joint.v.start, None]
-                level = self.models.qpos0[joint.q.start] + starts[:, joint.v.start, None] + rate * grid
-                out[source.name] += rate if source.quantity == "velocity" else level
-        return out
-
-
-def _on_commands(effects: Effects) -> tuple[MechanismEffect, ...]:
-    """Return the effects that change commands."""
-    return tuple(
-        e
-        for e in effects
-        if isinstance(e, MechanismEffect) and type(e).edit_command is not MechanismEffect.edit_command
-    )
-
-
-def _on_readings(effects: Effects) -> tuple[MechanismEffect, ...]:
-    """Return the effects that change readings."""
-    return tuple(
-        e
-        for e in effects
-        if isinstance(e, MechanismEffect) and type(e).edit_reading is not MechanismEffect.edit_reading
-    )
+        return self._readings.behind(effects, start[None], self.step_s, at_rest=self.recording.mapping.rests)[0]
 
 
 def _activation(model: mujoco.MjModel, position: FloatArray, command: FloatArray) -> FloatArray:

@@ -100,8 +100,13 @@ class MechanismSystem(AbstractSystem):
         return tuple(e.values for e in self.recording.episodes)
 
     def stated_noise(self) -> FloatArray:
-        """See `AbstractSystem`."""
-        return np.array([self.recording.mapping.noise.get(c.name, np.nan) for c in self.channels])
+        """Return what the owner states; of an orientation otherwise a rough level, as its channels show none."""
+        rough = [
+            s if c.space is Space.ROTATION else np.nan for c, s in zip(self.channels, self._raw.sigma, strict=True)
+        ]
+        return np.array(
+            [self.recording.mapping.noise.get(c.name, r) for c, r in zip(self.channels, rough, strict=True)]
+        )
 
     def rests(self) -> list[tuple[int, slice]]:
         """See `AbstractSystem`."""

@@ -1,0 +1,85 @@
+"""What the actuators get: recorded commands with effects on them, as means over physics steps."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from runner.effects.mechanism.base import Command, MechanismEffect
+from runner.recording.model_form import MechanismRecording
+from runner.recording.model_form_mapping import is_servo
+from runner.systems.base import Effects, FloatArray
+from runner.systems.mechanism.held import even_times, step_means
+from runner.systems.mechanism.models import force_actuators, force_weights
+
+KEPT = 512  # commands of whole episodes
+ALIGNED = 1e-6  # of a step: what begins so near to the border of one begins there
+
+
+class Commands:
+    """Commands of a recording.
+
+    Args:
+        recording: The case.
+        believed: Its compiled model: which actuators are servos.
+    """
+
+    def __init__(self, recording: MechanismRecording, believed: mujoco.MjModel) -> None:
+        self._recording = recording
+        self._names = [c.actuator for c in recording.mapping.commands.values()]
+        self._servos = np.array([is_servo(believed, believed.actuator(n).id) for n in self._names], bool)
+        self._sent: dict[tuple[Effects, int, float], dict[str, FloatArray]] = {}
+
+    def control(
+        self, effects: Effects, episode: int, begin_s: float, steps: int, step_s: float, model: mujoco.MjModel
+    ) -> FloatArray:
+        """Return the mean command of every actuator of a model over each step, (steps, nu).
+
+        Args:
+            effects: What is in the model.
+            episode: Of the recording.
+            begin_s: When the first step begins, since the episode did.
+            steps: How many; after the end the last command is held.
+            step_s: Length of each.
+            model: Whose actuators are meant.
+        """
+        out = np.zeros((steps, model.nu))
+        place = begin_s / step_s
+        first = round(place)
+        for name, column in self._whole(effects, episode, step_s).items():
+            if abs(place - first) < ALIGNED:
+                part = column[first : first + steps]
+                part = np.concatenate([part, np.repeat(column[-1:], steps - len(part))])
+            else:
+                edges = begin_s + even_times(steps + 1, step_s)
+                part = step_means(even_times(len(column), step_s), column[:, None], edges, column[:1])[:, 0]
+            out[:, model.actuator(name).id] = part
+        return out
+
+    def _whole(self, effects: Effects, episode: int, step_s: float) -> dict[str, FloatArray]:
+        """Return what the actuators really get over a whole episode, by actuator, (n,) each."""
+        editing = tuple(
+            e
+            for e in effects
+            if isinstance(e, MechanismEffect) and type(e).edit_command is not MechanismEffect.edit_command
+        )
+        key = editing, episode, step_s
+        if key not in self._sent:
+            if len(self._sent) > KEPT:
+                self._sent.clear()
+            recorded = self._recording.episodes[episode]
+            t = recorded.t_s - recorded.t_s[0]
+            # one more than reaches the end: forces are read under the command of the last sample
+            edges = even_times(int(np.ceil(t[-1] / step_s - ALIGNED)) + 2, step_s)
+            before = np.where(self._servos, recorded.commands[0], 0.0)
+            means = step_means(t, recorded.commands, edges, before)
+            columns = dict(zip(self._names, means.T, strict=True))
+            command = Command(step_s, columns, dict(zip(self._names, before, strict=True)))
+            for effect in editing:
+                command = effect.edit_command(command)
+            columns = dict(command.columns)
+            for i in range(len(self._recording.mapping.forces)):
+                weights = force_weights(recorded.points_m[:, i], recorded.forces_n[:, i])
+                columns |= dict(zip(force_actuators(i), step_means(t, weights, edges, np.zeros(12)).T, strict=True))
+            self._sent[key] = columns
+        return self._sent[key]
