@@ -14,7 +14,7 @@ from runner import effects as fx
 from runner.diagnosis.next_experiment import best_push, candidates
 from runner.diagnosis.pipeline import Diagnosis, diagnose, not_none, split, strained
 from runner.diagnosis.score import read_answers, score
-from runner.diagnosis.verdict import read_verdicts, verdict, write_json
+from runner.diagnosis.verdict import read_verdicts, verdict
 from runner.errors import RecordingError, ResultError
 from runner.inference.evidence import Surroundings, directions, evidence, surroundings, survey
 from runner.inference.held_out import confirm, doubt, further
@@ -22,6 +22,7 @@ from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.search import Contender, Search
 from runner.noise.measured import measure
 from runner.recording import Episode, Form, Noise, Nominal, Recording
+from runner.storage.writing import write_json
 from runner.systems.planar_box.simulator import Effects, Simulator, context_of
 from tests.cases import measured_as
 

@@ -21,7 +21,6 @@ from typing import cast
 
 import numpy as np
 import pandas as pd
-import yaml
 from joblib import Parallel, delayed
 from scipy.ndimage import map_coordinates
 
@@ -39,6 +38,7 @@ from runner.blind.physics import (
 from runner.blind.plants import OUTSIDE, TOGETHER_ALIKE, VOCABULARY, Plant, Scene, draw
 from runner.errors import ConfigError, check_range
 from runner.progress import track
+from runner.storage.writing import write_parquet, write_text, write_yaml
 
 BANDS: dict[str, tuple[float, float]] = {"subtle": (1.6, 3.0), "moderate": (4.0, 7.0), "strong": (10.0, 30.0)}
 PAIR_BANDS: dict[str, tuple[float, float]] = {"moderate": (4.0, 7.0), "strong": (10.0, 16.0)}
@@ -179,9 +179,9 @@ def make_cases(
     for name, answer in track(results, "Making cases", total=len(todo), unit="cases"):
         ledger.add(name, answer)
     text = json.dumps({name: ledger.done[name] for name in sorted(names)}, indent=1) + "\n"
-    answers.write_text(text)
+    write_text(answers, text)
     digest = hashlib.sha256(text.encode()).hexdigest()
-    (folder / HASH_FILE).write_text(f"{digest}  {answers.name}\n")
+    write_text(folder / HASH_FILE, f"{digest}  {answers.name}\n")
     kept.unlink()
     return MadeCases(folder, answers, digest, tuple(sorted(names)), time.perf_counter() - begun)
 
@@ -248,8 +248,8 @@ def make_case(job: Job, reality: Reality, folder: Path) -> tuple[str, dict]:
         if made is not None:
             nominal, table, answer = made
             folder.mkdir(parents=True, exist_ok=True)
-            (folder / "nominal.yaml").write_text(yaml.safe_dump(nominal, sort_keys=False))
-            table.to_parquet(folder / "recording.parquet", index=False)
+            write_yaml(folder / "nominal.yaml", nominal)
+            write_parquet(folder / "recording.parquet", table)
             return folder.name, answer
     raise ConfigError(f"blind.effect: no sensible size of {job.wanted} reaches its severity in {ATTEMPTS} tries.")
 

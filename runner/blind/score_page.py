@@ -15,6 +15,7 @@ from markupsafe import Markup
 from runner.blind import score_words as words
 from runner.blind.score import Bar, BlindScore, if_calibrated
 from runner.report.html import page_template
+from runner.storage.writing import write_text
 
 FILE = "score.html"
 TEMPLATE = "score_page.html.j2"
@@ -32,7 +33,7 @@ def write_page(
         digest: SHA-256 of the answers.
         by: What diagnosed, see `runner.blind.run.provenance`.
     """
-    path.write_text(page_template("runner.blind", TEMPLATE).render(_content(found, figures, digest, by)), "utf-8")
+    write_text(path, page_template("runner.blind", TEMPLATE).render(_content(found, figures, digest, by)))
     return path
 
 

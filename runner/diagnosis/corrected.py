@@ -28,6 +28,7 @@ from pydantic import BaseModel, StrictFloat, ValidationError
 from runner.effects import EFFECTS, AbstractEffect
 from runner.errors import ConfigError, ResultError, nearest
 from runner.storage.checked import dotted, must, refusal
+from runner.storage.writing import write_text, write_yaml
 from runner.systems.planar_box.simulator import OBJECT, Effects, Simulator
 
 FILE = "corrected.yaml"
@@ -71,7 +72,7 @@ def write_corrected(folder: str | Path, effects: Effects, simulator: Simulator) 
     if twice:
         raise ResultError(f"{folder / FILE}: '{twice[0]}' can be written once only, the model holds two of it.")
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / MODEL).write_text(WARNING + corrected_mjcf(effects, simulator), encoding="utf-8")
+    write_text(folder / MODEL, WARNING + corrected_mjcf(effects, simulator))
     parameters = {e.name: {f.name: float(getattr(e, f.name)) for f in fields(e)} for e in effects}  # type: ignore[arg-type]
     content = {
         "effects": parameters,
@@ -79,7 +80,7 @@ def write_corrected(folder: str | Path, effects: Effects, simulator: Simulator) 
         "model": MODEL,
     }
     path = folder / FILE
-    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    write_yaml(path, content)
     return path
 
 

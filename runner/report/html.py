@@ -20,6 +20,7 @@ from runner.report import figures, words
 from runner.report.before_after import NAMES, SMALL, Miss, misses, whole
 from runner.report.motions import Paths, autocorrelation, replay, where_after, whitened
 from runner.report.wrench import Wrench, by_regime, missing_wrench
+from runner.storage.writing import write_text
 
 if TYPE_CHECKING:
     from runner.diagnosis.pipeline import Diagnosis, Ranked
@@ -46,7 +47,7 @@ def write_html(diagnosis: Diagnosis, path: str | Path) -> Path:
     path = Path(path)
     path = path / FILE if path.is_dir() else path
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(render(diagnosis), encoding="utf-8")
+    write_text(path, render(diagnosis))
     return path
 
 

@@ -26,6 +26,7 @@ import rerun.blueprint as rrb
 
 from runner.errors import ResultError, check_range
 from runner.physics.scene import rotate
+from runner.storage.writing import replacing
 from runner.teleop.frames import Frames, RunResult, Status
 from runner.viewer.rrd import written
 
@@ -122,7 +123,8 @@ def _write_frames(frames: Frames, path: Path) -> None:
     fields = [pa.field(name, pa.from_numpy_dtype(c.dtype), nullable=False) for name, c in frames.columns.items()]
     table = pa.Table.from_arrays([pa.array(c) for c in frames.columns.values()], schema=pa.schema(fields))
     # plain pages: dictionaries and statistics of measured numbers cost more time than they save space
-    pq.write_table(table, path, compression="lz4", use_dictionary=False, write_statistics=False)
+    with replacing(path) as part:
+        pq.write_table(table, part, compression="lz4", use_dictionary=False, write_statistics=False)
 
 
 REMOTE_COLOUR = (70, 130, 220)
@@ -178,10 +180,11 @@ def combine(parts: Sequence[Path], out: Path) -> None:
     Raises:
         ResultError: If Rerun can't.
     """
-    command = [sys.executable, "-m", "rerun", "rrd", "merge", *map(str, parts), "-o", str(out)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise ResultError(f"log.rrd_files: Rerun can't make '{out}': {done.stderr.strip().splitlines()[-1]}")
+    with replacing(out) as made:
+        command = [sys.executable, "-m", "rerun", "rrd", "merge", *map(str, parts), "-o", str(made)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise ResultError(f"log.rrd_files: Rerun can't make '{out}': {done.stderr.strip().splitlines()[-1]}")
 
 
 def _thin(frames: Frames, every: int) -> Frames:
