@@ -23,6 +23,10 @@ class ResultError(RunnerError):
     """A results folder lacks something that was asked of it."""
 
 
+class WriteError(RunnerError):
+    """A file can't be written: which one, and why."""
+
+
 def nearest(name: str, valid: Iterable[str]) -> str:
     """Return `Valid: 'a', 'b'. Did you mean 'a'?` for a name that is not among the valid ones."""
     names = sorted(valid)

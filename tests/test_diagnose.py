@@ -13,7 +13,7 @@ import pytest
 from runner.diagnosis.next_experiment import best_experiment
 from runner.diagnosis.pipeline import Diagnosis, diagnose, not_none, split, strained
 from runner.diagnosis.score import read_answers, score
-from runner.diagnosis.verdict import read_verdicts, verdict, write_json
+from runner.diagnosis.verdict import read_verdicts, verdict
 from runner.effects import planar_box as fx
 from runner.effects.vocabulary import Candidate
 from runner.errors import RecordingError, ResultError
@@ -23,6 +23,7 @@ from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.search import Contender, Search
 from runner.noise.measured import measure
 from runner.recording import Episode, Form, Noise, Nominal, Recording
+from runner.storage.writing import write_json
 from runner.systems.planar_box.proposals import pushes
 from runner.systems.planar_box.simulator import context_of
 from runner.systems.planar_box.system import PlanarBox

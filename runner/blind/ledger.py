@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from runner.errors import ResultError
+from runner.storage.writing import write_text
 from runner.teleop.tables import append_line, whole_lines
 
 
@@ -35,7 +36,7 @@ class Ledger:
             raise ResultError(f"{path}: is what another run left, with {', '.join(other)}; move it away.")
         try:
             if there is None:
-                self.path.write_text(json.dumps(belongs) + "\n", encoding="utf-8")
+                write_text(self.path, json.dumps(belongs) + "\n")
             else:
                 self.done = dict(self._kept())
         except OSError as error:

@@ -19,10 +19,11 @@ from typing import Any
 
 from runner.blind.fence import PACKAGE, enter_fence
 from runner.blind.make import HASH_FILE
-from runner.diagnosis.verdict import read_json, write_json
 from runner.errors import ResultError
 from runner.outputs.many import Seclusion, diagnose_many
 from runner.recording import find_cases
+from runner.storage.reading import read_json
+from runner.storage.writing import write_json, write_text
 
 PROVENANCE = "diagnosed_by.json"
 COPIED = ("nominal.yaml", "recording.parquet", "recording.csv")
@@ -88,7 +89,7 @@ def _remember(digest: str, results: Path) -> None:
         # verdicts from before the hash was set down may have been made in sight of the answers
         if there := next(results.rglob("verdict*.json"), None):
             raise ResultError(f"out: '{there}' is of a diagnosis that was not blind; name a new folder.")
-        (results / HASH_FILE).write_text(f"{digest}\n", encoding="utf-8")
+        write_text(results / HASH_FILE, f"{digest}\n")
     write_json(results / PROVENANCE, [*provenance(results), asdict(own_provenance())])
 
 

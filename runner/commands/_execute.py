@@ -25,6 +25,7 @@ from runner.commands._jobs import overridden, write_config
 from runner.commands._sweep import explain_sweep, sweep, whole_chunk
 from runner.commands._trust import check_kept
 from runner.errors import ConfigError
+from runner.storage.writing import write_text
 from runner.teleop.tables import SWEEP, still_held
 
 RESULTS = Path("results")
@@ -110,7 +111,7 @@ def _swept_name(hydra: Composer, overrides: Sequence[str]) -> str | None:
 
 
 def _remember(folder: Path, name: str, overrides: Sequence[str]) -> None:
-    (folder / SWEEP).write_text(shlex.join([name, *overrides]) + "\n", encoding="utf-8")
+    write_text(folder / SWEEP, shlex.join([name, *overrides]) + "\n")
 
 
 def _resume(

@@ -18,6 +18,7 @@ from omegaconf import DictConfig, OmegaConf, ValueNode
 from runner.commands import Job
 from runner.commands._compose import Composer, without_hydra
 from runner.commands._explain import explain, node_at
+from runner.storage.writing import write_text
 
 CONFIG = "config.yaml"
 MANY = 200
@@ -126,9 +127,8 @@ class ConfigWriter:
 
     def write(self, folder: Path, overrides: Sequence[str], shown: Mapping[str, Any]) -> None:
         """Write the config of one job."""
-        (folder / CONFIG).write_text(
-            heading(self.name, overrides) + "".join(self._text(k, v) for k, v in shown.items()), "utf-8"
-        )
+        sections = "".join(self._text(k, v) for k, v in shown.items())
+        write_text(folder / CONFIG, heading(self.name, overrides) + sections)
 
     def _text(self, key: str, section: Any) -> str:
         if not isinstance(section, dict):
@@ -156,7 +156,7 @@ def overridden(parsed: Sequence[Override]) -> dict[str, Any]:
 
 def write_config(folder: Path, name: str, overrides: Sequence[str], shown: Mapping[str, Any]) -> None:
     """Write `config.yaml`, headed by the command that it is of."""
-    (folder / CONFIG).write_text(heading(name, overrides) + yaml_text(shown), encoding="utf-8")
+    write_text(folder / CONFIG, heading(name, overrides) + yaml_text(shown))
 
 
 def heading(name: str, overrides: Sequence[str]) -> str:

@@ -35,6 +35,7 @@ from runner.commands._jobs import ConfigWriter, JobComposer
 from runner.commands._trust import read_nothing_kept
 from runner.errors import ConfigError, RunnerError
 from runner.progress import progress
+from runner.storage.writing import write_text
 from runner.teleop import tables
 
 Row = Mapping[str, Any]
@@ -292,7 +293,7 @@ def _alone(command: Command[Any], value: Any, job: Job) -> list[Row]:
 def _failure(job: Job, error: Exception) -> Row:
     if not isinstance(error, RunnerError):
         text = "".join(traceback.format_exception(error))
-        (job.results / "traceback.txt").write_text(text, encoding="utf-8")
+        write_text(job.results / "traceback.txt", text)
     return tables.failure_row(error, job.about)
 
 

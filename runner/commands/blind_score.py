@@ -24,6 +24,7 @@ from runner.commands._print import print_table
 from runner.diagnosis.score import read_answers
 from runner.diagnosis.verdict import read_verdicts
 from runner.errors import check_workers
+from runner.storage.writing import write_parquet
 
 FITS = "oracle.jsonl"
 
@@ -54,7 +55,7 @@ def main(config: BlindScoreConfig, job: Job) -> None:
     ledger = None if config.cases is None else _ledger(job.results / FITS, digest)
     found = blind_score(verdicts, answers, config.cases, ledger=ledger, workers=config.workers)
     for name, table in found.tables.items():
-        table.to_parquet(job.results / f"score_{name}.parquet", index=False)
+        write_parquet(job.results / f"score_{name}.parquet", table)
     figures = write_figures(found, job.results / "figures")
     page = write_page(found, figures, job.results / FILE, digest=digest, by=provenance(beside))
     console = Console()

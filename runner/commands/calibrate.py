@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import yaml
 from rich.console import Console
 from rich.table import Table
 
@@ -34,6 +33,7 @@ from runner.estimation.watch import INTERVAL
 from runner.physics.forces import CsvForces
 from runner.physics.scene import BodyConfig, SceneConfig, box_inertia, build
 from runner.progress import progress
+from runner.storage.writing import write_parquet, write_text, write_yaml
 from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig
 from runner.teleop.link import LinkConfig, update_steps
 from runner.teleop.parameters import COM_X, COM_Y, FRICTION, MASS, PARAMETERS, YAW_INERTIA, values_of
@@ -131,7 +131,7 @@ def calibrated_body(table: Any, start: BodyConfig) -> BodyConfig:
 
 def _write(folder: Path, config: CalibrateConfig, done: Calibrated, table: Any, period: int) -> None:
     body = calibrated_body(table, config.start.body(config.remote))
-    (folder / MODEL).write_text(build(config.scene, {"object": body}).to_xml_string(), encoding="utf-8")
+    write_text(folder / MODEL, build(config.scene, {"object": body}).to_xml_string())
     content = {
         "model": MODEL,
         "certain": done.reached,
@@ -146,7 +146,7 @@ def _write(folder: Path, config: CalibrateConfig, done: Calibrated, table: Any, 
             for name, one in table.iterrows()
         },
     }
-    (folder / VALUES).write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    write_yaml(folder / VALUES, content)
     write_pushes(folder / PUSHES, done, config.scene.timestep_s)
     shown = Experiment(
         seed=config.seed,
@@ -162,7 +162,7 @@ def _write(folder: Path, config: CalibrateConfig, done: Calibrated, table: Any, 
     values = to_values(done.track[:, : len(PARAMETERS)], config.remote.half_size_m)
     track[list(PARAMETERS)] = values
     track.insert(0, "time_s", (np.arange(len(track)) + 1) * period * config.scene.timestep_s)
-    track.to_parquet(folder / TRACK, index=False)
+    write_parquet(folder / TRACK, track)
 
 
 def _print(config: CalibrateConfig, done: Calibrated, table: Any, folder: Path) -> None:

@@ -27,6 +27,7 @@ from runner.noise.measured import measure
 from runner.progress import progress
 from runner.recording import find_cases
 from runner.simulate.gap import HORIZONS_S, WHOLE_EPISODE, Gap, measure_gap
+from runner.storage.writing import write_parquet
 from runner.systems.base import AbstractSystem
 from runner.systems.case import open_case
 
@@ -72,8 +73,8 @@ def main(config: GapConfig, job: Job) -> None:
             if len(systems) == 1:
                 _print(system, gap, console)
     table = _case_first(pd.concat(tables, ignore_index=True))
-    table.to_parquet(folder / FILE, index=False)
-    _case_first(pd.concat(episodes, ignore_index=True)).to_parquet(folder / EPISODES_FILE, index=False)
+    write_parquet(folder / FILE, table)
+    write_parquet(folder / EPISODES_FILE, _case_first(pd.concat(episodes, ignore_index=True)))
     if len(systems) > 1:
         _print_many(table, console)
     console.print(f"{folder / FILE}", highlight=False, soft_wrap=True)

@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-import yaml
 from rich.console import Console
 from rich.table import Table
 
@@ -30,6 +29,7 @@ from runner.commands import Command, Job
 from runner.errors import ConfigError
 from runner.estimation import averaged  # noqa: F401
 from runner.progress import progress
+from runner.storage.writing import write_yaml
 
 # the studies must be registered
 from runner.studies import (  # noqa: F401
@@ -138,7 +138,7 @@ def _version(package: str) -> str:
 
 def write_versions(folder: Path) -> None:
     """Write `versions.yaml`."""
-    (folder / "versions.yaml").write_text(yaml.safe_dump(versions(), sort_keys=False), encoding="utf-8")
+    write_yaml(folder / "versions.yaml", versions())
 
 
 def _print(result: RunResult, row: Mapping[str, Any], folder: Path) -> None:

@@ -16,6 +16,7 @@ from runner.commands import Command, Job
 from runner.commands._print import print_table
 from runner.diagnosis.score import read_answers, score
 from runner.diagnosis.verdict import read_verdicts
+from runner.storage.writing import write_parquet
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ def main(config: ScoreConfig, job: Job) -> None:
     if result.unanswered:
         console.print(f"{len(result.unanswered)} cases have no verdict: {', '.join(result.unanswered)}", soft_wrap=True)
     for name in ("cases", "table", "confusion", "calibration"):
-        getattr(result, name).to_parquet(job.results / f"score_{name}.parquet", index=False)
+        write_parquet(job.results / f"score_{name}.parquet", getattr(result, name))
 
 
 COMMAND = Command(config=ScoreConfig, main=main, keeps="score")

@@ -16,6 +16,7 @@ import pandas as pd
 
 from runner.commands import Command, Job
 from runner.errors import ConfigError
+from runner.storage.writing import write_parquet, write_text
 from runner.teleop import tables
 
 
@@ -62,9 +63,9 @@ def main(config: TableConfig, job: Job) -> None:
         return
     config.out.parent.mkdir(parents=True, exist_ok=True)
     if config.chosen is Format.parquet:
-        table.to_parquet(config.out, index=False)
+        write_parquet(config.out, table)
     else:
-        config.out.write_text(written(table, config.chosen) + "\n", encoding="utf-8")
+        write_text(config.out, written(table, config.chosen) + "\n")
     print(f"{len(table)} runs in {config.out}")
 
 

@@ -27,6 +27,7 @@ from runner.effects.base import AbstractEffect, Effects
 from runner.effects.vocabulary import Vocabulary
 from runner.errors import ConfigError, ResultError, nearest
 from runner.storage.checked import dotted, must, refusal
+from runner.storage.writing import write_yaml
 from runner.systems.base import AbstractSystem
 
 FILE = "corrected.yaml"
@@ -72,7 +73,7 @@ def write_corrected(folder: str | Path, effects: Effects, system: AbstractSystem
         "model": list(files),
     }
     path = folder / FILE
-    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    write_yaml(path, content)
     return path
 
 

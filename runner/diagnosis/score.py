@@ -19,10 +19,10 @@ import pandas as pd
 from pydantic import TypeAdapter, ValidationError
 from scipy.stats import binomtest
 
-from runner.diagnosis.verdict import read_json
 from runner.effects.base import always_confounded
 from runner.errors import ResultError
 from runner.storage.checked import Keys, must, refusal
+from runner.storage.reading import read_json
 
 NONE, UNKNOWN = "none", "unknown"
 BINS = 10

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,6 +10,7 @@ from pydantic import Field, StrictFloat, TypeAdapter, ValidationError
 from runner.diagnosis.pipeline import Diagnosis
 from runner.errors import ResultError
 from runner.storage.checked import Keys, must, refusal
+from runner.storage.reading import read_json
 
 FILE = "verdict.json"
 ALL = "verdicts.json"
@@ -56,29 +55,6 @@ def verdict(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def write_json(path: Path, content: Any) -> None:
-    """Write JSON, numbers that don't exist as null; a reader never sees half a file."""
-    part = path.with_suffix(".part")
-    part.write_text(json.dumps(_finite(content), indent=1) + "\n", encoding="utf-8")
-    part.replace(path)
-
-
-def read_json(path: Path, *, otherwise: str | None = None) -> Any:
-    """Read JSON; `otherwise` says what to do where there is no such file.
-
-    Raises:
-        ResultError: If it can't be read.
-    """
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ResultError(f"{path}: no such file{'' if otherwise is None else f'; {otherwise}'}.") from None
-    except OSError as error:
-        raise ResultError(f"{path}: can't be read: {error.strerror}.") from None
-    except ValueError as error:
-        raise ResultError(f"{path}: not JSON ({error}).") from None
-
-
 class _Explanation(Keys):
     effects: Annotated[list[str], Field(min_length=1), must("have `effects`, a list of names")]
     probability: Annotated[StrictFloat, Field(ge=0.0, le=1.0), must("have a `probability` from 0 to 1")]
@@ -110,13 +86,3 @@ def read_verdicts(path: Path) -> dict[str, dict[str, Any]]:
         lead += f"explanation {int(place[2]) + 1} " if len(place) > 2 else "`ranked` " if len(place) > 1 else ""
         raise ResultError(f"{path}: {lead}{text} `runner diagnose` writes what is wanted.") from None
     return content
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _finite(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

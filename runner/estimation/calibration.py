@@ -30,6 +30,7 @@ from runner.estimation.copies import FRICTION, MASS, SIZE, STATE, Copies
 from runner.estimation.watch import INTERVAL
 from runner.physics.forces import CSV_COLUMNS
 from runner.physics.scene import push_columns
+from runner.storage.writing import replacing
 
 
 @dataclass(frozen=True)
@@ -221,4 +222,5 @@ def write_pushes(path: Path, done: Calibrated, timestep_s: float) -> None:
     start_s, push = done.pushes[-1]
     rows.append((start_s + len(push.columns) * timestep_s, *[0.0] * 6))
     table = pd.DataFrame(rows, columns=list(CSV_COLUMNS))
-    table[table["t"].diff().fillna(1.0) > 0].to_csv(path, index=False)
+    with replacing(path) as part:
+        table[table["t"].diff().fillna(1.0) > 0].to_csv(part, index=False)

@@ -14,6 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from runner.errors import ResultError, nearest
 from runner.figures import Drawn, Runs, load
 from runner.figures._look import INK, STYLE
+from runner.storage.writing import replacing, write_text
 from runner.teleop import tables
 
 VERDICT = {True: "holds", False: "does not hold", None: "no telling"}
@@ -97,8 +98,10 @@ def _save(drawn: Drawn, stem: Path) -> None:
             0.1 / drawn.figure.get_figwidth(), top, "\n".join(lines), ha="left", va="top", fontsize=11, color=INK,
             fontweight="bold", linespacing=1.3,
         )  # fmt: skip
-        drawn.figure.savefig(stem.with_suffix(".png"), dpi=DPI, metadata={"Software": None})
-        drawn.figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None, "Creator": None})
+        with replacing(stem.with_suffix(".png")) as png:
+            drawn.figure.savefig(png, dpi=DPI, metadata={"Software": None})
+        with replacing(stem.with_suffix(".svg")) as svg:
+            drawn.figure.savefig(svg, metadata={"Date": None, "Creator": None})
 
 
 def _write_page(entries: list[Entry], out: Path) -> None:
@@ -107,8 +110,8 @@ def _write_page(entries: list[Entry], out: Path) -> None:
         autoescape=True,
     )  # fmt: skip
     html = templates.get_template("page.html.j2").render(entries=entries)
-    (out / "index.html").write_text(html, encoding="utf-8")
-    (out / "index.md").write_text(_markdown(entries), encoding="utf-8")
+    write_text(out / "index.html", html)
+    write_text(out / "index.md", _markdown(entries))
 
 
 def _markdown(entries: list[Entry]) -> str:

@@ -14,20 +14,22 @@ from typing import Any
 
 from runner.diagnosis.corrected import write_corrected
 from runner.diagnosis.pipeline import Diagnosis, diagnose
-from runner.diagnosis.verdict import ALL, FILE, read_json, verdict, write_json
+from runner.diagnosis.verdict import ALL, FILE, verdict
 from runner.errors import RunnerError
 from runner.progress import progress
 from runner.report import words
 from runner.report.html import write_html
 from runner.report.record import write_rrd
+from runner.storage.reading import read_json
+from runner.storage.writing import replacing, write_json, write_parquet
 from runner.systems.case import open_case
 
 
 def write_all(diagnosis: Diagnosis, folder: Path, *, report: bool) -> None:
     """Write what a diagnosis leaves; `verdict.json` last, as the sign that all is there."""
     folder.mkdir(parents=True, exist_ok=True)
-    diagnosis.closure.table.to_parquet(folder / "closure.parquet", index=False)
-    diagnosis.closure.regimes.to_parquet(folder / "closure_regimes.parquet", index=False)
+    write_parquet(folder / "closure.parquet", diagnosis.closure.table)
+    write_parquet(folder / "closure_regimes.parquet", diagnosis.closure.regimes)
     write_corrected(folder, diagnosis.effects, diagnosis.system)
     if report:
         where = diagnosis.where
@@ -38,7 +40,7 @@ def write_all(diagnosis: Diagnosis, folder: Path, *, report: bool) -> None:
             "cells": where.cells,
         }
         for name, table in tables.items():
-            table.to_parquet(folder / f"where_{name}.parquet", index=False)
+            write_parquet(folder / f"where_{name}.parquet", table)
         write_html(diagnosis, folder / "report.html")
         write_rrd(diagnosis, folder / "diagnosis.rrd")
     write_json(folder / FILE, {"sentence": words.verdict(diagnosis), **verdict(diagnosis)})
@@ -149,6 +151,5 @@ def _take(folder: Path, target: Path) -> None:
     """Move what a worker left; the verdict last, as when it is written."""
     target.mkdir(parents=True, exist_ok=True)
     for file in sorted(folder.iterdir(), key=lambda f: f.name == FILE):
-        part = target / f"{file.name}.part"
-        shutil.move(file, part)
-        part.replace(target / file.name)
+        with replacing(target / file.name) as part:
+            shutil.move(file, part)

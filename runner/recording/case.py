@@ -15,6 +15,7 @@ from runner.recording.checks import check_finite, check_times, check_yaw, episod
 from runner.recording.data import Episode, Float, Form, Nominal, Recording
 from runner.recording.table import FORCE, POINT, POSE, TWIST, Table, read_table
 from runner.recording.units import check_units
+from runner.storage.writing import replacing
 
 TABLES = ("recording.parquet", "recording.csv")
 
@@ -94,9 +95,11 @@ def write_case(recording: Recording, path: str | Path, *, table: str = TABLES[0]
         raise RecordingError(f"table: must be {' or '.join(TABLES)}, got {table!r}.")
     path = Path(path)
     path.mkdir(parents=True, exist_ok=True)
+    with replacing(path / table) as part:
+        writers[table](_frame(recording), part)
     for name in TABLES:
-        (path / name).unlink(missing_ok=True)
-    writers[table](_frame(recording), path / table)
+        if name != table:
+            (path / name).unlink(missing_ok=True)
     nominal_file.write_nominal(recording.nominal, path / nominal_file.FILE)
 
 

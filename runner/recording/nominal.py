@@ -27,6 +27,7 @@ from pydantic import BaseModel, BeforeValidator, Field, ValidationError
 from runner.errors import RecordingError, nearest
 from runner.recording.data import Contact, Noise, Nominal
 from runner.storage.checked import dotted, must, refusal, refused
+from runner.storage.writing import write_yaml
 
 FILE = "nominal.yaml"
 NOISE = {"position": "position_m", "yaw": "yaw_rad", "velocity": "velocity_m_s", "rate": "rate_rad_s"}
@@ -121,7 +122,7 @@ def write_nominal(nominal: Nominal, path: str | Path) -> None:
     if nominal.inertia_kg_m2 is not None:
         inertia = nominal.inertia_kg_m2
         content["inertia"] = [float(i) for i in inertia] if isinstance(inertia, tuple) else float(inertia)
-    Path(path).write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    write_yaml(Path(path), content)
 
 
 class _Loader(yaml.SafeLoader):

@@ -16,6 +16,7 @@ from runner.report import sections, words
 from runner.report.before_after import headline_miss
 from runner.report.motions import replay
 from runner.report.statement import NONE, Statement, caveats, state
+from runner.storage.writing import write_text
 
 if TYPE_CHECKING:
     from runner.diagnosis.pipeline import Diagnosis, Ranked
@@ -39,7 +40,7 @@ def write_html(diagnosis: Diagnosis, path: str | Path) -> Path:
     path = Path(path)
     path = path / FILE if path.is_dir() else path
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(render(diagnosis), encoding="utf-8")
+    write_text(path, render(diagnosis))
     return path
 
 

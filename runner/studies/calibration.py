@@ -30,6 +30,7 @@ from runner.estimation.joint import Joint, PriorConfig, write_view
 from runner.physics.forces import AbstractForces, CsvForces, PaperForces, RandomForces
 from runner.physics.scene import push_columns
 from runner.progress import track
+from runner.storage.writing import write_parquet
 from runner.studies.base import AbstractStudy, Rows
 from runner.studies.joint import short
 from runner.teleop.experiment import Experiment
@@ -98,7 +99,7 @@ class Calibration(AbstractStudy):
                 courses.append(self._course(name, factor, runs[0], experiment))
                 if name == "chosen" and factor == self.noise_times[0]:
                     self._view(experiment, runs[0], folder)
-        pd.concat(courses, ignore_index=True).to_parquet(folder / OVER_TIME, index=False)
+        write_parquet(folder / OVER_TIME, pd.concat(courses, ignore_index=True))
         return rows
 
     def _view(self, experiment: Experiment, run: Calibrated, folder: Path) -> None:

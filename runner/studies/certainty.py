@@ -20,6 +20,7 @@ from runner.estimation.joint import Joint, PriorConfig, write_view
 from runner.estimation.published import published
 from runner.estimation.watch import INTERVAL, Watch, Watched
 from runner.progress import progress, track
+from runner.storage.writing import write_parquet
 from runner.studies.base import AbstractStudy, Rows
 from runner.studies.joint import follow, share_within, short
 from runner.teleop.estimators import Linear
@@ -165,7 +166,7 @@ class Certainty(AbstractStudy):
                     }
                 )
             )
-        pd.concat(parts, ignore_index=True).to_parquet(folder / OVER_TIME, index=False)
+        write_parquet(folder / OVER_TIME, pd.concat(parts, ignore_index=True))
         return rows
 
     def _freezing(self, experiment: Experiment, motion: Motion, copies: Copies, folder: Path) -> Rows:
@@ -188,7 +189,7 @@ class Certainty(AbstractStudy):
             self._course(change, motion, np.array(seen[change.name][0].x), seen[change.name][0].frozen, copies)
             for change in CHANGES
         ]
-        pd.concat(courses, ignore_index=True).to_parquet(folder / WATCHED, index=False)
+        write_parquet(folder / WATCHED, pd.concat(courses, ignore_index=True))
         return rows
 
     @staticmethod

@@ -17,6 +17,7 @@ from runner.estimation.data import measured_sd, motion_of
 from runner.estimation.eq6 import ComEq6, Factor
 from runner.estimation.joint import Joint, PriorConfig, write_view
 from runner.physics.forces import AbstractForces, Offcentre, Straight
+from runner.storage.writing import write_parquet
 from runner.studies.base import AbstractStudy, Rows
 from runner.teleop.batch import run_batch
 from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig
@@ -101,7 +102,7 @@ class ComEq6Study(AbstractStudy):
                     courses.append(
                         pd.DataFrame({"estimator": name, "offset_m": true_m, "time_s": time_s, "told": told})
                     )
-        pd.concat(courses, ignore_index=True).to_parquet(folder / OVER_TIME, index=False)
+        write_parquet(folder / OVER_TIME, pd.concat(courses, ignore_index=True))
         shown = self._experiment(experiment, Case("offset"))
         write_view(shown, folder, {**shown.estimator, "joint": Joint(self.prior)})
         return [*rows, *self._joint(experiment)]

@@ -21,6 +21,7 @@ from runner.estimation.joint import Joint, PriorConfig, write_view
 from runner.estimation.published import published
 from runner.estimation.watch import INTERVAL
 from runner.progress import progress
+from runner.storage.writing import write_parquet
 from runner.studies.base import AbstractStudy, Rows
 from runner.teleop.estimators import Linear
 from runner.teleop.experiment import Experiment
@@ -113,7 +114,7 @@ def _write_tracks(path: Path, motion: Motion, error: np.ndarray, sd: np.ndarray)
             **{f"{short(p)}_sd": sd[..., j].ravel() for j, p in enumerate(PARAMETERS)},
         }
     )
-    table.to_parquet(path, index=False)
+    write_parquet(path, table)
 
 
 @dataclass(frozen=True)
@@ -171,7 +172,7 @@ class JointNoise(AbstractStudy):
             more, course = self._rows(experiment, motion, factor)
             rows += more
             courses.append(course)
-        pd.concat(courses, ignore_index=True).to_parquet(folder / OVER_TIME, index=False)
+        write_parquet(folder / OVER_TIME, pd.concat(courses, ignore_index=True))
         write_view(experiment, folder, {"joint": Joint(self.prior, experiment.link.noise)})
         return rows
 

@@ -27,6 +27,7 @@ from runner.estimation.copies import Copies, errors, to_vector
 from runner.estimation.data import measured_sd
 from runner.physics import dry_friction
 from runner.progress import progress
+from runner.storage.writing import write_parquet
 from runner.studies.base import AbstractStudy, Rows
 from runner.teleop.batch import run_batch
 from runner.teleop.experiment import Experiment, commands
@@ -111,7 +112,7 @@ class Latency(AbstractStudy):
         out: Rows = []
         first = run(replace(quiet, link=replace(quiet.link, delay_s=self.delays_s[0])))
         RrdSink().write(first, folder, {"seed": experiment.seed})
-        first.updates.table().to_parquet(folder / "frames.parquet")
+        write_parquet(folder / "frames.parquet", first.updates.table())
         if self.closed_loops:
             out += [row for delay in self.delays_s for row in self._closed(quiet, delay)]
         truth = run(replace(quiet, link=LinkConfig(experiment.link.rate_hz)))

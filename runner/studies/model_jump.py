@@ -26,6 +26,7 @@ from runner.errors import check_range
 from runner.physics import dry_friction
 from runner.physics.scene import build, handles
 from runner.progress import track
+from runner.storage.writing import write_parquet
 from runner.studies.base import AbstractStudy, Rows
 from runner.teleop.batch import run_batch
 from runner.teleop.columns import POSITION, VELOCITY
@@ -135,8 +136,8 @@ class ModelJump(AbstractStudy):
             runs = [replace(experiment, follow=policy, seed=experiment.seed + i) for i in range(self.seeds)]
             results = run_batch(runs)
             felt = [jumps(one, result, next(iter(one.estimator))) for one, result in zip(runs, results, strict=True)]
-            felt[0].to_parquet(folder / f"{name}.parquet")
-            results[0].updates.table().to_parquet(folder / f"{name}_frames.parquet")
+            write_parquet(folder / f"{name}.parquet", felt[0])
+            write_parquet(folder / f"{name}_frames.parquet", results[0].updates.table())
             if not out:
                 RrdSink().write(results[0], folder, {"seed": experiment.seed})
             out += self._rows(name, runs, results, felt)

@@ -22,7 +22,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
-from runner.errors import ResultError, RunnerError
+from runner.errors import ResultError, RunnerError, WriteError
+from runner.storage.writing import replacing
 from runner.teleop.frames import RunResult, Truth
 
 SUMMARY = "summary.parquet"
@@ -101,9 +102,8 @@ def write_summary(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
     """Write rows as the summary of a folder."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     table = pa.table({name: _column([row.get(name) for row in rows]) for name in names})
-    partial = folder / f"{SUMMARY}.part"
-    pq.write_table(table, partial)
-    partial.replace(folder / SUMMARY)
+    with replacing(folder / SUMMARY) as part:
+        pq.write_table(table, part)
 
 
 def _column(values: list[Any]) -> pa.Array:
@@ -127,14 +127,23 @@ def read_summary(file: Path) -> list[dict[str, Any]]:
 
 
 def append_line(file: Path, item: Any) -> None:
-    """Add a line of JSON to a file; a line is there whole or not at all, see `whole_lines`."""
+    """Add a line of JSON to a file; a line is there whole or not at all, see `whole_lines`.
+
+    Raises:
+        WriteError: If it can't be written, or not whole.
+    """
     # begins with a line break: the line before may have been cut off by a kill
-    line = "\n" + json.dumps(item, default=lambda scalar: scalar.item()) + "\n"
-    handle = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    line = ("\n" + json.dumps(item, default=lambda scalar: scalar.item()) + "\n").encode()
     try:
-        os.write(handle, line.encode())
-    finally:
-        os.close(handle)
+        handle = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        try:
+            written = os.write(handle, line)
+        finally:
+            os.close(handle)
+    except OSError as error:
+        raise WriteError(f"{file}: can't be written: {error.strerror}.") from error
+    if written < len(line):
+        raise WriteError(f"{file}: can't be written: the disk took a part of a line only.")
 
 
 def whole_lines(file: Path) -> Iterator[Any]:

@@ -15,6 +15,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 import rerun_bindings
 
+from runner.storage.writing import replacing
+
 
 class _Followed(rrb.Blueprint):
     """A blueprint that remembers the stream it was logged to."""
@@ -44,8 +46,8 @@ def written(path: Path, blueprint: rrb.Blueprint, application: str = "runner") -
         application: Recordings of one application share a viewer's settings.
     """
     layout = _Followed(blueprint)
-    with rr.RecordingStream(application) as recording:
-        recording.save(path, default_blueprint=layout)
+    with replacing(path) as part, rr.RecordingStream(application) as recording:
+        recording.save(part, default_blueprint=layout)
         layout.let_go()
         yield recording
         recording.flush()

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import yaml
 
 from runner.blind.excite import Drive, draw_episodes
 from runner.blind.make.files import nominal_of, table_of
@@ -17,6 +16,7 @@ from runner.blind.make.reality import Reality, draw_noise, draw_world, mismatche
 from runner.blind.make.size import COARSE, error_ratio, simulate_or_none, size_for
 from runner.blind.plants import UnplantedCase, draw
 from runner.errors import ConfigError
+from runner.storage.writing import write_parquet, write_yaml
 
 KINDS = ("position", "position", "yaw", "velocity", "velocity", "rate")  # of the six channels
 ATTEMPTS = 40
@@ -33,8 +33,8 @@ def make_case(job: Job, reality: Reality, folder: Path) -> tuple[str, dict]:
         if made is not None:
             nominal, table, answer = made
             folder.mkdir(parents=True, exist_ok=True)
-            (folder / "nominal.yaml").write_text(yaml.safe_dump(nominal, sort_keys=False))
-            table.to_parquet(folder / "recording.parquet", index=False)
+            write_yaml(folder / "nominal.yaml", nominal)
+            write_parquet(folder / "recording.parquet", table)
             return folder.name, answer
     raise ConfigError(f"blind.effect: no sensible size of {job.wanted} reaches its severity in {ATTEMPTS} tries.")
 

@@ -19,6 +19,7 @@ from runner.blind.make.plan import Mix, case_names, plan_jobs
 from runner.blind.make.reality import Reality
 from runner.errors import ConfigError, check_range
 from runner.progress import track
+from runner.storage.writing import write_text
 
 HASH_FILE = "answers.sha256"
 
@@ -96,9 +97,9 @@ def make_cases(
     for name, answer in track(results, "Making cases", total=len(todo), unit="cases"):
         ledger.add(name, answer)
     text = json.dumps({name: ledger.done[name] for name in sorted(names)}, indent=1) + "\n"
-    answers.write_text(text)
+    write_text(answers, text)
     digest = hashlib.sha256(text.encode()).hexdigest()
-    (folder / HASH_FILE).write_text(f"{digest}  {answers.name}\n")
+    write_text(folder / HASH_FILE, f"{digest}  {answers.name}\n")
     kept.unlink()
     return MadeCases(folder, answers, digest, tuple(sorted(names)), time.perf_counter() - begun)
 

@@ -19,6 +19,7 @@ from scipy.stats import norm
 from runner.blind.score import BlindScore
 from runner.diagnosis.score import BINS, NONE, UNKNOWN, ordered_sizes
 from runner.report.figures import ACCENT, BAND, FAINT, GREY, INK, ORANGE, STYLE, svg
+from runner.storage.writing import replacing
 
 DPI = 150
 SIZES = {"subtle": GREY, "moderate": ACCENT, "strong": INK}
@@ -48,8 +49,10 @@ def write_figures(found: BlindScore, folder: Path) -> dict[str, str]:
     out = {}
     for name, (figure, text) in draw(found).items():
         with mpl.rc_context({**STYLE, "svg.fonttype": "path"}):
-            figure.savefig(folder / f"{name}.png", dpi=DPI, facecolor="white", metadata={"Software": None})
-            figure.savefig(folder / f"{name}.svg", facecolor="white", metadata={"Date": None, "Creator": None})
+            with replacing(folder / f"{name}.png") as png:
+                figure.savefig(png, dpi=DPI, facecolor="white", metadata={"Software": None})
+            with replacing(folder / f"{name}.svg") as drawn:
+                figure.savefig(drawn, facecolor="white", metadata={"Date": None, "Creator": None})
         with mpl.rc_context(STYLE):
             out[name] = svg(figure, name, text)
     return out

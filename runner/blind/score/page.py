@@ -14,6 +14,7 @@ from markupsafe import Markup
 
 from runner.blind.score import Bar, BlindScore, if_calibrated, words
 from runner.report.html import page_template
+from runner.storage.writing import write_text
 
 FILE = "score.html"
 TEMPLATE = "page.html.j2"
@@ -31,7 +32,7 @@ def write_page(
         digest: SHA-256 of the answers.
         by: What diagnosed, see `runner.blind.run.provenance`.
     """
-    path.write_text(page_template("runner.blind.score", TEMPLATE).render(_content(found, figures, digest, by)), "utf-8")
+    write_text(path, page_template("runner.blind.score", TEMPLATE).render(_content(found, figures, digest, by)))
     return path
 
 

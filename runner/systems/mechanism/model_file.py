@@ -13,6 +13,7 @@ from runner.effects.mechanism import MechanismEffect
 from runner.errors import ResultError
 from runner.physics.joint_law import SIZE
 from runner.recording.model_form_mjcf import quiet
+from runner.storage.writing import write_text
 from runner.systems.base import Effects, FloatArray
 from runner.systems.mechanism.models import OWN, Models, mechanical
 
@@ -46,7 +47,7 @@ def write_model(models: Models, effects: Effects, folder: Path) -> tuple[str, ..
     if left:
         text = f"<!-- Not expressed here: {', '.join(left)}. -->\n" + text
     path = folder / MODEL
-    path.write_text(text, encoding="utf-8")
+    write_text(path, text)
     assets = _copy_assets(spec, models.folder, folder)
     _check(models, inside, path)
     return (MODEL, *assets)

@@ -9,6 +9,7 @@ import numpy as np
 from dm_control import mjcf
 
 from runner.errors import ResultError
+from runner.storage.writing import write_text
 from runner.systems.planar_box.simulator import OBJECT, Simulator
 from runner.systems.planar_box.windows import Effects
 
@@ -24,7 +25,7 @@ def write_model(effects: Effects, folder: Path, simulator: Simulator) -> tuple[s
     Raises:
         ResultError: If it compiles to another model than the simulator's.
     """
-    (folder / MODEL).write_text(WARNING + corrected_mjcf(effects, simulator), encoding="utf-8")
+    write_text(folder / MODEL, WARNING + corrected_mjcf(effects, simulator))
     return (MODEL,)
 
 

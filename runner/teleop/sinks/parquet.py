@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from runner.storage.writing import replacing
 from runner.teleop.frames import Frames, RunResult
 from runner.teleop.sinks.base import NOTHING, AbstractSink
 
@@ -34,4 +35,5 @@ def _write_frames(frames: Frames, path: Path) -> None:
     fields = [pa.field(name, pa.from_numpy_dtype(c.dtype), nullable=False) for name, c in frames.columns.items()]
     table = pa.Table.from_arrays([pa.array(c) for c in frames.columns.values()], schema=pa.schema(fields))
     # plain pages: dictionaries and statistics of measured numbers cost more time than they save space
-    pq.write_table(table, path, compression="lz4", use_dictionary=False, write_statistics=False)
+    with replacing(path) as part:
+        pq.write_table(table, part, compression="lz4", use_dictionary=False, write_statistics=False)

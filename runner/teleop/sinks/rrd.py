@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 import rerun as rr
 
 from runner.errors import ResultError
+from runner.storage.writing import replacing
 from runner.teleop.frames import RunResult, Status
 from runner.teleop.sinks.base import NOTHING, AbstractSink
 from runner.teleop.sinks.look import Layout, layout_key, parameters_of, static_look
@@ -66,10 +67,11 @@ def combine(parts: Sequence[Path], out: Path) -> None:
     Raises:
         ResultError: If Rerun can't.
     """
-    command = [sys.executable, "-m", "rerun", "rrd", "merge", *map(str, parts), "-o", str(out)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise ResultError(f"log.rrd_files: Rerun can't make '{out}': {done.stderr.strip().splitlines()[-1]}")
+    with replacing(out) as made:
+        command = [sys.executable, "-m", "rerun", "rrd", "merge", *map(str, parts), "-o", str(made)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise ResultError(f"log.rrd_files: Rerun can't make '{out}': {done.stderr.strip().splitlines()[-1]}")
 
 
 def _leaves(config: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -1,0 +1,25 @@
+"""JSON as it was written, and in one line what is wrong with a file that holds none."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from runner.errors import ResultError
+
+
+def read_json(path: Path, *, otherwise: str | None = None) -> Any:
+    """Read JSON; `otherwise` says what to do where there is no such file.
+
+    Raises:
+        ResultError: If it can't be read.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ResultError(f"{path}: no such file{'' if otherwise is None else f'; {otherwise}'}.") from None
+    except OSError as error:
+        raise ResultError(f"{path}: can't be read: {error.strerror}.") from None
+    except ValueError as error:
+        raise ResultError(f"{path}: not JSON ({error}).") from None

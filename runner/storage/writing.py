@@ -1,0 +1,91 @@
+"""The one way to write a file: beside its place under another name, through to the disk, and only then into its place.
+
+A reader never sees half a file, and where the disk is full or the power goes, the file that was there before is there
+still. What is noted line by line while it happens, as the rows of a sweep, is appended instead, see `teleop.tables`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import yaml
+
+from runner.errors import WriteError
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Give a name to write a file to, of the same folder and ending, which takes the file's place at the end.
+
+    Whatever is raised meanwhile, the file is as before and nothing is left beside it.
+
+    Raises:
+        WriteError: If it can't be written: the disk is full, the folder is not there or may not be written to.
+    """
+    part = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
+    try:
+        yield part
+        with part.open("rb") as file:
+            os.fsync(file.fileno())
+        part.replace(path)
+    except OSError as error:
+        raise WriteError(f"{path}: can't be written: {error.strerror or error}.") from error
+    finally:
+        with suppress(OSError):
+            part.unlink()
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text, as UTF-8.
+
+    Raises:
+        WriteError: If it can't be written.
+    """
+    with replacing(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def write_yaml(path: Path, content: Any) -> None:
+    """Write plain data as YAML, keys in their own order.
+
+    Raises:
+        WriteError: If it can't be written.
+    """
+    write_text(path, yaml.safe_dump(content, sort_keys=False))
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write plain data as JSON, numbers that don't exist as null.
+
+    Raises:
+        WriteError: If it can't be written.
+    """
+    write_text(path, json.dumps(_finite(content), indent=1) + "\n")
+
+
+def write_parquet(path: Path, table: pd.DataFrame) -> None:
+    """Write a table without its index.
+
+    Raises:
+        WriteError: If it can't be written.
+    """
+    with replacing(path) as part:
+        table.to_parquet(part, index=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
