@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from runner.errors import ConfigError
-from runner.estimation.belief import Belief, Prior, Tracker, observable
+from runner.estimation.belief import Belief, Prior, observable
 from runner.estimation.bound import batch_fit, bound, information
 from runner.estimation.copies import COM_X, FRICTION, INERTIA, MASS, Copies, errors, from_values, to_values, to_vector
 from runner.estimation.data import LEAST_SD, Motion, measured_sd, motion_of
 from runner.estimation.joint import Joint
+from runner.estimation.tracker import Tracker
 from runner.physics.forces import PaperForces, Straight
 from runner.physics.scene import BodyConfig, Contact, SceneConfig
 from runner.teleop.batch import run_batch

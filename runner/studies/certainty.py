@@ -13,11 +13,11 @@ import pandas as pd
 from runner.config import registered
 from runner.errors import check_range
 from runner.estimation.averaged import Average, Averaged
-from runner.estimation.belief import Tracker
 from runner.estimation.copies import FRICTION, INERTIA, MASS, STATE, Copies, to_values
 from runner.estimation.data import Motion, measured_sd, motion_of
 from runner.estimation.joint import Joint, PriorConfig, write_view
 from runner.estimation.published import published
+from runner.estimation.tracker import Tracker
 from runner.estimation.watch import INTERVAL, Watch, Watched
 from runner.progress import progress, track
 from runner.studies.base import AbstractStudy, Rows

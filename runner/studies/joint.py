@@ -13,12 +13,13 @@ import scipy
 
 from runner.config import registered
 from runner.errors import check_range
-from runner.estimation.belief import Belief, Prior, Tracker, observable
+from runner.estimation.belief import Belief, Prior, observable
 from runner.estimation.bound import batch_fit, bound, information
 from runner.estimation.copies import COM_X, COM_Y, SIZE, Copies, errors, to_values
 from runner.estimation.data import Motion, measured_sd, motion_of, times
 from runner.estimation.joint import Joint, PriorConfig, write_view
 from runner.estimation.published import published
+from runner.estimation.tracker import Tracker
 from runner.estimation.watch import INTERVAL
 from runner.progress import progress
 from runner.studies.base import AbstractStudy, Rows
