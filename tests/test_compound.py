@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from runner.errors import ConfigError
 from runner.physics.forces import Straight
-from runner.physics.scene import BodyConfig, Contact, Dof, SceneConfig, build
+from runner.physics.scene import BodyConfig, Dof, FloorContact, SceneConfig, build
 from runner.studies.compound import (
     HUNG,
     NOISE,
@@ -35,7 +35,7 @@ from runner.teleop.estimators import Linear
 from runner.teleop.experiment import REMOTE, Experiment, RemoteConfig, StartConfig
 from runner.teleop.link import LinkConfig
 
-SCENE = SceneConfig(dof=Dof.free, contact=Contact.corners)
+SCENE = SceneConfig(dof=Dof.free, contact=FloorContact.corners)
 HALF = (0.5, 0.5, 0.5)
 PARTS = [Part((0.5, 0.5, 0.05), (0.0, 0.0, -0.45), 10.0), Part((0.2, 0.2, 0.2), (0.25, 0.2, -0.15), 30.0)]
 

@@ -11,7 +11,7 @@ from dm_control import mjcf
 
 from runner.config import registered
 from runner.errors import ConfigError, check_range
-from runner.physics.scene import BodyConfig, Contact, Dof, build
+from runner.physics.scene import BodyConfig, Dof, FloorContact, build
 from runner.progress import track
 from runner.studies.base import AbstractStudy, Rows
 from runner.studies.compound.fit import InertialFit, fit
@@ -55,7 +55,7 @@ class Compound(AbstractStudy):
         check_range("duration_s", self.duration_s, 0.1, 100.0, unit="s")
 
     def rows(self, experiment: Experiment, folder: Path) -> Rows:
-        scene = replace(experiment.scene, dof=Dof.free, contact=Contact.corners)
+        scene = replace(experiment.scene, dof=Dof.free, contact=FloorContact.corners)
         half = np.array(experiment.remote.half_size_m)
         for name, part in self.parts.items():
             if (np.abs(part.centre_m) + part.half_size_m > half * (1 + 1e-9)).any():
