@@ -2,7 +2,7 @@
 
     python -m benchmarks.core [rounds]
 
-The bare replay is `mujoco.rollout` of the same scene (without a tape) under the same commands, one call, one thread.
+The bare replay is `mujoco.rollout` of the same scene (without a player) under the same commands, one call, one thread.
 Both start from a compiled model. The closed loop makes its commands, steps, estimates, changes the mass, takes over the
 remote's state, and keeps the raw numbers of every physics step and every update; with logging it also writes
 `summary.parquet`, `frames.parquet` and a full `run.rrd`, and last every physics step as well. The kinds of run take
@@ -27,7 +27,7 @@ from runner.physics.forces import PaperForces
 from runner.physics.scene import SceneConfig, build
 from runner.teleop import loop
 from runner.teleop.estimators import Linear
-from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig, build_world, commands
+from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig, commands, compile_experiment
 from runner.teleop.link import LinkConfig
 from runner.teleop.sinks import FrameKind, LogConfig, RrdDetail
 from runner.teleop.tables import summary_row, write_summary
@@ -65,13 +65,13 @@ def closed(log: LogConfig, folder: Path) -> Callable[[], None]:
     config = dataclasses.asdict(EXPERIMENT)
 
     def once() -> None:
-        result = loop.run_world(EXPERIMENT, world)
+        result = loop.run_compiled(EXPERIMENT, compiled)
         for sink in log.sinks():
             sink.write(result, folder, config)
         if log.frames is not FrameKind.off:
             write_summary([summary_row(result)], folder)
 
-    world = build_world(EXPERIMENT)
+    compiled = compile_experiment(EXPERIMENT)
     return once
 
 

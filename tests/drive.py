@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from runner.physics import dry_friction
-from runner.physics.scene import BodyConfig, Contact, Dof, Scene, SceneConfig, compile_scene, push_columns
+from runner.physics.scene import BodyConfig, Dof, FloorContact, Scene, SceneConfig, compile_scene, push_columns
 
 G = 9.81
 STEP_S = SceneConfig().timestep_s
 COMBINATIONS = [
-    (Dof.planar, Contact.patch),
-    (Dof.planar, Contact.feet),
-    (Dof.planar, Contact.corners),
-    (Dof.free, Contact.feet),
-    (Dof.free, Contact.corners),
+    (Dof.planar, FloorContact.patch),
+    (Dof.planar, FloorContact.feet),
+    (Dof.planar, FloorContact.corners),
+    (Dof.free, FloorContact.feet),
+    (Dof.free, FloorContact.corners),
 ]
 # mean distance of a point of the unit square from its middle
 SQUARE_RADIUS = (np.sqrt(2) + np.log(1 + np.sqrt(2))) / 6
@@ -31,17 +31,17 @@ Push = Callable[[float], tuple[np.ndarray, np.ndarray]]
 def make(
     *bodies: BodyConfig,
     dof: Dof = Dof.planar,
-    contact: Contact = Contact.patch,
+    contact: FloorContact = FloorContact.patch,
     timestep_s: float = STEP_S,
     grid: int = 8,
     **record: Any,
 ) -> Scene:
-    """Return a scene with bodies `b0`, `b1`, ... whose friction law has these values in its record."""
+    """Return a scene with bodies `b0`, `b1`, ... whose friction record has these values."""
     config = SceneConfig(dof=dof, contact=contact, timestep_s=timestep_s, grid=grid)
     scene = compile_scene(config, {f"b{i}": body for i, body in enumerate(bodies)})
     for name in scene.bodies:
         for key, value in record.items():
-            scene.law(name)[key] = value
+            scene.friction(name)[key] = value
     return scene
 
 
@@ -52,7 +52,7 @@ def set_push(scene: Scene, force_n: ArrayLike, point_m: ArrayLike = (0, 0, 0), n
 
 
 def outputs(scene: Scene, name: str = "b0") -> np.ndarray:
-    """Return what the law said of a body in the last step, (OUT_SIZE,)."""
+    """Return what friction said of a body in the last step, (OUT_SIZE,)."""
     adr = scene.body(name).push_adr + dry_friction.PUSH_SIZE
     return scene.data.userdata[adr : adr + dry_friction.OUT_SIZE].copy()
 
@@ -80,7 +80,7 @@ def set_planar(scene: Scene, start: ArrayLike, name: str = "b0") -> None:
 
 @dataclass(frozen=True)
 class Track:
-    """A motion: times (T,), x, y, yaw and their rates (T, 6), and the law's outputs of each step (T - 1, OUT_SIZE).
+    """A motion: times (T,), x, y, yaw and their rates (T, 6), and what friction said in each step (T - 1, OUT_SIZE).
 
     MuJoCo adds h v(end) to the position, so its positions lead by h v / 2, from the start on (`raw`). `state` has that
     taken off.

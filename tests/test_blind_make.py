@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from runner.blind import make, plants
 from runner.blind.excite import FAMILIES, Drive, draw_episodes
-from runner.blind.make import BANDS, Job, Mix, Reality, case_set, find_size, make_case, make_cases, plan_jobs
+from runner.blind.make import BANDS, CasePlan, Mix, Reality, case_set, find_size, make_case, make_cases, plan_cases
 from runner.blind.physics import World, simulate, simulate_all
 from runner.errors import ConfigError, ResultError
 from runner.recording import read_case
@@ -80,25 +80,25 @@ def test_every_case_is_read_without_complaint(made: make.MadeCases) -> None:
 
 
 def test_the_same_seed_makes_the_same_case_and_another_seed_another(tmp_path: Path) -> None:
-    job = Job("single", (("friction", "moderate"),), (5, 2, 0))
-    a, b = (make_case(job, Reality(), tmp_path / name) for name in "ab")
+    plan = CasePlan("single", (("friction", "moderate"),), (5, 2, 0))
+    a, b = (make_case(plan, Reality(), tmp_path / name) for name in "ab")
     assert a[1] == b[1]
     left, right = (pd.read_parquet(tmp_path / name / "recording.parquet") for name in "ab")
     pd.testing.assert_frame_equal(left, right)
-    other = make_case(replace(job, seed=(6, 2, 0)), Reality(), tmp_path / "c")
+    other = make_case(replace(plan, seed=(6, 2, 0)), Reality(), tmp_path / "c")
     assert other[1]["made"]["starts"] != a[1]["made"]["starts"]
 
 
 @pytest.mark.parametrize("severity", ["subtle", "strong"])
 def test_a_severity_is_met_by_the_ratio_to_the_noise(severity: str, tmp_path: Path) -> None:
-    _, answer = make_case(Job("single", (("viscous_drag", severity),), (1, 2, 3)), PLAIN, tmp_path / "case")
+    _, answer = make_case(CasePlan("single", (("viscous_drag", severity),), (1, 2, 3)), PLAIN, tmp_path / "case")
     low, high = BANDS[severity]
     assert answer["effects"][0]["severity"] == severity
     assert 0.97 * low <= answer["error_ratio"] <= 1.03 * high
 
 
 def test_a_null_case_without_mismatch_has_the_ratio_one(tmp_path: Path) -> None:
-    _, answer = make_case(Job("null", (), (1, 2, 4)), PLAIN, tmp_path / "case")
+    _, answer = make_case(CasePlan("null", (), (1, 2, 4)), PLAIN, tmp_path / "case")
     assert answer["effects"] == []
     assert answer["accept"] == ["none"]
     assert answer["error_ratio"] == pytest.approx(1.0, abs=0.03)
@@ -106,7 +106,7 @@ def test_a_null_case_without_mismatch_has_the_ratio_one(tmp_path: Path) -> None:
 
 
 def test_the_mismatch_is_real_and_below_its_limit(tmp_path: Path) -> None:
-    _, answer = make_case(Job("null", (), (1, 2, 5)), Reality(), tmp_path / "case")
+    _, answer = make_case(CasePlan("null", (), (1, 2, 5)), Reality(), tmp_path / "case")
     assert 0.02 < answer["made"]["mismatch_ratio"] < 1.2 * Reality().mismatch_limit
     assert answer["made"]["mismatch"]["texture"] > 0.0
     assert answer["made"]["mismatch"]["half_size"] != 0.0
@@ -137,15 +137,15 @@ def test_the_true_values_are_those_of_the_world() -> None:
 
 
 def test_sets_are_balanced_over_effects_and_severities() -> None:
-    jobs = plan_jobs(240, 1, Mix())
-    singles = [j.wanted[0] for j in jobs if j.kind == "single"]
+    plans = plan_cases(240, 1, Mix())
+    singles = [j.wanted[0] for j in plans if j.kind == "single"]
     counts = pd.Series([name for name, _ in singles]).value_counts()
     assert set(counts.index) == set(plants.VOCABULARY)
     assert counts.max() - counts.min() <= 1
     severities = pd.Series([severity for _, severity in singles]).value_counts()
     assert severities.max() - severities.min() <= 12
-    assert all({a, b} not in plants.TOGETHER_ALIKE for j in jobs if j.kind == "pair" for (a, _), (b, _) in [j.wanted])
-    assert len([j for j in jobs if j.kind == "null"]) == round(240 * 0.12)
+    assert all({a, b} not in plants.TOGETHER_ALIKE for j in plans if j.kind == "pair" for (a, _), (b, _) in [j.wanted])
+    assert len([j for j in plans if j.kind == "null"]) == round(240 * 0.12)
 
 
 @settings(max_examples=30, deadline=None)
@@ -202,13 +202,13 @@ def test_an_interrupted_set_is_taken_up_again(tmp_path: Path, monkeypatch: pytes
     with_all = make_cases(3, 5, whole / "cases", whole / "answers.json", mix=mix, workers=1)
     count = []
 
-    def interrupted(job: Job, reality: Reality, folder: Path) -> tuple[str, dict]:
+    def interrupted(plan: CasePlan, reality: Reality, folder: Path) -> tuple[str, dict]:
         count.append(folder.name)
         if len(count) == 3:
             (folder / "nominal.yaml").parent.mkdir(parents=True)
             (folder / "nominal.yaml").write_text("half_size:")  # begun, not done
             raise KeyboardInterrupt
-        return make_case(job, reality, folder)
+        return make_case(plan, reality, folder)
 
     part = tmp_path / "part"
     arguments = (3, 5, part / "cases", part / "answers.json")

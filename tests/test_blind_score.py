@@ -15,7 +15,7 @@ from cases import made
 from scipy.stats import binomtest
 
 from runner.__main__ import main
-from runner.blind.ledger import Ledger
+from runner.blind.checkpoint import Checkpoint
 from runner.blind.make import HASH_FILE
 from runner.blind.oracle import candidates_of
 from runner.blind.planted import difference, planted
@@ -360,7 +360,9 @@ def test_the_oracle_is_asked_once_for_each_case(tmp_path: Path, monkeypatch: pyt
     of = {"answers": "f" * 64}
 
     def scored() -> tuple[list[float], set[str]]:
-        gap = blind_score(verdicts, answers, tmp_path / "cases", ledger=Ledger(tmp_path / "fits", of), workers=1).gap
+        gap = blind_score(
+            verdicts, answers, tmp_path / "cases", checkpoint=Checkpoint(tmp_path / "fits", of), workers=1
+        ).gap
         assert gap is not None
         return list(gap["ratio"]), {p.name for p in asked.iterdir()}
 

@@ -10,10 +10,11 @@ import yaml
 
 from runner.__main__ import main
 from runner.estimation.averaged import Average, Averaged, AveragedMemory
-from runner.estimation.belief import Prior, Tracker
+from runner.estimation.belief import Prior
 from runner.estimation.calibration import Calibrated, LimitsConfig, Planner, Thing, calibrate
 from runner.estimation.copies import MASS, Copies, errors, to_vector
 from runner.estimation.data import measured_sd
+from runner.estimation.tracker import Tracker
 from runner.estimation.watch import Watch
 from runner.physics.forces import PaperForces
 from runner.physics.scene import BodyConfig, SceneConfig, push_columns

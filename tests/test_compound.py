@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 
 from runner.errors import ConfigError
 from runner.physics.forces import Straight
-from runner.physics.scene import BodyConfig, Contact, Dof, SceneConfig, build
+from runner.physics.scene import BodyConfig, Dof, FloorContact, SceneConfig, build
 from runner.studies.compound import (
     HUNG,
     NOISE,
     Compound,
-    Episodes,
     Inertial,
     Part,
     Poke,
+    PokeSimulator,
     compound_mjcf,
     differences,
     fit,
@@ -35,7 +35,7 @@ from runner.teleop.estimators import Linear
 from runner.teleop.experiment import REMOTE, Experiment, RemoteConfig, StartConfig
 from runner.teleop.link import LinkConfig
 
-SCENE = SceneConfig(dof=Dof.free, contact=Contact.corners)
+SCENE = SceneConfig(dof=Dof.free, contact=FloorContact.corners)
 HALF = (0.5, 0.5, 0.5)
 PARTS = [Part((0.5, 0.5, 0.05), (0.0, 0.0, -0.45), 10.0), Part((0.2, 0.2, 0.2), (0.25, 0.2, -0.15), 30.0)]
 
@@ -63,7 +63,7 @@ def test_mujoco_composes_the_parts() -> None:
         a, b, h = np.square(part.half_size_m)
         off = c - com
         inertia += np.diag([b + h, a + h, a + b]) * m / 3 + m * (off @ off * np.eye(3) - np.outer(off, off))
-    found = Episodes(SCENE, compound_mjcf(SCENE, 0.8, HALF, PARTS), HUNG[:1], duration_s=0.1, lead_s=0, rate_hz=60)
+    found = PokeSimulator(SCENE, compound_mjcf(SCENE, 0.8, HALF, PARTS), HUNG[:1], duration_s=0.1, lead_s=0, rate_hz=60)
     body = inertial_in(found.model, found.body_id)
     assert body.mass_kg == pytest.approx(mass.sum())
     np.testing.assert_allclose(body.com_m, com, atol=1e-12)
@@ -73,9 +73,11 @@ def test_mujoco_composes_the_parts() -> None:
 def test_one_box_with_the_same_ten_numbers_moves_alike() -> None:
     """Hanging and standing, pushed at any height: the fitted form is as good as the parts."""
     for pokes in (HUNG[:3], (Poke((27.0, 0.0, 0.0), (-0.5, 0.0, 0.5)),)):
-        remote = Episodes(SCENE, compound_mjcf(SCENE, 0.8, HALF, PARTS), pokes, duration_s=0.5, lead_s=0, rate_hz=60)
+        remote = PokeSimulator(
+            SCENE, compound_mjcf(SCENE, 0.8, HALF, PARTS), pokes, duration_s=0.5, lead_s=0, rate_hz=60
+        )
         box = build(SCENE, {REMOTE: BodyConfig(1.0, 0.8, HALF)})
-        local = Episodes(SCENE, box, pokes, duration_s=0.5, lead_s=0, rate_hz=60)
+        local = PokeSimulator(SCENE, box, pokes, duration_s=0.5, lead_s=0, rate_hz=60)
         true = inertial_in(remote.model, remote.body_id)
         moved = remote.run([true])
         np.testing.assert_allclose(local.run([true]), moved, atol=1e-9)
@@ -84,7 +86,7 @@ def test_one_box_with_the_same_ten_numbers_moves_alike() -> None:
 
 def test_what_is_written_is_read_back() -> None:
     """A full inertia goes through MuJoCo's principal axes and comes back."""
-    model = Episodes(
+    model = PokeSimulator(
         SCENE, build(SCENE, {REMOTE: BodyConfig(1.0, 0.8, HALF)}), HUNG[:1], duration_s=0.1, lead_s=0, rate_hz=60
     ).model
     body = from_vector(np.linspace(-0.5, 0.5, 10), np.array(HALF))
@@ -94,9 +96,9 @@ def test_what_is_written_is_read_back() -> None:
 
 def test_ten_parameters_from_a_hanging_object() -> None:
     """From half the mass and a centred uniform box: exact without noise, and within the stated errors with it."""
-    remote = Episodes(SCENE, compound_mjcf(SCENE, 0.8, HALF, PARTS), HUNG, duration_s=0.4, lead_s=0, rate_hz=60)
+    remote = PokeSimulator(SCENE, compound_mjcf(SCENE, 0.8, HALF, PARTS), HUNG, duration_s=0.4, lead_s=0, rate_hz=60)
     box = BodyConfig(1.2, 0.8, HALF)
-    local = Episodes(SCENE, build(SCENE, {REMOTE: box}), HUNG, duration_s=0.4, lead_s=0, rate_hz=60)
+    local = PokeSimulator(SCENE, build(SCENE, {REMOTE: box}), HUNG, duration_s=0.4, lead_s=0, rate_hz=60)
     true = inertial_in(remote.model, remote.body_id)
     start = Inertial(box.mass_kg, np.zeros(3), np.diag(box.inertia))
     motion = remote.run([true])[0]

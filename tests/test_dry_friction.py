@@ -98,7 +98,7 @@ def test_friction_agrees_with_independent_equations(
     cop = out[dry_friction.OUT_COP : dry_friction.OUT_COP + 2]
     assume(np.all(np.abs(cop) < 0.8 * np.array(body.half_size_m[:2])))  # or it would tip
 
-    view = scene.law("b0")
+    view = scene.friction("b0")
     numbers = scene.model.body_user[scene.body("b0").body_id][dry_friction.STRIDE :]
     points = numbers[: int(view["points"]) * dry_friction.POINT_STRIDE].reshape(-1, dry_friction.POINT_STRIDE)
 
@@ -422,7 +422,7 @@ def test_body_that_should_tip_slides_on() -> None:
 def test_any_situation_stays_finite(
     case: tuple[BodyConfig, dict[str, Any], np.ndarray, np.ndarray, np.ndarray, np.ndarray], strength: float
 ) -> None:
-    """However hard a body is pushed, the law gives finite motion, and friction never does work on it."""
+    """However hard a body is pushed, the motion stays finite, and friction never does work on it."""
     body, record, gravity, state, force, point = case
     scene = make(body, **record)
     scene.model.opt.gravity[:] = gravity
@@ -701,7 +701,7 @@ def test_neutral_record_leaves_the_bits_alone() -> None:
 
 def test_record_is_read_and_written_by_name() -> None:
     """The record of a compiled body holds the body's friction and base; a name that it lacks is refused."""
-    view = make(ODD).law("b0")
+    view = make(ODD).friction("b0")
     assert [view[n] for n in ("mu", "base_z", "half_x", "half_y", "points")] == [0.4, -0.3, 0.5, 0.4, 64]
     view["film"] = 2.5
     assert view["film"] == 2.5

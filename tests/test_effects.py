@@ -158,7 +158,7 @@ def test_its_parameters_are_recovered(name: str) -> None:
 
 
 def test_every_effect_of_the_vocabulary_is_planted() -> None:
-    """No effect goes untested; the shape of contact pressure is tested with the law."""
+    """No effect goes untested; the shape of contact pressure is tested with dry friction."""
     names = {PLANTED[key][0].name for key in PLANTED}
     assert names | {"contact_pressure"} == set(fx.EFFECTS)
 

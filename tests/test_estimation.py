@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from runner.errors import ConfigError
-from runner.estimation.belief import Belief, Prior, Tracker, observable
+from runner.estimation.belief import Belief, Prior, observable
 from runner.estimation.bound import batch_fit, bound, information
 from runner.estimation.copies import COM_X, FRICTION, INERTIA, MASS, Copies, errors, from_values, to_values, to_vector
-from runner.estimation.data import LEAST_SD, Motion, measured_sd, motion_of
+from runner.estimation.data import LEAST_SD, RemoteMotion, measured_sd, motion_of
 from runner.estimation.joint import Joint
+from runner.estimation.tracker import Tracker
 from runner.physics.forces import PaperForces, Straight
-from runner.physics.scene import BodyConfig, Contact, SceneConfig
+from runner.physics.scene import BodyConfig, FloorContact, SceneConfig
 from runner.teleop.batch import run_batch
 from runner.teleop.estimators import Linear
 from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig
@@ -42,7 +43,7 @@ def experiment(pushes: int = 2, **changes: object) -> Experiment:
 
 
 @cache
-def motion() -> Motion:
+def motion() -> RemoteMotion:
     """Two pushes."""
     return motion_of(experiment())
 
@@ -52,7 +53,7 @@ def copies() -> Copies:
     return Copies(SCENE, BodyConfig(1.0, 0.5))
 
 
-def told(tracker: Tracker, belief: Belief, given: Motion, measured: np.ndarray) -> Belief:
+def told(tracker: Tracker, belief: Belief, given: RemoteMotion, measured: np.ndarray) -> Belief:
     """Return what is believed after all measurements (N, m, 6)."""
     for k, pushes in enumerate(given.windows()[: measured.shape[1]]):
         belief = tracker.update(belief, pushes, measured[:, k])
@@ -83,7 +84,7 @@ def test_copies_move_as_the_remote_does() -> None:
 def test_copies_refuse_what_the_law_does_not_carry() -> None:
     """The scene must be planar, on the patch."""
     with pytest.raises(ConfigError, match=r"scene\.contact=patch, got planar and feet"):
-        Copies(SceneConfig(contact=Contact.feet), BodyConfig(1.0, 0.3))
+        Copies(SceneConfig(contact=FloorContact.feet), BodyConfig(1.0, 0.3))
 
 
 def test_without_noise_starts_a_factor_of_two_off_end_exactly() -> None:

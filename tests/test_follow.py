@@ -15,7 +15,17 @@ from runner.studies.model_jump import ModelJump, jumps
 from runner.teleop import loop
 from runner.teleop.estimators import Linear
 from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig
-from runner.teleop.follow import ALL, NOTHING, Blended, DeadBand, Difference, FreeSpace, Immediate, RateLimited, Share
+from runner.teleop.follow import (
+    ALL,
+    NOTHING,
+    Blended,
+    Difference,
+    FreeSpace,
+    Immediate,
+    PerceptualDeadBand,
+    RateLimited,
+    Share,
+)
 from runner.teleop.link import LinkConfig, NoiseConfig
 
 HERE = Difference(0.1, 0.2, 0.5, 1.0, 0.5, 1.0, 2.0, True, 1 / 60)
@@ -45,9 +55,9 @@ def test_the_dead_band_is_a_fraction_of_what_is_there() -> None:
     """A change of a parameter by 6 % is left alone, by 8 % taken over; 7 % of the speed left alone, 9 % taken over."""
     small = Difference(0.011, 0.034, 0.07, 0.15, 0.06, 1.0, 2.0, False, 1 / 60)
     large = Difference(0.013, 0.036, 0.09, 0.17, 0.08, 1.0, 2.0, True, 1 / 60)
-    assert DeadBand().share(small) == NOTHING
-    assert DeadBand().share(large) == ALL
-    assert DeadBand().share(small._replace(speed_m_s=0.1)) == Share(0.0, 0.0, 1.0, 0.0, 0.0)
+    assert PerceptualDeadBand().share(small) == NOTHING
+    assert PerceptualDeadBand().share(large) == ALL
+    assert PerceptualDeadBand().share(small._replace(speed_m_s=0.1)) == Share(0.0, 0.0, 1.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("wrong", [{"time_s": 0.0}, {"time_s": float("nan")}])
@@ -56,7 +66,7 @@ def test_wrong_values_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ConfigError, match="time_s"):
         Blended(**wrong)
     with pytest.raises(ConfigError, match="force"):
-        DeadBand(force=1.5)
+        PerceptualDeadBand(force=1.5)
 
 
 def test_the_force_of_the_same_motion_is_in_proportion_to_the_mass() -> None:

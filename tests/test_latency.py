@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from runner.physics.forces import PaperForces
-from runner.physics.scene import Contact, Dof, SceneConfig
+from runner.physics.scene import Dof, FloorContact, SceneConfig
 from runner.studies.latency import NOISE, Latency, sent
 from runner.teleop import late_side, loop
 from runner.teleop.estimators import Linear, Rotational
@@ -88,7 +88,7 @@ def test_a_policy_does_not_touch_the_estimate(follow: AbstractFollow) -> None:
 
 def test_free_bodies_come_back_as_well() -> None:
     """In 3-D, on its corners, a constant delay leaves the final estimate within the contacts' rounding."""
-    scene = SceneConfig(dof=Dof.free, contact=Contact.corners)
+    scene = SceneConfig(dof=Dof.free, contact=FloorContact.corners)
     ideal = masses(replace(experiment(LinkConfig(), pushes=1), scene=scene))
     late = masses(replace(experiment(LinkConfig(delay_s=0.1), pushes=1), scene=scene))
     np.testing.assert_allclose(late[6:], ideal[:-6], rtol=1e-6)

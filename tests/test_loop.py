@@ -14,11 +14,11 @@ from runner.effects.planar_box import ActuatorGain, FloorTilt, Mass, Observation
 from runner.errors import ConfigError
 from runner.physics import dry_friction
 from runner.physics.forces import Offcentre, PaperForces, Ramp, RandomForces, Straight
-from runner.physics.scene import Contact, Dof, SceneConfig
+from runner.physics.scene import Dof, FloorContact, SceneConfig
 from runner.teleop import loop
 from runner.teleop.batch import run_batch
 from runner.teleop.estimators import Linear, LinearGuarded, Outcome, Rotational
-from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig, build_world, commands
+from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig, commands, compile_experiment
 from runner.teleop.follow import Unaware
 from runner.teleop.frames import Frames, RunResult, Status
 from runner.teleop.link import LinkConfig
@@ -123,9 +123,9 @@ def test_the_local_cube_takes_over_the_remote_state() -> None:
 
 SCENES = [
     SceneConfig(grid=4),
-    SceneConfig(contact=Contact.corners),
-    SceneConfig(contact=Contact.feet, grid=2),
-    SceneConfig(dof=Dof.free, contact=Contact.corners),
+    SceneConfig(contact=FloorContact.corners),
+    SceneConfig(contact=FloorContact.feet, grid=2),
+    SceneConfig(dof=Dof.free, contact=FloorContact.corners),
 ]
 
 
@@ -158,8 +158,8 @@ def test_rollout_replays_the_remote_and_the_local_cube() -> None:
     """`mujoco.rollout` with the same commands gives the remote's bits, and the local's from update to update."""
     given = experiment(forces=SHORT)
     result = loop.run(given)
-    world = build_world(given)
-    model, data, h = world.model, world.data, given.scene.timestep_s
+    compiled = compile_experiment(given)
+    model, data, h = compiled.model, compiled.data, given.scene.timestep_s
     pushes = commands(given).pushes
     control = np.zeros((result.step_count, model.nuserdata))
     for body in range(2):
@@ -180,7 +180,7 @@ def test_rollout_replays_the_remote_and_the_local_cube() -> None:
         start, end = ends[k], ends[k + 1]
         mass = result.steps.column("linear_mass_kg")[start]
         model.body_mass[2], model.body_inertia[2] = mass, np.full(3, 1 / 6) * mass
-        mujoco.mj_setConst(model, world.scratch)
+        mujoco.mj_setConst(model, compiled.scratch)
         played, _ = rollout.rollout(
             model, data, full[start : start + 1], control[None, start:end], control_spec=USERDATA
         )
@@ -191,8 +191,8 @@ def test_rollout_replays_the_remote_and_the_local_cube() -> None:
 def test_same_config_and_seed_give_the_same_bits() -> None:
     """Two runs are equal, also on a world that was used before; another seed gives another link and other forces."""
     given = experiment(forces=RandomForces(pushes=2), link=LinkConfig(60.0, 0.02, 0.03, 0.1), seed=5)
-    world = build_world(given)
-    first, again = loop.run_world(given, world), loop.run_world(given, world)
+    compiled = compile_experiment(given)
+    first, again = loop.run_compiled(given, compiled), loop.run_compiled(given, compiled)
     assert same_run(first, loop.run(given))
     assert same_run(first, again)
     other = loop.run(replace(given, seed=6))

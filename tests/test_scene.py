@@ -1,4 +1,4 @@
-"""The scene: native contacts and the law in every combination, pushes, run-time changes, and sameness of all runs."""
+"""The scene: native contacts and compiled friction in every combination, pushes, changes at run time, same bits."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from runner.errors import ConfigError
 from runner.physics import dry_friction
 from runner.physics.scene import (
     BodyConfig,
-    Contact,
     Dof,
+    FloorContact,
     Scene,
     SceneConfig,
     box_inertia,
@@ -36,7 +36,7 @@ INTEGRATION = mujoco.mjtState.mjSTATE_INTEGRATION.value
 USERDATA = mujoco.mjtState.mjSTATE_USERDATA.value
 
 
-def each(combinations: list[tuple[Dof, Contact]]) -> pytest.MarkDecorator:
+def each(combinations: list[tuple[Dof, FloorContact]]) -> pytest.MarkDecorator:
     names = [f"{dof.name}-{contact.name}" for dof, contact in combinations]
     return pytest.mark.parametrize(("dof", "contact"), combinations, ids=names)
 
@@ -45,7 +45,7 @@ def towards(angle_rad: float, size: float) -> np.ndarray:
     return size * np.array([math.cos(angle_rad), math.sin(angle_rad), 0.0])
 
 
-def settled(dof: Dof, contact: Contact, body: BodyConfig = CUBE, timestep_s: float = STEP_S) -> Scene:
+def settled(dof: Dof, contact: FloorContact, body: BodyConfig = CUBE, timestep_s: float = STEP_S) -> Scene:
     scene = make(body, dof=dof, contact=contact, timestep_s=timestep_s)
     wait(scene, 0.2)
     return scene
@@ -60,7 +60,7 @@ def height(dof: Dof, body: BodyConfig) -> float:
 
 
 @each(COMBINATIONS)
-def test_acceleration(dof: Dof, contact: Contact) -> None:
+def test_acceleration(dof: Dof, contact: FloorContact) -> None:
     """Pushed at 1.5 mu m g in any direction, a body accelerates by F / m - mu g, 0.05 %, and lifts less than 0.1 mm."""
     for angle in (0.0, math.pi / 4, 1.1):
         scene = settled(dof, contact)
@@ -78,7 +78,7 @@ def test_acceleration(dof: Dof, contact: Contact) -> None:
 
 @each(COMBINATIONS)
 @pytest.mark.parametrize("friction", [0.3, 0.5])
-def test_coasting(dof: Dof, contact: Contact, friction: float) -> None:
+def test_coasting(dof: Dof, contact: FloorContact, friction: float) -> None:
     """From 3 m/s a body coasts v0^2 / (2 mu g), 0.5 %, without lifting off, and stays.
 
     Of that, mu g dt / (2 v0) * 2 = 0.34 % (at mu 0.5) is the half-step that the engine's positions lack: at the default
@@ -100,7 +100,7 @@ def test_coasting(dof: Dof, contact: Contact, friction: float) -> None:
 
 
 @each(COMBINATIONS)
-def test_creep(dof: Dof, contact: Contact) -> None:
+def test_creep(dof: Dof, contact: FloorContact) -> None:
     """At 90 % of the stick threshold, in any direction, a body creeps by less than 1 um/s."""
     for angle in (0.0, math.pi / 4, 1.1):
         scene = settled(dof, contact)
@@ -114,16 +114,16 @@ def test_creep(dof: Dof, contact: Contact) -> None:
 # Of the patch the closed form is the integral over the base; 8 x 8 feet turn 0.2 % less by geometry, and by the push
 # of the contacts, which takes load from the slow ones: in proportion to mu and w0, here 0.2 % planar, 1.3 % free.
 SPIN_DOWN = {
-    (Dof.planar, Contact.patch): (SQUARE_RADIUS, 0.002),
-    (Dof.planar, Contact.feet): (SQUARE_RADIUS, 0.005),
-    (Dof.planar, Contact.corners): (math.sqrt(0.5), 0.001),
-    (Dof.free, Contact.feet): (SQUARE_RADIUS, 0.02),
-    (Dof.free, Contact.corners): (math.sqrt(0.5), 0.001),
+    (Dof.planar, FloorContact.patch): (SQUARE_RADIUS, 0.002),
+    (Dof.planar, FloorContact.feet): (SQUARE_RADIUS, 0.005),
+    (Dof.planar, FloorContact.corners): (math.sqrt(0.5), 0.001),
+    (Dof.free, FloorContact.feet): (SQUARE_RADIUS, 0.02),
+    (Dof.free, FloorContact.corners): (math.sqrt(0.5), 0.001),
 }
 
 
 @each(COMBINATIONS)
-def test_spin_down(dof: Dof, contact: Contact) -> None:
+def test_spin_down(dof: Dof, contact: FloorContact) -> None:
     """From 6 rad/s a cube turns I w0^2 / (2 mu m g r): r its base's mean radius, on corners sqrt(2) half edges."""
     radius, tolerance = SPIN_DOWN[dof, contact]
     scene = settled(dof, contact)
@@ -177,23 +177,23 @@ def track(scene: Scene, push: object, duration_s: float) -> np.ndarray:
 # its load evenly; a free one shifts it by itself. Measured: 3.9 mm and 0.31; 12.8 mm and 1.5; 1.9 mm and 0.13; 16 mm
 # and 1.9 degrees. The compiled friction (test_dry_friction.py) reaches 0.5 mm and 0.04 degrees.
 EPISODES = {
-    (Dof.planar, Contact.corners): (0.006, 0.6),
-    (Dof.planar, Contact.feet): (0.016, 2.0),
-    (Dof.free, Contact.corners): (0.003, 0.6),
-    (Dof.free, Contact.feet): (0.025, 3.0),
+    (Dof.planar, FloorContact.corners): (0.006, 0.6),
+    (Dof.planar, FloorContact.feet): (0.016, 2.0),
+    (Dof.free, FloorContact.corners): (0.003, 0.6),
+    (Dof.free, FloorContact.feet): (0.025, 3.0),
 }
 
 
 @each(NATIVE)
-def test_episode_on_native_contacts(dof: Dof, contact: Contact) -> None:
+def test_episode_on_native_contacts(dof: Dof, contact: FloorContact) -> None:
     """Over 20 s and 7 to 13 m of slide and spin, a cube on native contacts stays near an independent integration."""
     push = low_weave if dof is Dof.free else weave
     got = track(settled(dof, contact), push, 20.0)
     # without height there is no load transfer
     half = (0.5, 0.5, 0.5 if dof is Dof.free else 0.0)
-    points = corners(half) if contact is Contact.corners else np.empty((0, 2))
+    points = corners(half) if contact is FloorContact.corners else np.empty((0, 2))
     truth = Box(3.0, 0.5, CUBE.inertia[2], half_size_m=half, points=points).run(
-        np.arange(1201) / 60, push, breaks_s=(1.0, 19.0), tolerance=1e-7 if contact is Contact.corners else 1e-6
+        np.arange(1201) / 60, push, breaks_s=(1.0, 19.0), tolerance=1e-7 if contact is FloorContact.corners else 1e-6
     )
     assert np.hypot(*np.diff(truth[:, :2], axis=0).T).sum() > 7
     error = got - truth[:, :3]
@@ -203,7 +203,7 @@ def test_episode_on_native_contacts(dof: Dof, contact: Contact) -> None:
 
 
 @each(NATIVE)
-def test_friction_work_on_native_contacts(dof: Dof, contact: Contact) -> None:
+def test_friction_work_on_native_contacts(dof: Dof, contact: FloorContact) -> None:
     """From a slide with spin to rest, the work of the contact forces is the kinetic energy lost, 0.5 %."""
     scene = settled(dof, contact)
     body = scene.body("b0")
@@ -223,7 +223,7 @@ def test_friction_work_on_native_contacts(dof: Dof, contact: Contact) -> None:
 
 
 @each(COMBINATIONS)
-def test_halving_the_step(dof: Dof, contact: Contact) -> None:
+def test_halving_the_step(dof: Dof, contact: FloorContact) -> None:
     """Halving the step changes where a slide with spin ends by less than 0.5 % of the way, and the turn by 0.5 %."""
     ends = []
     for h in (STEP_S, STEP_S / 2):
@@ -244,7 +244,7 @@ def test_halving_the_step(dof: Dof, contact: Contact) -> None:
 
 @each(NATIVE)
 @pytest.mark.parametrize(("mass_kg", "friction"), [(0.3, 0.05), (0.3, 1.0), (10.0, 0.05), (10.0, 1.0)])
-def test_contacts_hold_for_light_and_heavy(dof: Dof, contact: Contact, mass_kg: float, friction: float) -> None:
+def test_contacts_hold_for_light_and_heavy(dof: Dof, contact: FloorContact, mass_kg: float, friction: float) -> None:
     """From 0.3 to 10 kg and friction 0.05 to 1: acceleration within 0.05 %, creep below 1 um/s, no lift-off.
 
     Up to 3 m/s.
@@ -280,7 +280,7 @@ def test_contacts_keep_quiet(capfd: pytest.CaptureFixture[str], caplog: pytest.L
 # Pushes
 
 
-def moving(dof: Dof, contact: Contact, body: BodyConfig = ODD) -> Scene:
+def moving(dof: Dof, contact: FloorContact, body: BodyConfig = ODD) -> Scene:
     """A body in the middle of a motion, turned, off the origin."""
     scene = make(body, dof=dof, contact=contact)
     if dof is Dof.free:
@@ -302,7 +302,7 @@ def apply_force(scene: Scene, force: np.ndarray, point: np.ndarray) -> np.ndarra
 
 
 @each(COMBINATIONS)
-def test_push_is_a_force_at_a_point_of_the_body(dof: Dof, contact: Contact) -> None:
+def test_push_is_a_force_at_a_point_of_the_body(dof: Dof, contact: FloorContact) -> None:
     """A push acts like `mj_applyFT` at the same point of the turned body, whose moment is about the true CoM."""
     force, point = np.array([4.0, -3.0, 2.5]), np.array([0.3, -0.2, 0.25])
     scene = moving(dof, contact, replace(ODD, friction=0.0))
@@ -316,10 +316,10 @@ def test_push_is_a_force_at_a_point_of_the_body(dof: Dof, contact: Contact) -> N
 
 
 @each(COMBINATIONS)
-def test_push_turns_with_the_body(dof: Dof, contact: Contact) -> None:
+def test_push_turns_with_the_body(dof: Dof, contact: FloorContact) -> None:
     """Over half a second of turning, the point goes with the body and the force keeps its direction in the world."""
     force, point = np.array([4.0, -3.0, 0.5]), np.array([0.3, -0.2, 0.25])
-    body = replace(ODD, friction=0.0) if contact is Contact.patch else ODD
+    body = replace(ODD, friction=0.0) if contact is FloorContact.patch else ODD
     pushed, applied = moving(dof, contact, body), moving(dof, contact, body)
     set_push(pushed, force, point)
     for _ in range(round(0.5 / STEP_S)):
@@ -347,7 +347,7 @@ OTHER = replace(ODD, mass_kg=4.5, com_m=(-0.15, 0.1, -0.1), inertia_kg_m2=(0.7, 
 
 
 @each(COMBINATIONS)
-def test_body_changed_while_running_moves_like_one_built_so(dof: Dof, contact: Contact) -> None:
+def test_body_changed_while_running_moves_like_one_built_so(dof: Dof, contact: FloorContact) -> None:
     """After a change of mass, CoM and inertia in mid-motion, the motion is that of a body built so, to the bit."""
     changed, built = make(ODD, dof=dof, contact=contact), make(OTHER, dof=dof, contact=contact)
     for scene in (changed, built):
@@ -372,7 +372,7 @@ def test_body_changed_while_running_moves_like_one_built_so(dof: Dof, contact: C
 
 
 @each(COMBINATIONS)
-def test_each_inertial_number_counts(dof: Dof, contact: Contact) -> None:
+def test_each_inertial_number_counts(dof: Dof, contact: FloorContact) -> None:
     """Mass alone, CoM alone or inertia alone changes the motion as F = m a and M = I alpha about the CoM say."""
     body = BodyConfig(3.0, 0.0, com_m=(0.1, 0.05, 0.0), inertia_kg_m2=(0.4, 0.4, 0.5))
     scene = make(body, dof=dof, contact=contact)
@@ -429,7 +429,7 @@ def run_in_rollout(scene: Scene, columns: np.ndarray, threads: int = 1) -> np.nd
 
 
 @each(COMBINATIONS)
-def test_all_ways_to_step_give_the_same_bits(dof: Dof, contact: Contact) -> None:
+def test_all_ways_to_step_give_the_same_bits(dof: Dof, contact: FloorContact) -> None:
     """A loop of mj_step, Physics.step(n), mujoco.rollout and mujoco.batch.Batch agree bit for bit."""
     pushes = np.repeat(
         push_columns([[12, 4, 0], [-3, 14, 0], [0, 0, 0]], [[0, 0.3, -0.2], [0.2, 0, -0.1], [0, 0, 0]]), 40, 0
@@ -458,9 +458,9 @@ def test_all_ways_to_step_give_the_same_bits(dof: Dof, contact: Contact) -> None
         np.testing.assert_array_equal(np.r_[qpos, qvel], want[1:])
 
 
-@each([(Dof.planar, Contact.patch), (Dof.free, Contact.corners)])
-def test_batch_of_different_bodies(dof: Dof, contact: Contact) -> None:
-    """In a batch with its own mass, inertia and law per simulation, each moves like a model of its own."""
+@each([(Dof.planar, FloorContact.patch), (Dof.free, FloorContact.corners)])
+def test_batch_of_different_bodies(dof: Dof, contact: FloorContact) -> None:
+    """In a batch with its own mass, inertia and friction per simulation, each moves like a model of its own."""
     bodies = [replace(CUBE, mass_kg=m, friction=mu) for m, mu in ((1.0, 0.2), (3.0, 0.5), (7.0, 0.3))]
     models = [make(b, dof=dof, contact=contact).model for b in bodies]
     batch = Batch(models[0], 3, 2)
@@ -482,8 +482,8 @@ FOREIGN = """<mujoco><size nuser_body="3" nuserdata="5"/><worldbody><body pos="0
 </worldbody></mujoco>"""
 
 
-def test_models_without_the_law_are_left_alone() -> None:
-    """A model of somebody else moves to the bit as in a process without the law; so does one that uses user data."""
+def test_models_without_a_record_are_left_alone() -> None:
+    """A model of somebody else moves to the bit as without compiled friction; so does one that uses user data."""
     make(CUBE)
     callback = mujoco.get_mjcb_passive()
     ends = []
@@ -499,9 +499,13 @@ def test_models_without_the_law_are_left_alone() -> None:
 
 
 def test_several_models_in_several_threads() -> None:
-    """Two models with different laws and one without, stepped by threads at the same time: the bits of each alone."""
+    """Two models that differ in friction and one without, stepped by threads at the same time: the bits of each."""
     pushes = np.tile(push_columns([19.0, 4.0, 0], [0, 0.3, 0.1]), (960, 1))
-    scenes = [make(CUBE), make(ODD, stribeck=0.5, film=1.0, grid=5), make(ODD, dof=Dof.free, contact=Contact.corners)]
+    scenes = [
+        make(CUBE),
+        make(ODD, stribeck=0.5, film=1.0, grid=5),
+        make(ODD, dof=Dof.free, contact=FloorContact.corners),
+    ]
     foreign = mujoco.MjModel.from_xml_string(FOREIGN)
 
     def run_foreign() -> np.ndarray:
@@ -528,7 +532,7 @@ def test_several_models_in_several_threads() -> None:
 
 
 def test_installing_twice_keeps_one_law() -> None:
-    """The law is given to the engine once per process: a second scene does not compile or replace it."""
+    """Friction is given to the engine once per process: a second scene does not compile or replace it."""
     make(CUBE)
     before = mujoco.get_mjcb_passive()
     dry_friction.install()
@@ -540,7 +544,7 @@ def test_installing_twice_keeps_one_law() -> None:
 
 
 @each(COMBINATIONS)
-def test_handles_say_where_a_body_is(dof: Dof, contact: Contact) -> None:
+def test_handles_say_where_a_body_is(dof: Dof, contact: FloorContact) -> None:
     """Pose and velocity of a body, by its handle, are those of MuJoCo; the second body has its own places."""
     scene = make(CUBE, ODD, dof=dof, contact=contact)
     rng = np.random.default_rng(1)
@@ -594,7 +598,7 @@ def test_box_inertia_is_that_of_mujoco() -> None:
         (lambda: check_inertia("remote.inertia", (1.0, -1.0, 1.0)), r"remote\.inertia\[1\]: .* got -1\.0"),
         (lambda: make(CUBE).body("bo"), r"no body 'bo' in the scene\. Valid: 'b0'\. Did you mean 'b0'\?"),
         (
-            lambda: make(CUBE, dof=Dof.free, contact=Contact.feet).body("b0").planar_columns(),
+            lambda: make(CUBE, dof=Dof.free, contact=FloorContact.feet).body("b0").planar_columns(),
             r"body 'b0' is free: its yaw follows from a quaternion",
         ),
     ],

@@ -16,7 +16,7 @@ import rerun as rr
 
 from runner.errors import ConfigError
 from runner.physics.forces import PaperForces
-from runner.physics.scene import Contact, Dof, SceneConfig
+from runner.physics.scene import Dof, FloorContact, SceneConfig
 from runner.teleop import loop
 from runner.teleop.estimators import Linear, Rotational
 from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig
@@ -192,7 +192,7 @@ def test_looking_does_not_change_the_motion(result: RunResult, tmp_path: Path) -
 
 @pytest.mark.parametrize(
     "scene",
-    [{"contact": Contact.feet, "grid": 2}, {"dof": Dof.free, "contact": Contact.corners}],
+    [{"contact": FloorContact.feet, "grid": 2}, {"dof": Dof.free, "contact": FloorContact.corners}],
     ids=["upright", "free"],
 )
 def test_every_kind_of_motion_is_shown(scene: dict[str, Any], tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ import secrets
 from dataclasses import dataclass
 from pathlib import Path
 
-from runner.blind.ledger import header
+from runner.blind.checkpoint import header
 from runner.blind.make import make_cases, part_of
 from runner.commands import Command, Job
 from runner.errors import ConfigError, check_range, check_workers

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from runner.blind.ledger import Ledger, header
+from runner.blind.checkpoint import Checkpoint, header
 from runner.blind.run import own_provenance, provenance
 from runner.blind.score import blind_score, check_hash, words
 from runner.blind.score.figures import write_figures
@@ -52,8 +52,8 @@ def main(config: BlindScoreConfig, job: Job) -> None:
     folders = (beside,) if config.cases is None else (beside, config.cases)
     digest = check_hash(config.answers, *folders)
     answers = read_answers(config.answers)
-    ledger = None if config.cases is None else _ledger(job.results / FITS, digest)
-    found = blind_score(verdicts, answers, config.cases, ledger=ledger, workers=config.workers)
+    checkpoint = None if config.cases is None else _checkpoint(job.results / FITS, digest)
+    found = blind_score(verdicts, answers, config.cases, checkpoint=checkpoint, workers=config.workers)
     for name, table in found.tables.items():
         write_parquet(job.results / f"score_{name}.parquet", table)
     figures = write_figures(found, job.results / "figures")
@@ -76,13 +76,13 @@ def main(config: BlindScoreConfig, job: Job) -> None:
     console.print(f"{page}", highlight=False, soft_wrap=True)
 
 
-def _ledger(path: Path, digest: str) -> Ledger:
+def _checkpoint(path: Path, digest: str) -> Checkpoint:
     """Return the oracle's fits, those that another program or other answers left thrown away."""
     own = {k: v for k, v in asdict(own_provenance()).items() if k != "begun"}
     belongs = {"answers": digest, **own}
     if header(path) != belongs or own["changed"]:
         path.unlink(missing_ok=True)
-    return Ledger(path, belongs)
+    return Checkpoint(path, belongs)
 
 
 COMMAND = Command(config=BlindScoreConfig, main=main, keeps="blind_score")

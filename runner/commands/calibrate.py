@@ -24,11 +24,12 @@ from rich.table import Table
 from runner.commands import Command, Job
 from runner.commands.run import write_versions
 from runner.errors import ConfigError, check_range
-from runner.estimation.belief import Tracker, observable
+from runner.estimation.belief import observable
 from runner.estimation.calibration import Calibrated, LimitsConfig, Planner, Thing, calibrate, write_pushes
 from runner.estimation.copies import LABELS, Copies, errors, from_values, to_values
 from runner.estimation.data import measured_sd
 from runner.estimation.joint import Joint, PriorConfig, write_view
+from runner.estimation.tracker import Tracker
 from runner.estimation.watch import INTERVAL
 from runner.physics.forces import CsvForces
 from runner.physics.scene import BodyConfig, SceneConfig, box_inertia, build

@@ -25,8 +25,9 @@ import numpy as np
 import pandas as pd
 
 from runner.errors import check_range
-from runner.estimation.belief import UNKNOWNS, Belief, Prior, Tracker, covariance_of
+from runner.estimation.belief import UNKNOWNS, Belief, Prior, covariance_of
 from runner.estimation.copies import FRICTION, MASS, SIZE, STATE, Copies
+from runner.estimation.tracker import Tracker
 from runner.estimation.watch import INTERVAL
 from runner.physics.forces import CSV_COLUMNS
 from runner.physics.scene import push_columns

@@ -1,6 +1,6 @@
 """Copies of one body, each with its own parameters and state, stepped side by side by `mujoco.batch.Batch`.
 
-A planar body under the compiled law has five parameters that its motion depends on. They are handled as a vector x of
+A planar body under dry friction has five parameters that its motion depends on. They are handled as a vector x of
 numbers of order one, in which steps and uncertainties compare:
 
     x = (log mass, com_x / half_x, com_y / half_y, log yaw inertia about the CoM, log friction)
@@ -19,7 +19,7 @@ from mujoco.batch import Batch
 
 from runner.errors import ConfigError
 from runner.physics import dry_friction
-from runner.physics.scene import BodyConfig, Contact, Dof, SceneConfig, build
+from runner.physics.scene import BodyConfig, Dof, FloorContact, SceneConfig, build
 from runner.teleop.parameters import PARAMETERS
 
 LABELS = ("mass", "CoM x", "CoM y", "yaw inertia", "friction")
@@ -75,7 +75,7 @@ class Copies:
     """
 
     def __init__(self, scene: SceneConfig, body: BodyConfig, threads: int = 1) -> None:
-        if scene.dof is not Dof.planar or scene.contact is not Contact.patch:
+        if scene.dof is not Dof.planar or scene.contact is not FloorContact.patch:
             raise ConfigError(
                 "scene: estimating all parameters needs scene.dof=planar and scene.contact=patch, "
                 f"got {scene.dof.value} and {scene.contact.value}."

@@ -11,10 +11,10 @@ import numpy as np
 from runner.estimation.copies import from_values
 from runner.physics import dry_friction
 from runner.teleop.estimators import Linear
-from runner.teleop.experiment import REMOTE, Experiment, build_world, commands
+from runner.teleop.experiment import REMOTE, Experiment, commands, compile_experiment
 from runner.teleop.follow import Immediate
 from runner.teleop.link import LinkConfig, NoiseConfig
-from runner.teleop.loop import run_world
+from runner.teleop.loop import run_compiled
 from runner.teleop.parameters import PARAMETERS
 
 # what an estimate expects of sensors that are said to be exact: m, rad, m/s, rad/s
@@ -35,7 +35,7 @@ def times(noise: NoiseConfig, factor: float) -> NoiseConfig:
 
 
 @dataclass(frozen=True)
-class Motion:
+class RemoteMotion:
     """How the remote moved.
 
     Attributes:
@@ -72,14 +72,14 @@ class Motion:
         return self.states + np.array(draws).reshape(len(seeds), *self.states.shape)
 
 
-def motion_of(experiment: Experiment) -> Motion:
+def motion_of(experiment: Experiment) -> RemoteMotion:
     """Run the remote of an experiment; what link and estimators do has no part in it."""
     link = LinkConfig(rate_hz=experiment.link.rate_hz)
     alone = replace(experiment, link=link, estimator={"linear": Linear()}, follow=Immediate())
-    world = build_world(alone)
-    frames = run_world(alone, world).updates
-    values = np.array([world.truth[name].true for name in PARAMETERS])
-    return Motion(
+    compiled = compile_experiment(alone)
+    frames = run_compiled(alone, compiled).updates
+    values = np.array([compiled.truth[name].true for name in PARAMETERS])
+    return RemoteMotion(
         timestep_s=experiment.scene.timestep_s,
         pushes=commands(alone).pushes[:-1, dry_friction.PUSH_SIZE : 2 * dry_friction.PUSH_SIZE],
         ends=frames.column("frame"),

@@ -11,9 +11,10 @@ import numpy as np
 
 from runner.config import registered
 from runner.errors import check_range
-from runner.estimation.belief import Prior, Tracker, observable
+from runner.estimation.belief import Prior, observable
 from runner.estimation.copies import COM_X, COM_Y, Copies, to_values, to_vector
 from runner.estimation.data import measured_sd
+from runner.estimation.tracker import Tracker
 from runner.estimation.watch import Watch, Watched
 from runner.physics.scene import BodyConfig
 from runner.teleop.estimators import AbstractEstimator, Outcome, Seen, Setup
@@ -72,7 +73,7 @@ class JointMemory:
 @registered("estimator")
 @dataclass(frozen=True)
 class Joint(AbstractEstimator):
-    """Mass, CoM, yaw inertia and friction together, with their uncertainty (see `estimation.belief`).
+    """Mass, CoM, yaw inertia and friction together, with their uncertainty (see `estimation.tracker`).
 
     `noise` is what to expect of the measurements. With `certain` the estimate is frozen once the 95 % interval of
     every parameter is within that share (of the half size for the CoM) of it, and set free again when the measurements

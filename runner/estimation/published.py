@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from runner.estimation.copies import COM_X, COM_Y, FRICTION, INERTIA, MASS, Copies, to_vector
-from runner.estimation.data import Motion
+from runner.estimation.data import RemoteMotion
 from runner.teleop.estimators import AbstractEstimator, Seen, Setup
 from runner.teleop.experiment import Experiment
 
@@ -14,7 +14,7 @@ _LOCAL = (slice(3, 6), slice(3, 5), slice(5, 6))
 
 
 def published(
-    rule: AbstractEstimator, copies: Copies, experiment: Experiment, motion: Motion, measured: np.ndarray
+    rule: AbstractEstimator, copies: Copies, experiment: Experiment, motion: RemoteMotion, measured: np.ndarray
 ) -> np.ndarray:
     """Return the mass after each update, kg, (N, m), by a rule that finds the mass alone.
 

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runner.estimation.belief import Belief, Prior, Tracker
+from runner.estimation.belief import Belief, Prior
+from runner.estimation.tracker import Tracker
 
 INTERVAL = 1.959964  # standard deviations to either side that hold 95 %
 SLACK, LIMIT = 1.0, 25.0

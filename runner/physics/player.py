@@ -1,18 +1,18 @@
-"""The tape: commands played, and frames recorded, once per physics step, inside MuJoCo's step.
+"""The player: commands played, and frames recorded, once per physics step, inside MuJoCo's step.
 
 `physics.step(n)` takes n steps without a return to Python. So that commands still change from step to step, and
-every step still leaves a frame, a numba function as MuJoCo's `mjcb_control` (called in each step after the law) plays
-from one array and records into another. Which arrays, and how far it has come, stands at the end of
+every step still leaves a frame, a numba function as MuJoCo's `mjcb_control` (called in each step after dry friction)
+plays from one array and records into another. Which arrays, and how far it has come, stands at the end of
 `mjData.userdata`: several models in one process, several threads, and `mujoco.batch.Batch` are safe, and models
-without a tape are left alone.
+without a player are left alone.
 
 With b bodies and n steps, `commands` is (n + 1, b * PUSH_SIZE): row k holds the pushes of all bodies in step k, and
 the last is for a step that does not come. `frames` is (n, w), w = nq + nv + b * OUT_SIZE: row k holds qpos and qvel
-at the start of step k, then what the law said of each body in that step. The callback comes after the law has used
+at the start of step k, then what friction said of each body in that step. The callback comes after friction has used
 command k, so it hands command k + 1 to the next step. After n steps it does nothing.
 
-The arrays are known by their addresses alone. `Tape.wind` gives a reel, which keeps them alive and must be unwound
-before the data is stepped for anything else.
+The arrays are known by their addresses alone. `Player.start` gives a `Playback`, which keeps them alive and must be
+stopped before the data is stepped for anything else.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from runner.physics.engine_memory import as_pointer, doubles, integer, offset_of
 from runner.storage.numba_cache import fingerprint
 
 MAGIC = 314159.2653
-SIZE = 8  # of the tape in userdata: these, counted from the end
+SIZE = 8  # of the player's numbers in userdata: these, counted from the end
 _STEP, _STEPS, _BODIES, _NQ, _NV, _COMMANDS, _FRAMES, _MAGIC = range(-SIZE, 0)
 
 
 @dataclass(frozen=True)
-class Tape:
-    """The tape of a model with `bodies` bodies under the law."""
+class Player:
+    """Plays and records in a model with `bodies` bodies that have a friction record."""
 
     bodies: int
     nq: int
@@ -53,8 +53,8 @@ class Tape:
         """Numbers per step of frames."""
         return self.nq + self.nv + self.bodies * dry_friction.OUT_SIZE
 
-    def wind(self, userdata: np.ndarray, commands: np.ndarray) -> Reel:
-        """Switch the tape on: from now on every step of this data plays and records.
+    def start(self, userdata: np.ndarray, commands: np.ndarray) -> Playback:
+        """Switch it on: from now on every step of this data plays and records.
 
         Args:
             userdata: Live, (nuserdata,).
@@ -72,12 +72,12 @@ class Tape:
         # an address is an integer below 2^53, which a float64 holds exactly
         addresses = commands.ctypes.data, frames.ctypes.data
         userdata[-SIZE:] = (0, steps, self.bodies, self.nq, self.nv, *addresses, MAGIC)
-        return Reel(userdata, commands, frames)
+        return Playback(userdata, commands, frames)
 
 
 @dataclass(frozen=True)
-class Reel:
-    """A tape that is switched on. `frames` is filled as the steps are taken."""
+class Playback:
+    """A player that is switched on. `frames` is filled as the steps are taken."""
 
     userdata: np.ndarray
     commands: np.ndarray
@@ -93,18 +93,18 @@ class Reel:
             ]
         self.userdata[_STEP] = step
 
-    def unwind(self) -> None:
-        """Switch the tape off."""
+    def stop(self) -> None:
+        """Switch the player off."""
         self.userdata[-SIZE:] = 0.0
 
 
 def add(root: mjcf.RootElement, *, bodies: int) -> None:
-    """Make room for a tape in a scene that is about to be compiled."""
+    """Make room for a player in a scene that is about to be compiled."""
     install()
     root.size.nuserdata = bodies * dry_friction.USERDATA_SIZE + SIZE
 
 
-class Offsets(NamedTuple):
+class PlayerOffsets(NamedTuple):
     """Where this build of MuJoCo keeps what the callback reads, bytes from the start of `mjModel` or `mjData`."""
 
     nuserdata: int
@@ -114,12 +114,12 @@ class Offsets(NamedTuple):
     sources: int  # no offset: `fingerprint` of what the callback is compiled from besides this file
 
 
-def _compile(at: Offsets):
+def _compile(at: PlayerOffsets):
     """Compile the callback for these offsets. They stand in its closure, so that numba's cache tells builds apart."""
     push, out, stride = dry_friction.PUSH_SIZE, dry_friction.OUT_SIZE, dry_friction.USERDATA_SIZE
 
     @cfunc("void(uint64, uint64)", cache=True)
-    def tape(m, d):
+    def play(m, d):
         size = integer(m, at.nuserdata)
         if size < SIZE:
             return
@@ -148,22 +148,22 @@ def _compile(at: Offsets):
                 user[b * stride + i] = command[b * push + i]
         user[size - 8] = step + 1
 
-    return tape
+    return play
 
 
 _INSTALLED: list[object] = []  # keeps the callback alive for as long as MuJoCo may call it
 
 
 def install() -> None:
-    """Give the tape to MuJoCo, once per process."""
+    """Give the player to MuJoCo, once per process."""
     if _INSTALLED:
         return
     xml = """<mujoco><size nuserdata="6007"/><worldbody><body><joint/><geom size=".1"/></body></worldbody></mujoco>"""
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     m, d = model._address, data._address  # type: ignore[attr-defined]
-    tape = _compile(
-        Offsets(
+    compiled = _compile(
+        PlayerOffsets(
             nuserdata=offset_of(m, 6007, 4000),
             userdata=offset_of(d, data.userdata.ctypes.data),
             qpos=offset_of(d, data.qpos.ctypes.data),
@@ -171,6 +171,6 @@ def install() -> None:
             sources=fingerprint(engine_memory.__file__),
         )
     )
-    callback = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64)(tape.address)
-    _INSTALLED.extend([tape, callback])
+    callback = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64)(compiled.address)
+    _INSTALLED.extend([compiled, callback])
     mujoco.set_mjcb_control(callback)

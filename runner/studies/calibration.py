@@ -13,7 +13,6 @@ import pandas as pd
 
 from runner.config import registered
 from runner.errors import check_range
-from runner.estimation.belief import Tracker
 from runner.estimation.calibration import (
     Calibrated,
     Chosen,
@@ -27,6 +26,7 @@ from runner.estimation.calibration import (
 from runner.estimation.copies import Copies, errors
 from runner.estimation.data import measured_sd, motion_of, times
 from runner.estimation.joint import Joint, PriorConfig, write_view
+from runner.estimation.tracker import Tracker
 from runner.physics.forces import AbstractForces, CsvForces, PaperForces, RandomForces
 from runner.physics.scene import push_columns
 from runner.progress import track

@@ -13,11 +13,11 @@ import pandas as pd
 from runner.config import registered
 from runner.errors import check_range
 from runner.estimation.averaged import Average, Averaged
-from runner.estimation.belief import Tracker
 from runner.estimation.copies import FRICTION, INERTIA, MASS, STATE, Copies, to_values
-from runner.estimation.data import Motion, measured_sd, motion_of
+from runner.estimation.data import RemoteMotion, measured_sd, motion_of
 from runner.estimation.joint import Joint, PriorConfig, write_view
 from runner.estimation.published import published
+from runner.estimation.tracker import Tracker
 from runner.estimation.watch import INTERVAL, Watch, Watched
 from runner.progress import progress, track
 from runner.storage.writing import write_parquet
@@ -121,7 +121,7 @@ class Certainty(AbstractStudy):
             *self._averages(experiment, motion, copies),
         ]
 
-    def _intervals(self, experiment: Experiment, motion: Motion, copies: Copies, folder: Path) -> Rows:
+    def _intervals(self, experiment: Experiment, motion: RemoteMotion, copies: Copies, folder: Path) -> Rows:
         tracker = Tracker(copies, measured_sd(experiment.link.noise))
         prior = self.prior.around(experiment.local)
         rng = np.random.default_rng([experiment.seed, 6])
@@ -169,7 +169,7 @@ class Certainty(AbstractStudy):
         write_parquet(folder / OVER_TIME, pd.concat(parts, ignore_index=True))
         return rows
 
-    def _freezing(self, experiment: Experiment, motion: Motion, copies: Copies, folder: Path) -> Rows:
+    def _freezing(self, experiment: Experiment, motion: RemoteMotion, copies: Copies, folder: Path) -> Rows:
         watch = Watch(Tracker(copies, measured_sd(experiment.link.noise)), self.certain)
         prior = self.prior.around(experiment.local)
         changed_at = int(np.searchsorted(motion.times_s, self.change_s - 1e-9))
@@ -193,7 +193,7 @@ class Certainty(AbstractStudy):
         return rows
 
     @staticmethod
-    def _changed(motion: Motion, change: Change, copies: Copies, changed_at: int) -> Motion:
+    def _changed(motion: RemoteMotion, change: Change, copies: Copies, changed_at: int) -> RemoteMotion:
         """Return how the object moves if it changes before that update."""
         after = change.applied(motion.true_x)
         states, at = [], np.zeros((1, STATE))
@@ -202,7 +202,7 @@ class Certainty(AbstractStudy):
             states.append(at[0])
         return replace(motion, states=np.array(states))
 
-    def _freezing_row(self, change: Change, motion: Motion, seen: list[_Seen], changed_at: int) -> dict[str, Any]:
+    def _freezing_row(self, change: Change, motion: RemoteMotion, seen: list[_Seen], changed_at: int) -> dict[str, Any]:
         unchanged = change.name == "none"
         right = [[k for k in run.alarms if k >= changed_at and not unchanged] for run in seen]
         first_s = [motion.times_s[alarms[0]] - motion.times_s[changed_at - 1] for alarms in right if alarms]
@@ -222,12 +222,14 @@ class Certainty(AbstractStudy):
         }
 
     @staticmethod
-    def _course(change: Change, motion: Motion, x: np.ndarray, frozen: list[bool], copies: Copies) -> pd.DataFrame:
+    def _course(
+        change: Change, motion: RemoteMotion, x: np.ndarray, frozen: list[bool], copies: Copies
+    ) -> pd.DataFrame:
         values = to_values(x, copies.half_size_m)
         columns = {parameter: values[:, j] for j, parameter in enumerate(PARAMETERS)}
         return pd.DataFrame({"change": change.name, "time_s": motion.times_s, "frozen": frozen, **columns})
 
-    def _averages(self, experiment: Experiment, motion: Motion, copies: Copies) -> Rows:
+    def _averages(self, experiment: Experiment, motion: RemoteMotion, copies: Copies) -> Rows:
         measured = motion.measured(experiment.link.noise, [experiment.seed + i for i in range(self.average_seeds)])
         true_kg = float(to_values(motion.true_x, copies.half_size_m)[MASS])
         rules = {

@@ -11,11 +11,11 @@ import pandas as pd
 
 from runner.config import registered
 from runner.errors import check_range
-from runner.estimation.belief import Tracker
 from runner.estimation.copies import Copies, to_vector
 from runner.estimation.data import measured_sd, motion_of
 from runner.estimation.eq6 import ComEq6, Factor
 from runner.estimation.joint import Joint, PriorConfig, write_view
+from runner.estimation.tracker import Tracker
 from runner.physics.forces import AbstractForces, Offcentre, Straight
 from runner.storage.writing import write_parquet
 from runner.studies.base import AbstractStudy, Rows

@@ -13,12 +13,13 @@ import scipy
 
 from runner.config import registered
 from runner.errors import check_range
-from runner.estimation.belief import Belief, Prior, Tracker, observable
+from runner.estimation.belief import Belief, Prior, observable
 from runner.estimation.bound import batch_fit, bound, information
 from runner.estimation.copies import COM_X, COM_Y, SIZE, Copies, errors, to_values
-from runner.estimation.data import Motion, measured_sd, motion_of, times
+from runner.estimation.data import RemoteMotion, measured_sd, motion_of, times
 from runner.estimation.joint import Joint, PriorConfig, write_view
 from runner.estimation.published import published
+from runner.estimation.tracker import Tracker
 from runner.estimation.watch import INTERVAL
 from runner.progress import progress
 from runner.storage.writing import write_parquet
@@ -103,7 +104,7 @@ def _since(time_s: np.ndarray, error: np.ndarray, limit: float) -> float:
     return float(time_s[first]) if first < len(time_s) else float("nan")
 
 
-def _write_tracks(path: Path, motion: Motion, error: np.ndarray, sd: np.ndarray) -> None:
+def _write_tracks(path: Path, motion: RemoteMotion, error: np.ndarray, sd: np.ndarray) -> None:
     """Write errors and standard deviations (m, lanes, 5) of all starts."""
     m, lanes, _ = error.shape
     table = pd.DataFrame(
@@ -127,7 +128,9 @@ class Course:
     last: Belief
 
 
-def follow(tracker: Tracker, belief: Belief, motion: Motion, measured: np.ndarray, every: int, title: str) -> Course:
+def follow(
+    tracker: Tracker, belief: Belief, motion: RemoteMotion, measured: np.ndarray, every: int, title: str
+) -> Course:
     """Update a belief with all measurements (N, m, 6) of a motion, and keep every so many of the results."""
     at, x, sd = [], [], []
     windows = motion.windows()
@@ -176,7 +179,7 @@ class JointNoise(AbstractStudy):
         write_view(experiment, folder, {"joint": Joint(self.prior, experiment.link.noise)})
         return rows
 
-    def _rows(self, experiment: Experiment, motion: Motion, factor: float) -> tuple[Rows, pd.DataFrame]:
+    def _rows(self, experiment: Experiment, motion: RemoteMotion, factor: float) -> tuple[Rows, pd.DataFrame]:
         noise = times(experiment.link.noise, factor)
         seeds = [experiment.seed + i for i in range(self.seeds)]
         measured = motion.measured(noise, seeds)
@@ -223,7 +226,13 @@ class JointNoise(AbstractStudy):
         return rows, self._course(motion, course, rmse, least, np.sqrt((off**2).mean(axis=0)), factor)
 
     def _course(
-        self, motion: Motion, course: Course, rmse: np.ndarray, least: np.ndarray, by_rule: np.ndarray, factor: float
+        self,
+        motion: RemoteMotion,
+        course: Course,
+        rmse: np.ndarray,
+        least: np.ndarray,
+        by_rule: np.ndarray,
+        factor: float,
     ) -> pd.DataFrame:
         """Return errors over time; `by_rule` (m,) is that of the mass by the published rule."""
         error = np.abs(course.x - motion.true_x)
@@ -247,7 +256,7 @@ class JointNoise(AbstractStudy):
 
     @staticmethod
     def _batch_difference(
-        tracker: Tracker, motion: Motion, measured: np.ndarray, found: np.ndarray, sd: np.ndarray
+        tracker: Tracker, motion: RemoteMotion, measured: np.ndarray, found: np.ndarray, sd: np.ndarray
     ) -> np.ndarray:
         """Return how far the batch answer, begun two standard deviations away, is from the recursive one, (5,)."""
         fit = batch_fit(tracker.copies, found + 2.0 * sd, motion.pushes, motion.ends, measured, tracker.noise_sd)

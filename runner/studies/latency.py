@@ -22,9 +22,10 @@ import scipy
 
 from runner.config import registered
 from runner.errors import check_range
-from runner.estimation.belief import Prior, Tracker
+from runner.estimation.belief import Prior
 from runner.estimation.copies import Copies, errors, to_vector
 from runner.estimation.data import measured_sd
+from runner.estimation.tracker import Tracker
 from runner.physics import dry_friction
 from runner.progress import progress
 from runner.storage.writing import write_parquet

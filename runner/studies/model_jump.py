@@ -31,7 +31,7 @@ from runner.studies.base import AbstractStudy, Rows
 from runner.teleop.batch import run_batch
 from runner.teleop.columns import POSITION, VELOCITY
 from runner.teleop.experiment import Experiment, commands, set_start
-from runner.teleop.follow import AbstractFollow, Blended, DeadBand, FreeSpace, Immediate, RateLimited
+from runner.teleop.follow import AbstractFollow, Blended, FreeSpace, Immediate, PerceptualDeadBand, RateLimited
 from runner.teleop.frames import RunResult
 from runner.teleop.sinks import RrdSink
 
@@ -129,7 +129,7 @@ class ModelJump(AbstractStudy):
             "rate_limited": RateLimited(),
             "blended": Blended(),
             "free_space": FreeSpace(),
-            "dead_band": DeadBand(),
+            "dead_band": PerceptualDeadBand(),
         }
         out = []
         for name, policy in track(list(policies.items()), "Following", unit="policies"):

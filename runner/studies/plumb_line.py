@@ -26,7 +26,7 @@ import rerun.blueprint as rrb
 from runner.config import registered
 from runner.effects.planar_box import Target
 from runner.errors import ConfigError, ResultError, check_range, check_vector
-from runner.physics.scene import Contact, Dof, build, rotate
+from runner.physics.scene import Dof, FloorContact, build, rotate
 from runner.progress import track
 from runner.studies.base import AbstractStudy, Rows
 from runner.teleop.experiment import REMOTE, Experiment
@@ -112,7 +112,7 @@ class Hanging:
 
 def hang(experiment: Experiment, points_m: Sequence[Sequence[float]]) -> Hanging:
     """Return the remote of an experiment, effects included, so that it can be hung from these points, body axes."""
-    scene = replace(experiment.scene, dof=Dof.free, contact=Contact.corners)
+    scene = replace(experiment.scene, dof=Dof.free, contact=FloorContact.corners)
     root = build(scene, {REMOTE: experiment.remote.body})
     body = root.find("body", REMOTE)
     body.pos = (0.0, 0.0, LIFT_M)

@@ -19,9 +19,9 @@ from runner.teleop.experiment import (
     commands,
     compile_key,
     handles_of,
+    player_of,
     scene_of,
     set_numbers,
-    tape_of,
     truth_of,
     warning_text,
 )
@@ -71,7 +71,9 @@ def _run_group(experiments: list[Experiment], threads: int, advance: Advance) ->
     ]
     numbers = [ModelArrays(*one) for one in zip(*live, strict=True)]
     given = _given(experiments)
-    reels = [tape_of(e, m).wind(u, c.pushes) for e, m, u, c in zip(experiments, models, userdata, given, strict=True)]
+    playbacks = [
+        player_of(e, m).start(u, c.pushes) for e, m, u, c in zip(experiments, models, userdata, given, strict=True)
+    ]
     records = [RunRecord(e, handles_of(e, m), c) for e, m, c in zip(experiments, models, given, strict=True)]
     in_step = LocalSides(records, qpos, qvel, numbers) if LocalSides.serves(records) else None
     updates = [side_of(one[0])(*one) for one in zip(records, qpos, qvel, numbers, strict=True)] if not in_step else []
@@ -95,7 +97,7 @@ def _run_group(experiments: list[Experiment], threads: int, advance: Advance) ->
             advance(count * len(ids))
     wall_s = (time.perf_counter() - begin) / len(experiments)
     return [
-        result_of(records[i], truth_of(e, models[i]), reels[i].frames[: done[i]], wall_s, reasons[i])
+        result_of(records[i], truth_of(e, models[i]), playbacks[i].frames[: done[i]], wall_s, reasons[i])
         for i, e in enumerate(experiments)
     ]
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from runner.physics import dry_friction
-from runner.physics.scene import Body as Handle
+from runner.physics.scene import BodyHandle
 from runner.teleop.experiment import REMOTE
 from runner.teleop.frames import Frames, RunResult, Status, Truth
 from runner.teleop.run_record import RunRecord
@@ -64,7 +64,7 @@ def _read_only(columns: Iterable[tuple[str, np.ndarray]]) -> dict[str, np.ndarra
     return out
 
 
-def _state_columns(name: str, handle: Handle, qpos: np.ndarray, qvel: np.ndarray) -> dict[str, np.ndarray]:
+def _state_columns(name: str, handle: BodyHandle, qpos: np.ndarray, qvel: np.ndarray) -> dict[str, np.ndarray]:
     """Columns of one body's state, from all positions (nq, n) and velocities (nv, n)."""
     q, v = qpos[handle.qpos_adr :], qvel[handle.dof_adr :]
     out = {f"{name}_{c}": q[i] for i, c in enumerate(POSITION[handle.joints])}
@@ -132,7 +132,7 @@ def _command_columns(record: RunRecord, rows: slice | np.ndarray) -> dict[str, n
 
 
 def _contact_columns(record: RunRecord, names: Sequence[str], raw: np.ndarray) -> dict[str, np.ndarray]:
-    """What the law said of each body, from raw frames (width, n); nothing where it does not carry the bodies."""
+    """What dry friction said of each body, from raw frames (width, n); nothing where it does not carry the bodies."""
     out = {}
     for b, (name, handle) in enumerate(zip(names, record.handles, strict=True)):
         if handle.joints == dry_friction.PLANAR:

@@ -1,7 +1,7 @@
 """The experiment as values: what is simulated, with what truth, from what start, over what link, with what rule.
 
-`World` is the compiled form: one model with the remote cube and a local cube for each estimator, all in the same
-place and not touching one another, and the commands of every physics step.
+`CompiledExperiment` is its compiled form: one model with the remote cube and a local cube for each estimator, all in
+the same place and not touching one another, and the commands of every physics step.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ from runner.effects.planar_box import EFFECTS, PlanarEffect, Target
 from runner.errors import ConfigError, check_range, check_vector
 from runner.physics import dry_friction, player
 from runner.physics.forces import AbstractForces
-from runner.physics.scene import Body as Handle
-from runner.physics.scene import BodyConfig, SceneConfig, build, check_inertia, handles, push_columns
+from runner.physics.scene import BodyConfig, BodyHandle, SceneConfig, build, check_inertia, handles, push_columns
 from runner.teleop.estimators import AbstractEstimator
 from runner.teleop.follow import AbstractFollow, Immediate
 from runner.teleop.frames import Truth
@@ -194,8 +193,8 @@ class Physics(mjcf.Physics):
 
 
 @dataclass(frozen=True)
-class World:
-    """A compiled experiment: physics, the handles of the cubes, the tape, and the truth.
+class CompiledExperiment:
+    """An experiment ready to run: physics, the handles of the cubes, the player, and the truth.
 
     `handles[0]` is the remote's, then one for each estimator, in their order. `truth` has the true and start values of
     what may be estimated.
@@ -203,8 +202,8 @@ class World:
 
     physics: mjcf.Physics
     scratch: mujoco.MjData
-    handles: tuple[Handle, ...]
-    tape: player.Tape
+    handles: tuple[BodyHandle, ...]
+    player: player.Player
     truth: Mapping[str, Truth]
 
     @property
@@ -218,20 +217,20 @@ class World:
         return self.physics.data.ptr
 
 
-def build_world(experiment: Experiment) -> World:
+def compile_experiment(experiment: Experiment) -> CompiledExperiment:
     """Compile an experiment; every call gives a physics of its own."""
     physics = Physics.from_mjcf_model(scene_of(experiment))
     physics.legacy_step = False
     model = physics.model.ptr
     scratch = mujoco.MjData(model)
     set_numbers(experiment, model, scratch)
-    return World(
-        physics, scratch, handles_of(experiment, model), tape_of(experiment, model), truth_of(experiment, model)
+    return CompiledExperiment(
+        physics, scratch, handles_of(experiment, model), player_of(experiment, model), truth_of(experiment, model)
     )
 
 
 def scene_of(experiment: Experiment) -> mjcf.RootElement:
-    """Return the MJCF: the remote, the locals as if their mass were known, what effects add, and room for the tape."""
+    """Return the MJCF: the remote, the locals as if their mass were known, what effects add, room for the player."""
     remote = experiment.remote
     local = replace(experiment.local, mass_kg=remote.mass_kg, inertia_kg_m2=None)
     root = build(experiment.scene, {REMOTE: remote.body} | dict.fromkeys(experiment.estimator, local))
@@ -274,16 +273,16 @@ def set_start(experiment: Experiment, model: mujoco.MjModel, scratch: mujoco.MjD
     mujoco.mj_setConst(model, scratch)
 
 
-def handles_of(experiment: Experiment, model: mujoco.MjModel) -> tuple[Handle, ...]:
+def handles_of(experiment: Experiment, model: mujoco.MjModel) -> tuple[BodyHandle, ...]:
     """Return the handles of the remote and of the locals, in the order of the estimators."""
     names = [REMOTE, *experiment.estimator]
     found = handles(model, names)
     return tuple(found[name] for name in names)
 
 
-def tape_of(experiment: Experiment, model: mujoco.MjModel) -> player.Tape:
-    """Return the tape that `scene_of` made room for."""
-    return player.Tape(1 + len(experiment.estimator), model.nq, model.nv)
+def player_of(experiment: Experiment, model: mujoco.MjModel) -> player.Player:
+    """Return the player that `scene_of` made room for."""
+    return player.Player(1 + len(experiment.estimator), model.nq, model.nv)
 
 
 def truth_of(experiment: Experiment, model: mujoco.MjModel) -> dict[str, Truth]:

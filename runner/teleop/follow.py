@@ -123,9 +123,9 @@ class FreeSpace(AbstractFollow):
         return NOTHING if difference.pushed else ALL
 
 
-@registered("follow")
+@registered("follow", "dead_band")
 @dataclass(frozen=True)
-class DeadBand(AbstractFollow):
+class PerceptualDeadBand(AbstractFollow):
     """Leave alone what can't be felt, and take over at once what can: Weber's law.
 
     A change is felt if it is more than a fixed fraction of what is there already. Measured were about 7 % for the force

@@ -9,7 +9,7 @@ own states at all those steps. So
  3. the local model starts again from the received state, and is simulated to the present under the recorded commands.
 
 With a constant delay of k ticks the estimates are those of an ideal link, bit for bit, k ticks later. All of it is
-MuJoCo: a second model with the local cubes alone, whose tape holds the commands and the states of every step.
+MuJoCo: a second model with the local cubes alone, whose player holds the commands and the states of every step.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ import mujoco
 import numpy as np
 
 from runner.physics import dry_friction, player
-from runner.physics.scene import Body as Handle
-from runner.physics.scene import build, handles
+from runner.physics.scene import BodyHandle, build, handles
 from runner.teleop.experiment import Commands, Experiment, set_start
 
 
@@ -37,14 +36,14 @@ class Resimulation:
         self._scratch = mujoco.MjData(self.model)
         set_start(experiment, self.model, self._scratch)
         found = handles(self.model, names)
-        self.handles: tuple[Handle, ...] = tuple(found[name] for name in names)
+        self.handles: tuple[BodyHandle, ...] = tuple(found[name] for name in names)
         self.step = 0
         self._data = mujoco.MjData(self.model)
         self._timestep_s = experiment.scene.timestep_s
         # the remote's commands come first
         self._commands = np.ascontiguousarray(given.pushes[:, dry_friction.PUSH_SIZE :])
-        tape_of_locals = player.Tape(len(names), self.model.nq, self.model.nv)
-        self._reel = tape_of_locals.wind(self._data.userdata, self._commands)
+        player_of_locals = player.Player(len(names), self.model.nq, self.model.nv)
+        self._playback = player_of_locals.start(self._data.userdata, self._commands)
 
     def set_parameters(self) -> None:
         """Derive what MuJoCo derives from masses and inertias, after they were written into `model`."""
@@ -64,7 +63,7 @@ class Resimulation:
         self.advance(step)
         if step == self.step:
             return self._data.qpos, self._data.qvel
-        frame = self._reel.frames[step]
+        frame = self._playback.frames[step]
         return frame[: self.model.nq], frame[self.model.nq : self.model.nq + self.model.nv]
 
     def restart(self, step: int, position: np.ndarray, velocity: np.ndarray) -> None:
@@ -74,5 +73,5 @@ class Resimulation:
             data.qpos[handle.qpos_adr : handle.qpos_adr + handle.nq] = position
             data.qvel[handle.dof_adr : handle.dof_adr + handle.nv] = velocity
         data.time = step * self._timestep_s
-        self._reel.go_to(step)
+        self._playback.go_to(step)
         self.step = step

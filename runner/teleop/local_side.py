@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from runner.physics import dry_friction
-from runner.physics.scene import Body as Handle
+from runner.physics.scene import BodyHandle
 from runner.teleop.estimators import Cuts, Outcome, Seen
 from runner.teleop.parameters import ModelArrays, writer
 from runner.teleop.run_record import RunRecord
@@ -100,7 +100,7 @@ def local_side(record: RunRecord, qpos: np.ndarray, qvel: np.ndarray, numbers: M
     return update
 
 
-def cuts_of(handle: Handle) -> Cuts:
+def cuts_of(handle: BodyHandle) -> Cuts:
     """Where a body's position, linear and angular velocity stand in qpos and qvel."""
     turning = 3 if handle.joints == dry_friction.FREE else 1
     v = handle.dof_adr

@@ -14,7 +14,7 @@ from dm_control.rl.control import PhysicsError
 
 from runner.progress import Advance, silent
 from runner.teleop.columns import result_of
-from runner.teleop.experiment import Experiment, World, build_world, commands, set_start
+from runner.teleop.experiment import CompiledExperiment, Experiment, commands, compile_experiment, set_start
 from runner.teleop.frames import RunResult
 from runner.teleop.parameters import ModelArrays
 from runner.teleop.run_record import RunRecord
@@ -28,20 +28,20 @@ def run(experiment: Experiment, advance: Advance = silent) -> RunResult:
         experiment: What to run.
         advance: Called with the number of steps since its last call, now and then, for a progress bar.
     """
-    return run_world(experiment, build_world(experiment), advance)
+    return run_compiled(experiment, compile_experiment(experiment), advance)
 
 
-def run_world(experiment: Experiment, world: World, advance: Advance = silent) -> RunResult:
+def run_compiled(experiment: Experiment, compiled: CompiledExperiment, advance: Advance = silent) -> RunResult:
     """Run an experiment on a world that was built for it; the world starts afresh, whatever was done with it."""
-    world.physics.reset()
-    set_start(experiment, world.model, world.scratch)
+    compiled.physics.reset()
+    set_start(experiment, compiled.model, compiled.scratch)
     given = commands(experiment)
-    model, data = world.model, world.data
-    record = RunRecord(experiment, world.handles, given)
+    model, data = compiled.model, compiled.data
+    record = RunRecord(experiment, compiled.handles, given)
     update = side_of(record)(record, data.qpos, data.qvel, ModelArrays.of(model))
-    reel = world.tape.wind(data.userdata, given.pushes)
+    playback = compiled.player.start(data.userdata, given.pushes)
     done, reason = 0, ""
-    step, set_const, scratch = world.physics.step, mujoco.mj_setConst, world.scratch
+    step, set_const, scratch = compiled.physics.step, mujoco.mj_setConst, compiled.scratch
     begin = time.perf_counter()
     try:
         for end in record.ends.tolist():
@@ -56,6 +56,6 @@ def run_world(experiment: Experiment, world: World, advance: Advance = silent) -
     except PhysicsError as error:
         reason = f"{' '.join(str(error).split())} after {done * experiment.scene.timestep_s:g} s"
     finally:
-        reel.unwind()
+        playback.stop()
     wall_s = time.perf_counter() - begin
-    return result_of(record, world.truth, reel.frames[:done], wall_s, reason)
+    return result_of(record, compiled.truth, playback.frames[:done], wall_s, reason)

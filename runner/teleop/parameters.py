@@ -1,7 +1,7 @@
 """The parameters that estimators may estimate, and how they are written into a model while it runs.
 
 `mass_kg`; `com_x_m`, `com_y_m`: centre of mass from the geometric centre, body axes; `yaw_inertia_kgm2`: moment of
-inertia about the vertical through the centre of mass; `friction_coefficient`: of the compiled law.
+inertia about the vertical through the centre of mass; `friction_coefficient`: of the compiled dry friction.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _MU = dry_friction.COLUMN["mu"]
 
 
 class ModelArrays(NamedTuple):
-    """Live arrays of a model, by body: mass (b,), diagonal inertia (b, 3), CoM (b, 3), the law's record (b, n)."""
+    """Live arrays of a model, by body: mass (b,), diagonal inertia (b, 3), CoM (b, 3), the friction record (b, n)."""
 
     body_mass: np.ndarray
     body_inertia: np.ndarray

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from runner.physics import dry_friction
-from runner.physics.scene import Body as Handle
+from runner.physics.scene import BodyHandle
 from runner.teleop.estimators import Setup
 from runner.teleop.experiment import Commands, Experiment
 from runner.teleop.link import newest, schedule, update_steps
@@ -47,7 +47,7 @@ class RunRecord:
         shown: Per estimator, the values that its shown cube had after each tick; empty where those of the estimate.
     """
 
-    def __init__(self, experiment: Experiment, handles: Sequence[Handle], given: Commands) -> None:
+    def __init__(self, experiment: Experiment, handles: Sequence[BodyHandle], given: Commands) -> None:
         self.experiment, self.handles, self.commands = experiment, handles, given
         # the pushes of the locals: the nominal ones
         self.setup = Setup(

@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from runner.blind.make.case import make_case
 from runner.blind.make.case_set import HASH_FILE, MadeCases, make_cases, part_of
-from runner.blind.make.plan import BANDS, Job, Mix, plan_jobs
+from runner.blind.make.plan import BANDS, CasePlan, Mix, plan_cases
 from runner.blind.make.reality import Reality
 from runner.blind.make.size import find_size, simulate_or_none
 
 __all__ = [
     "BANDS",
     "HASH_FILE",
-    "Job",
+    "CasePlan",
     "MadeCases",
     "Mix",
     "Reality",
@@ -25,6 +25,6 @@ __all__ = [
     "make_case",
     "make_cases",
     "part_of",
-    "plan_jobs",
+    "plan_cases",
     "simulate_or_none",
 ]

@@ -11,7 +11,7 @@ import pandas as pd
 
 from runner.blind.excite import Drive, draw_episodes
 from runner.blind.make.files import nominal_of, table_of
-from runner.blind.make.plan import BANDS, PAIR_BANDS, Job
+from runner.blind.make.plan import BANDS, PAIR_BANDS, CasePlan
 from runner.blind.make.reality import Reality, draw_noise, draw_world, mismatched, noise_of
 from runner.blind.make.size import COARSE, error_ratio, simulate_or_none, size_for
 from runner.blind.plants import UnplantedCase, draw
@@ -22,24 +22,24 @@ KINDS = ("position", "position", "yaw", "velocity", "velocity", "rate")  # of th
 ATTEMPTS = 40
 
 
-def make_case(job: Job, reality: Reality, folder: Path) -> tuple[str, dict]:
+def make_case(plan: CasePlan, reality: Reality, folder: Path) -> tuple[str, dict]:
     """Write one case into its folder and return its name and its answer.
 
     Where a severity can't be reached with a sensible size, the next lower one is tried, then everything is drawn anew.
     """
-    generator = np.random.default_rng(job.seed)
+    generator = np.random.default_rng(plan.seed)
     for _ in range(ATTEMPTS):
-        made = _try_case(job, reality, generator)
+        made = _try_case(plan, reality, generator)
         if made is not None:
             nominal, table, answer = made
             folder.mkdir(parents=True, exist_ok=True)
             write_yaml(folder / "nominal.yaml", nominal)
             write_parquet(folder / "recording.parquet", table)
             return folder.name, answer
-    raise ConfigError(f"blind.effect: no sensible size of {job.wanted} reaches its severity in {ATTEMPTS} tries.")
+    raise ConfigError(f"blind.effect: no sensible size of {plan.wanted} reaches its severity in {ATTEMPTS} tries.")
 
 
-def _try_case(job: Job, reality: Reality, g: np.random.Generator) -> tuple[dict, pd.DataFrame, dict] | None:
+def _try_case(plan: CasePlan, reality: Reality, g: np.random.Generator) -> tuple[dict, pd.DataFrame, dict] | None:
     believed = draw_world(reality, g)
     rate_hz = float(g.choice([60, 60, 60, 100, 120, 240, 240]))
     drive = Drive(believed, rate_hz, heights=bool(g.random() < reality.heights))
@@ -53,17 +53,17 @@ def _try_case(job: Job, reality: Reality, g: np.random.Generator) -> tuple[dict,
     real, mismatch = mismatched(case, reality, sigma, g)
 
     world, effects, accept = real, [], set()
-    for name, severity in job.wanted:
+    for name, severity in plan.wanted:
         plant = draw(name, replace(case, world=real), g)
-        bands = PAIR_BANDS if job.kind == "pair" else BANDS
+        bands = PAIR_BANDS if plan.kind == "pair" else BANDS
         sized = size_for(
-            plant, severity, bands, real, case, sigma, g, lowest="moderate" if job.kind != "single" else "subtle"
+            plant, severity, bands, real, case, sigma, g, lowest="moderate" if plan.kind != "single" else "subtle"
         )
         if sized is None:
             return None
         size, reached = sized
         true = {k: v if isinstance(v, str) else float(v) for k, v in plant.true(world, size).items()}
-        if job.kind == "unknown":
+        if plan.kind == "unknown":
             effects.append({"name": "unknown", "severity": reached, "true": {"what": name, **true}})
         else:
             effects.append({"name": name, "severity": reached, "true": true})
@@ -83,7 +83,7 @@ def _try_case(job: Job, reality: Reality, g: np.random.Generator) -> tuple[dict,
         "error_ratio": round(float(np.sqrt(np.mean(difference**2))), 3),
         "accept": sorted(accept) or ["none"],
         "made": {
-            "kind": job.kind,
+            "kind": plan.kind,
             "mismatch_ratio": round(error_ratio(simulate_or_none(real, episodes), nominal_paths, sigma), 4),
             "mismatch": mismatch,
             "noise": noise,

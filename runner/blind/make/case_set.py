@@ -13,9 +13,9 @@ from typing import cast
 
 from joblib import Parallel, delayed
 
-from runner.blind.ledger import Ledger
+from runner.blind.checkpoint import Checkpoint
 from runner.blind.make.case import make_case
-from runner.blind.make.plan import Mix, case_names, plan_jobs
+from runner.blind.make.plan import Mix, case_names, plan_cases
 from runner.blind.make.reality import Reality
 from runner.errors import ConfigError, check_range
 from runner.progress import track
@@ -88,15 +88,16 @@ def make_cases(
     begun = time.perf_counter()
     mix, reality = mix or Mix(), reality or Reality()
     belongs = {"n": n, "seed": seed, "out": str(folder.resolve()), "mix": asdict(mix), "reality": asdict(reality)}
-    ledger = Ledger(kept, belongs)
+    checkpoint = Checkpoint(kept, belongs)
     names = case_names(n, seed)
-    todo = [(job, name) for job, name in zip(plan_jobs(n, seed, mix), names, strict=True) if name not in ledger.done]
-    calls = (delayed(make_case)(job, reality, folder / name) for job, name in todo)
+    plans = zip(plan_cases(n, seed, mix), names, strict=True)
+    todo = [(plan, name) for plan, name in plans if name not in checkpoint.done]
+    calls = (delayed(make_case)(plan, reality, folder / name) for plan, name in todo)
     results = Parallel(n_jobs=workers or os.cpu_count() or 1, return_as="generator_unordered")(calls)
     results = cast("Iterable[tuple[str, dict]]", results)
     for name, answer in track(results, "Making cases", total=len(todo), unit="cases"):
-        ledger.add(name, answer)
-    text = json.dumps({name: ledger.done[name] for name in sorted(names)}, indent=1) + "\n"
+        checkpoint.add(name, answer)
+    text = json.dumps({name: checkpoint.done[name] for name in sorted(names)}, indent=1) + "\n"
     write_text(answers, text)
     digest = hashlib.sha256(text.encode()).hexdigest()
     write_text(folder / HASH_FILE, f"{digest}  {answers.name}\n")

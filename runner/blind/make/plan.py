@@ -31,7 +31,7 @@ class Mix:
 
 
 @dataclass(frozen=True)
-class Job:
+class CasePlan:
     """One case to make: what kind, which effects at which severity (drawn beforehand, so that a set is balanced)."""
 
     kind: str  # single, pair, null, unknown
@@ -47,7 +47,7 @@ def case_names(n: int, seed: int) -> list[str]:
     return list(names)
 
 
-def plan_jobs(n: int, seed: int, mix: Mix) -> list[Job]:
+def plan_cases(n: int, seed: int, mix: Mix) -> list[CasePlan]:
     """Return what each case is to hold: counts by largest remainder, effects and severities from shuffled decks."""
     generator = np.random.default_rng([seed, 1])
     shares = asdict(mix)
@@ -70,7 +70,7 @@ def plan_jobs(n: int, seed: int, mix: Mix) -> list[Job]:
         severities = generator.choice(list(PAIR_BANDS), 2)
         wanted.append(("pair", tuple((name, str(s)) for name, s in zip(pair, severities, strict=True))))
     order = generator.permutation(n)
-    return [Job(*wanted[int(i)], seed=(seed, 2, number)) for number, i in enumerate(order)]
+    return [CasePlan(*wanted[int(i)], seed=(seed, 2, number)) for number, i in enumerate(order)]
 
 
 def _deal(count: int, names: list[str], severities: list[str], generator: np.random.Generator) -> list[tuple[str, str]]:

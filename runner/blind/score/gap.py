@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 
-from runner.blind.ledger import Ledger
+from runner.blind.checkpoint import Checkpoint
 from runner.blind.oracle import oracle_closed
 from runner.diagnosis.score import full_name
 from runner.progress import track
@@ -29,7 +29,7 @@ def oracle_fits(
     answers: dict[str, Any],
     verdicts: dict[str, Any],
     folder: Path,
-    ledger: Ledger | None,
+    checkpoint: Checkpoint | None,
     workers: int | None,
 ) -> dict[str, tuple[float, float]]:
     """Return what the oracle closes, and what can be closed, of each case with known effects."""
@@ -37,15 +37,15 @@ def oracle_fits(
     unseen = {name: verdicts[name].get("held_out") for name in names}
     # a fit is of a case and of the episodes that were left out of it
     keys = {name: f"{name} {unseen[name]}" for name in names}
-    fits: dict[str, Any] = {} if ledger is None else dict(ledger.done)
+    fits: dict[str, Any] = {} if checkpoint is None else dict(checkpoint.done)
     todo = [name for name in names if keys[name] not in fits]
     calls = (delayed(_told)(name, folder / name, answers[name]["effects"], unseen[name]) for name in todo)
     made = Parallel(n_jobs=workers or os.cpu_count() or 1, return_as="generator_unordered")(calls)
     made = cast("Iterable[tuple[str, tuple[float, float]]]", made)
     for name, fit in track(made, "Oracle", total=len(todo), unit="cases"):
         fits[keys[name]] = fit
-        if ledger is not None:
-            ledger.add(keys[name], fit)
+        if checkpoint is not None:
+            checkpoint.add(keys[name], fit)
     return {name: fits[keys[name]] for name in names}
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import pandas as pd
 
-from runner.blind.ledger import Ledger
+from runner.blind.checkpoint import Checkpoint
 from runner.blind.run import read_hash
 from runner.blind.score.bars import Bar, bars_of
 from runner.blind.score.gap import gap_of, oracle_fits
@@ -94,7 +94,7 @@ def blind_score(
     answers: dict[str, dict[str, Any]],
     cases: Path | None = None,
     *,
-    ledger: Ledger | None = None,
+    checkpoint: Checkpoint | None = None,
     workers: int | None = None,
 ) -> BlindScore:
     """Score verdicts; a case that has an answer but no verdict counts as wrong.
@@ -103,7 +103,7 @@ def blind_score(
         verdicts: By case.
         answers: By case, with `true` values.
         cases: Folder of the cases, for the oracle and for what is relative to the nominal model; None: without these.
-        ledger: Where the oracle's fits are kept; those that are there are not done again.
+        checkpoint: Where the oracle's fits are kept; those that are there are not done again.
         workers: Processes for the oracle; None: one per core.
 
     Raises:
@@ -119,7 +119,7 @@ def blind_score(
     )
     gap = None
     if cases is not None:
-        fits = oracle_fits(basic.cases, answers, verdicts, cases, ledger, workers)
+        fits = oracle_fits(basic.cases, answers, verdicts, cases, checkpoint, workers)
         gap = gap_of(basic.cases, answers, verdicts, fits)
     right = parameters[parameters["right"].astype(bool)].drop(columns="right").reset_index(drop=True)
     single = basic.cases[basic.cases["kind"] == "single"]

@@ -18,7 +18,7 @@ from runner.storage.numba_cache import fingerprint
 JOINTS = COLUMN["joints"]
 
 
-class Offsets(NamedTuple):
+class FrictionOffsets(NamedTuple):
     """Where this build of MuJoCo keeps what the callback reads, bytes from the start of `mjModel` or `mjData`."""
 
     nuser_body: int
@@ -44,7 +44,7 @@ class Offsets(NamedTuple):
     sources: int  # no offset: `fingerprint` of the files that the callback is compiled from
 
 
-def _measure() -> Offsets:
+def _measure() -> FrictionOffsets:
     """Find the fields in a model and its data that hold numbers which nothing else there has."""
     xml = (
         """<mujoco><size nuser_body="7919" nuserdata="6007"/><option timestep="0.00123456789"/><worldbody>
@@ -63,7 +63,7 @@ def _measure() -> Offsets:
     def of_data(name: str) -> int:
         return offset_of(d, getattr(data, name).ctypes.data)
 
-    return Offsets(
+    return FrictionOffsets(
         nuser_body=offset_of(m, 7919, 4000),
         nbody=offset_of(m, 17, 4000),
         timestep=offset_of(m, 0.00123456789, 4000),
@@ -88,7 +88,7 @@ def _measure() -> Offsets:
     )
 
 
-def _compile(at: Offsets):
+def _compile(at: FrictionOffsets):
     """Compile the callback for these offsets. They stand in its closure, so that numba's cache tells builds apart."""
 
     @cfunc("void(uint64, uint64)", cache=True)

@@ -12,7 +12,7 @@ from runner.storage.writing import write_text
 from runner.teleop.tables import append_line, whole_lines
 
 
-class Ledger:
+class Checkpoint:
     """A file of JSON lines: in the first what the items belong to, then one item each.
 
     Args:
@@ -23,7 +23,7 @@ class Ledger:
         done: Items by name.
 
     Raises:
-        ResultError: If the file is of something else, is no ledger, or can't be written.
+        ResultError: If the file is of something else, is no checkpoint, or can't be written.
     """
 
     def __init__(self, path: Path, belongs: Mapping[str, Any]) -> None:
@@ -57,10 +57,10 @@ class Ledger:
 
 
 def header(path: Path) -> dict[str, Any] | None:
-    """Return what the items of a ledger belong to; None where there is none.
+    """Return what the items of a checkpoint belong to; None where there is none.
 
     Raises:
-        ResultError: If the file is no ledger.
+        ResultError: If the file is no checkpoint.
     """
     if not path.exists():
         return None
