@@ -11,7 +11,7 @@ from typing import Any
 
 from hydra import initialize_config_dir
 from hydra.core.config_loader import ConfigLoader
-from hydra.core.global_hydra import GlobalHydra
+from hydra.core.global_hydra import GlobalHydra  # holds the loader, which alone composes several values for a key
 from hydra.core.object_type import ObjectType
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
@@ -44,7 +44,6 @@ class Composer:
             ConfigError: If it sets what could run something.
         """
         check_sources(overrides)
-        # not `hydra.compose`, which refuses several values for a key: those of a sweep
         composed = self.loader.load_configuration(
             self.config_name, [*QUIET, *overrides], mode, validate_sweep_overrides=mode is RunMode.RUN
         )

@@ -199,7 +199,10 @@ def _names(name: str, valid: Iterable[str]) -> str:
 
 
 def node_at(config: DictConfig, key: str) -> Node | None:
-    """Return the node at a dotted key, None if there is none."""
+    """Return the node at a dotted key, None if there is none.
+
+    `OmegaConf.select` gives values; what a key may hold is known to its node alone, which has no public way to it.
+    """
     node: Any = config
     for name in re.split(r"[.\[\]]+", key.rstrip("]")):
         if not isinstance(node, DictConfig) or node._is_none() or node._is_missing():
