@@ -9,6 +9,6 @@ from __future__ import annotations
 from runner.blind.score.bars import Bar, if_calibrated
 from runner.blind.score.gap import of_oracle
 from runner.blind.score.parameters import difference, planted
-from runner.blind.score.score import BlindScore, blind_score, check_hash
+from runner.blind.score.tables import BlindScore, blind_score, check_hash
 
 __all__ = ["Bar", "BlindScore", "blind_score", "check_hash", "difference", "if_calibrated", "of_oracle", "planted"]
