@@ -8,6 +8,6 @@ from __future__ import annotations
 
 from runner.blind.score.bars import Bar, if_calibrated
 from runner.blind.score.gap import of_oracle
-from runner.blind.score.score import BlindScore, blind_score, check_hash
+from runner.blind.score.tables import BlindScore, blind_score, check_hash
 
 __all__ = ["Bar", "BlindScore", "blind_score", "check_hash", "if_calibrated", "of_oracle"]

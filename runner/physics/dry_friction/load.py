@@ -11,7 +11,7 @@ from runner.physics.dry_friction.matrix3 import solve
 EDGE = 0.999  # the load's centre stays within this share of the outermost base points
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def moments(n, rx, ry, w, a, b, c, out):
     """Zeroth to second moments of the weights where a + b x + c y > 0 (6), and of the load there (3)."""
     s0 = sx = sy = sxx = sxy = syy = 0.0
@@ -31,7 +31,7 @@ def moments(n, rx, ry, w, a, b, c, out):
     out[8] = a * sy + b * sxy + c * syy
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def share_load(n, rx, ry, w, centre, weight, whole, load, share):
     """Fill `load` with N_k = weight * w_k max(a + b x_k + c y_k, 0) with this centre (cx, cy).
 
@@ -80,7 +80,7 @@ def share_load(n, rx, ry, w, centre, weight, whole, load, share):
     share[0], share[1], share[2] = a, b, c
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def lifted_share(share, turn, half, reach):
     """Share of the base |x| <= hx, |y| <= hy where the load is negative: above zero as soon as a corner lifts."""
     a, p, q = share[0], share[1], share[2]
@@ -95,7 +95,7 @@ def lifted_share(share, turn, half, reach):
     return area / (8.0 * b * c)
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def onto_base(y, turn, reach):
     """Return the place of the base that is nearest to y (2), and how it follows y (3, row-major upper)."""
     cr, sr = turn

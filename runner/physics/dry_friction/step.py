@@ -3,8 +3,8 @@
 All stands in the axes of friction, which are turned against the body. Vectors of three are (x, y, yaw), symmetric
 matrices are row-major upper.
 
-The functions of a step are inlined into one (`forceinline`, here and in what is called from here once): handing over
-some ten arrays from call to call would take a quarter of the step's time.
+The functions of a step are inlined into one (`forceinline`, here and in `planar`, `points`, `settle` and `load`):
+handing over some ten arrays from call to call would take a quarter of the step's time.
 """
 
 from __future__ import annotations
