@@ -182,7 +182,7 @@ def _agreement(moved: Sequence[Float], integrals: Sequence[Float]) -> _Agreement
     if dd == 0 or ii == 0:
         return None
     return _Agreement(
-        correlation=float(d @ i) / float(np.sqrt(dd * ii)),
+        correlation=float(d @ i) / float(np.sqrt(dd) * np.sqrt(ii)),
         ratio=float(np.sqrt(dd / ii)),
         unexplained=float(np.sum((d - i) ** 2)) / dd,
         moved=float(np.sqrt(dd / len(d))),
