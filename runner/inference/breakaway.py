@@ -12,8 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from runner.effects.base import Effects
-from runner.inference.least_squares import NONE, Fit, Fitter, bounds
-from runner.systems.base import Run, Span
+from runner.inference.least_squares import NONE, Fit, Fitter
+from runner.inference.parameters import bounds
+from runner.recording import Span
+from runner.systems.simulator import Run
 
 # An episode whose fit leaves so much beyond the noise, in squared noises, is looked at: were static friction by such a
 # share of it higher or lower where the body stood, would the motion part from what was fitted just before that goes

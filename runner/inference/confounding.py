@@ -15,7 +15,8 @@ from scipy.linalg import cho_factor, cho_solve
 from runner.effects.vocabulary import Candidate
 from runner.inference.evidence import Evidence, NormalEquations, clip
 from runner.inference.least_squares import Explanation, Fit, Fitter, amplitudes
-from runner.systems.base import AbstractSystem, Run
+from runner.systems.base import AbstractSystem
+from runner.systems.simulator import Run
 
 ALIKE = 0.6  # what is less alike needs no trial
 TRIALS = 3

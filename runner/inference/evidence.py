@@ -18,7 +18,8 @@ from scipy.linalg import cho_factor, cho_solve
 
 from runner.effects.base import Scope
 from runner.effects.vocabulary import Candidate
-from runner.inference.least_squares import Explanation, Fit, Fitter, bounds, difference_steps, is_out_of_range
+from runner.inference.least_squares import Explanation, Fit, Fitter
+from runner.inference.parameters import bounds, difference_steps, is_out_of_range
 from runner.systems.base import AbstractSystem
 
 SHARE = 0.01  # of an effect's usual size: how far the simulator may be off in its direction

@@ -1,27 +1,37 @@
 """Fit an explanation to recorded episodes: its parameters together with the start state of every episode.
 
 The start states are measured with noise like everything else, so they are unknowns of the fit and not truth. Each
-belongs to one episode only; they are eliminated episode by episode (variable projection, Golub & Pereyra 1973), and
-what is left is a small bounded least-squares problem: Levenberg-Marquardt steps by `scipy.optimize.lsq_linear`.
+belongs to one episode only; they are eliminated episode by episode (see `runner.inference.variable_projection`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.optimize import lsq_linear
 
 from runner.effects.base import Effects, Parameter, Scope
 from runner.effects.vocabulary import Candidate
+from runner.inference.parameters import bounds, difference_steps, on_bound
+from runner.inference.variable_projection import (
+    Basis,
+    Descent,
+    Ending,
+    FitPoint,
+    Linearise,
+    finite,
+    orthonormal,
+    project,
+)
 from runner.noise.measured import Measured
-from runner.systems.base import AbstractSimulator, AbstractSystem, Run, Span
+from runner.progress import UNOBSERVED, Observer
+from runner.recording import Span
+from runner.systems.base import AbstractSystem
+from runner.systems.simulator import AbstractSimulator, Run
 
 HALVINGS = 6  # of a beginning at which the motion diverges
-BEHIND = 0.05  # squared noises by which a fit may be behind what others have reached, and is finished all the same
 FEWEST = 5  # samples of each channel that is measured at all that a piece of an episode must have
 
 
@@ -69,14 +79,6 @@ def amplitudes(candidate: Candidate, part: slice, context: Scope) -> slice:
 
 
 @dataclass(frozen=True)
-class Basis:
-    """Derivatives of the whitened residuals by the start states, per episode: orthonormal (n, S), triangle (S, S)."""
-
-    q: tuple[np.ndarray, ...]
-    r: tuple[np.ndarray, ...]
-
-
-@dataclass(frozen=True)
 class Fit:
     """A fitted explanation.
 
@@ -118,29 +120,17 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class _Point:
-    """Where a fit stands: its unknowns, the residuals and their raw derivatives there."""
-
-    x: np.ndarray
-    starts: np.ndarray
-    residual: list[np.ndarray]
-    jacobian: list[np.ndarray]
-    basis: Basis
-    fresh: bool  # whether the basis was taken at this point
-
-    @property
-    def total(self) -> float:
-        return float(sum(r @ r for r in self.residual))
-
-
-@dataclass(frozen=True)
 class Fitter:
-    """Fits explanations to the episodes of one system's recording; the effects `held` are always in the model."""
+    """Fits explanations to the episodes of one system's recording; the effects `held` are always in the model.
+
+    `observer` is told of every fit.
+    """
 
     system: AbstractSystem
     simulator: AbstractSimulator
     measured: Measured
     held: Effects = ()
+    observer: Observer = field(default=UNOBSERVED, compare=False, repr=False)
 
     @property
     def context(self) -> Scope:
@@ -151,9 +141,19 @@ class Fitter:
         """Return a fitter of parts of the episodes; to it each is an episode, with a start state of its own."""
         return replace(self, simulator=self.simulator.parts(spans), measured=self.measured.parts(spans))
 
+    def stretched(self, spans: Sequence[Span]) -> Fitter:
+        """Return a fitter of these parts of the episodes; of whole episodes, in their order, itself."""
+        whole = [Span(e, 0, len(v)) for e, v in enumerate(self.measured.values)]
+        return self if list(spans) == whole else self.parts(spans)
+
     def longest_s(self, episodes: Iterable[int]) -> float:
         """Return how long the longest of some episodes is, in seconds."""
         return max(len(self.measured.values[e]) for e in episodes) / self.system.rate_hz
+
+    def seconds(self, episode: int) -> float:
+        """Return how long an episode is; each has a clock of its own."""
+        recorded = self.system.recording.episodes[self.measured.spans[episode].episode]
+        return (len(self.measured.values[episode]) - 1) * recorded.step_s
 
     def up_to(self, seconds: float) -> Fitter:
         """Return a fitter of the first so many seconds of every episode, at least two samples."""
@@ -165,7 +165,7 @@ class Fitter:
         spans = []
         for e in episodes:
             n = len(self.measured.values[e])
-            count = max(1, round((n - 1) / self.system.rate_hz / seconds))
+            count = max(1, round(self.seconds(e) / seconds))
             edges = np.linspace(0, n, count + 1).round().astype(int)
             spans += [Span(e, int(a), int(b)) for a, b in pairwise(edges)]
         there = np.any([self.measured.valid[e].any(axis=0) for e in episodes], axis=0)
@@ -198,7 +198,7 @@ class Fitter:
         out = []
         for k, e in enumerate(fit.episodes):
             rows = self.whitened(e, [Run(effects, fit.starts[k]) for effects in (base, *runs)])
-            out.append(_project(_finite(rows[1:] - rows[0]).T, fit.basis.q[k]))
+            out.append(project(finite(rows[1:] - rows[0]).T, fit.basis.q[k]))
         return out
 
     def fit(
@@ -232,68 +232,35 @@ class Fitter:
             polish: Whether the start states' derivatives are taken anew where the steps come to rest; without, a fit
                 is not called converged.
         """
+        self.observer.fitting(explanation.names or tuple(e.full_name for e in self.held))
         parameters = explanation.parameters(self.context)
-        low, high = bounds(parameters)
-        x = np.clip(np.zeros(len(parameters)) if x is None else np.asarray(x, float), low, high)
         basis = None
         if starts is None:
             starts = self.first_starts(episodes) if near is None else near.starts
             basis = None if near is None else near.basis
-        point = self._linearise(explanation, x, starts, episodes, basis)
-        for _ in range(HALVINGS):
-            if np.isfinite(point.total):
-                break
-            # where the motion diverges there is no way down: nearer to the effect's absence there is
-            x = np.clip(0.5 * x, low, high)
-            point = self._linearise(explanation, x, starts, episodes, basis)
-        damping, converged = 1e-4, False
+
+        def linearise(x: np.ndarray, starts: np.ndarray, basis: Basis | None) -> FitPoint:
+            return self._linearise(explanation, x, starts, episodes, basis)
+
+        point = _first_point(linearise, parameters, x, starts, basis)
         count = self.measured.count(episodes)
-        behind = False
-        for iteration in range(iterations):
-            dx, ds, promised = self._step(point, parameters, damping)
-            excess = max(point.total - count, 0.0)
-            enough = tolerance + 2e-3 * excess
-            hopeless = target + 0.5 * max(target - count, 0.0) + BEHIND * count + 100.0
-            if iteration > patience and point.total - 3 * promised > hopeless:
-                behind = True
-                break
-            if promised < enough:
-                if point.fresh or not polish:
-                    converged = point.fresh
-                    break
-                point = self._linearise(explanation, point.x, point.starts, episodes, None)
-                continue
-            # the start states' derivatives change slowly: keep them while they predict well
-            trial = self._linearise(explanation, point.x + dx, point.starts + ds, episodes, point.basis)
-            gain = point.total - trial.total
-            if np.isfinite(trial.total) and gain > 0:
-                if gain < 0.6 * promised and gain > enough:
-                    trial = self._linearise(explanation, trial.x, trial.starts, episodes, None)
-                point = trial
-                damping = max(damping / (10 if gain > 0.6 * promised else 1), 1e-8)
-            elif not point.fresh:
-                point = self._linearise(explanation, point.x, point.starts, episodes, None)
-            else:
-                damping = max(damping * 20, 1e-2)
-                if damping > 1e7:
-                    break
-        if not point.fresh and not behind and polish:
-            point = self._linearise(explanation, point.x, point.starts, episodes, None)
+        point = Descent(parameters, linearise, count, target, patience, tolerance, polish).down(point, iterations)
         return Fit(
             explanation,
             point.x,
             point.starts,
             tuple(episodes),
             tuple(point.residual),
-            tuple(_project(j, q) for j, q in zip(point.jacobian, point.basis.q, strict=True)),
+            point.projected(),
             point.basis,
             on_bound(parameters, point.x),
-            converged,
+            # where derivatives are stale it is not known whether nothing more is to be gained
+            converged=point.ending is Ending.RESTED and point.fresh,
         )
 
     def _linearise(
         self, explanation: Explanation, x: np.ndarray, starts: np.ndarray, episodes: Sequence[int], basis: Basis | None
-    ) -> _Point:
+    ) -> FitPoint:
         parameters = explanation.parameters(self.context)
         steps = difference_steps(parameters, x)
         effects = [explanation.make(x + d, self.context) for d in (np.zeros(len(x)), *np.diag(steps))]
@@ -304,94 +271,31 @@ class Fitter:
                 runs += [Run(effects[0], starts[k] + d) for d in np.diag(self.system.initial.steps)]
             rows = self.whitened(e, runs)
             residual.append(rows[0])
-            jacobian.append((_finite(rows[1 : len(effects)] - rows[0]) / steps[:, None]).T)
+            jacobian.append((finite(rows[1 : len(effects)] - rows[0]) / steps[:, None]).T)
             if basis is None:
-                by_start = (_finite(rows[len(effects) :] - rows[0]) / self.system.initial.steps[:, None]).T
-                q, r = _orthonormal(by_start)
+                by_start = (finite(rows[len(effects) :] - rows[0]) / self.system.initial.steps[:, None]).T
+                q, r = orthonormal(by_start)
                 qs.append(q)
                 rs.append(r)
         fresh = basis is None
-        return _Point(x, starts, residual, jacobian, Basis(tuple(qs), tuple(rs)) if basis is None else basis, fresh)
-
-    @staticmethod
-    def _step(point: _Point, parameters: Sequence[Parameter], damping: float) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return a step of the parameters (p,), of the start states (E, S), and the gain in the loss it promises."""
-        episodes = list(zip(point.residual, point.jacobian, point.basis.q, point.basis.r, strict=True))
-        p = len(point.x)
-        dx = np.zeros(p)
-        if p:
-            # with the start states projected out, each episode is p + 1 rows of the same normal equations
-            small = [
-                np.asarray(np.linalg.qr(_project(np.column_stack([j, r]), q), mode="r")) for r, j, q, _ in episodes
-            ]
-            matrix = np.vstack([s[:, :p] for s in small])
-            right = -np.concatenate([s[:, p] for s in small])
-            size = np.array([q.scale for q in parameters])
-            matrix = matrix * size
-            ridge = np.sqrt(damping * (matrix**2).sum(axis=0) + 1e-9)
-            low, high = bounds(parameters)
-            # at most a few prior widths at a time: beyond that the linear model says nothing
-            lower, upper = np.maximum((low - point.x) / size, -4.0), np.minimum((high - point.x) / size, 4.0)
-            solved = lsq_linear(
-                np.vstack([matrix, np.diag(ridge)]),
-                np.concatenate([right, np.zeros(p)]),
-                (lower, np.maximum(upper, lower + 1e-9)),
-                method="bvls",
-            )
-            dx = np.clip(point.x + solved.x * size, low, high) - point.x
-        ds, promised = [], 0.0
-        for r, j, q, t in episodes:
-            moved = r + j @ dx
-            along = q.T @ moved
-            ds.append(-solve_triangular(t, along, check_finite=False) / (1 + damping))
-            left = moved - q @ along
-            promised += float(r @ r) - float(left @ left)
-        return dx, np.array(ds), promised
+        return FitPoint(x, starts, residual, jacobian, Basis(tuple(qs), tuple(rs)) if basis is None else basis, fresh)
 
 
-def _finite(changes: np.ndarray) -> np.ndarray:
-    """Return changes (k, n), nothing where the motion diverges: from there no direction can be told."""
-    return np.where(np.isfinite(changes).all(axis=1, keepdims=True), changes, 0.0)
-
-
-def _orthonormal(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the QR decomposition of columns (n, S): (n, S) and (S, S).
-
-    A start that nothing measured depends on (the speed of what begins at rest) has a column of zeros: it stays where
-    it is, and takes nothing out of the others.
-    """
-    live = np.linalg.norm(columns, axis=0) > 0
-    if live.all():
-        return np.linalg.qr(columns)
-    q, r = np.zeros_like(columns), np.eye(columns.shape[1])
-    q[:, live], r[np.ix_(live, live)] = np.linalg.qr(columns[:, live])
-    return q, r
-
-
-def _project(columns: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """Take out of columns (n, k) what an orthonormal basis (n, S) spans."""
-    return columns - basis @ (basis.T @ columns)
-
-
-def bounds(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
-    """Return lower and upper bounds, each (p,)."""
-    return np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
-
-
-def on_bound(parameters: Sequence[Parameter], x: np.ndarray) -> np.ndarray:
-    """Return which parameters are on one of their bounds, (p,)."""
+def _first_point(
+    linearise: Linearise,
+    parameters: Sequence[Parameter],
+    x: np.ndarray | None,
+    starts: np.ndarray,
+    basis: Basis | None,
+) -> FitPoint:
+    """Return where a fit begins: at `x`, or nearer to the effect's absence where the motion diverges there."""
     low, high = bounds(parameters)
-    width = np.maximum(high - low, 1e-12)
-    return (x - low < 1e-6 * width) | (high - x < 1e-6 * width)
-
-
-def is_out_of_range(parameters: Sequence[Parameter], x: np.ndarray) -> bool:
-    """Whether the data push an effect out of its range: it is absent, or is not what is going on."""
-    return bool((on_bound(parameters, x) & ~np.array([p.may_rest for p in parameters], dtype=bool)).any())
-
-
-def difference_steps(parameters: Sequence[Parameter], x: np.ndarray, share: float = 0.02) -> np.ndarray:
-    """Return steps for one-sided differences that stay inside the bounds, (p,)."""
-    _, high = bounds(parameters)
-    steps = np.array([p.scale * share for p in parameters])
-    return np.where(x + steps > high, -steps, steps) if len(steps) else steps
+    x = np.clip(np.zeros(len(parameters)) if x is None else np.asarray(x, float), low, high)
+    point = linearise(x, starts, basis)
+    for _ in range(HALVINGS):
+        if np.isfinite(point.total):
+            break
+        # where the motion diverges there is no way down
+        x = np.clip(0.5 * x, low, high)
+        point = linearise(x, starts, basis)
+    return point

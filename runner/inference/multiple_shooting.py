@@ -12,9 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runner.inference.breakaway import hanging
-from runner.inference.least_squares import NONE, Explanation, Fit, Fitter, is_out_of_range
-from runner.inference.search import NEAR, RESTED, Beginning, Key, WarmStart, key_of, resumed, search, singles
-from runner.systems.base import Span
+from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
+from runner.inference.parameters import is_out_of_range
+from runner.inference.search import NEAR, RESTED, resumed, search, singles
+from runner.inference.warm_start import Beginning, Key, WarmStart, key_of
+from runner.progress import UNOBSERVED
+from runner.recording import Span
 
 ASTRAY = 2.5  # mean square, in noises, from which on a descent from the nominal model is not trusted
 # Into so many pieces episodes are cut, and into more as long as the nominal model goes astray in them, none shorter.
@@ -29,10 +32,18 @@ RUNGS, ASTRAY_THERE, CARRIED, EXPLAINED = (0.5, 0.75), 2.0, 6, 1.5
 
 @dataclass(frozen=True)
 class Look:
-    """What pieces of the episodes show: where fits begin, and from which sample on an episode hangs on a breakaway."""
+    """What pieces of the episodes show.
+
+    Args:
+        beginning: Where fits begin.
+        hung: From which sample on an episode hangs on a breakaway.
+        cut_s: How long the pieces are, where even in them nothing explains the recording: over longer times what no
+            explanation has piles up, and drowns what they have. None: longer times tell more.
+    """
 
     beginning: Beginning
     hung: dict[int, int]
+    cut_s: float | None = None
 
 
 def look(fitter: Fitter, nominal: Fit) -> Look | None:
@@ -53,11 +64,10 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     while True:
         cut = fitter.parts(spans)
         rough = cut.fit(NONE, range(len(spans)), iterations=RESTED)
-        piece_s /= 2
-        shorter = fitter.pieces(piece_s, episodes) if piece_s >= SHORTEST_S else []
+        shorter = fitter.pieces(piece_s / 2, episodes) if piece_s / 2 >= SHORTEST_S else []
         if not shorter or rough.total < ASTRAY * cut.measured.count(rough.episodes):
             break
-        spans = shorter
+        spans, piece_s = shorter, piece_s / 2
     # where the nominal model is good, little is to be learnt about what it lacks
     lacks = rough.loss - [cut.measured.count([i]) for i in rough.episodes]
     first = np.array([s.begin == 0 for s in spans])
@@ -81,6 +91,9 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
         few = len(candidates) == 1 or sum(len(k) == len(candidates) for k in seeds) < LIKELIEST
         if candidates and few and c.log_posterior > near:
             seeds[key_of(c.fit.explanation)] = seed(c.fit)
+    best = found.best.fit
+    if cut.measured.excess(best.total, best.episodes) > fitter.system.cut_from:
+        return Look(Beginning(seeds), late, piece_s)
     for c in found.contenders[:LIKELIEST]:
         key = key_of(c.fit.explanation)
         if key in seeds:
@@ -90,6 +103,17 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     explained = any(explains(s, whole, episodes) for s in seeds.values())
     return Look(
         Beginning(seeds, singles(fitter.system.vocabulary) - set(seeds) if explained else frozenset[Key]()), late
+    )
+
+
+def recut(beginning: Beginning, fitter: Fitter, nominal: Fit) -> Beginning:
+    """Return a beginning for other stretches of the episodes, from the start states that suit the nominal model."""
+    return replace(
+        beginning,
+        seeds={
+            key: _seed(fitter, seed.explanation, seed.x, nominal.starts, nominal.episodes)
+            for key, seed in beginning.seeds.items()
+        },
     )
 
 
@@ -156,5 +180,7 @@ def _with_another(fitter: Fitter, fit: Fit) -> Fit:
     """
     held, known = fit.explanation.candidates, WarmStart(fit.explanation, fit.x, fit.starts, fit.total)
     beginning = Beginning({key_of(fit.explanation): known}, singles(fitter.system.vocabulary) - {held})
-    best = search(fitter, fit.episodes, most=len(held) + 1, starts=fit.starts, beginning=beginning).best.fit
+    # what is best here is no more than a step on the way: nobody is told
+    unobserved = replace(fitter, observer=UNOBSERVED)
+    best = search(unobserved, fit.episodes, most=len(held) + 1, starts=fit.starts, beginning=beginning).best.fit
     return best if set(best.explanation.candidates) >= set(held) else fit

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from runner.effects.vocabulary import Candidate, Vocabulary
 from runner.inference.evidence import (
+    Direction,
     Evidence,
     NormalEquations,
     Sensitivities,
@@ -27,10 +27,13 @@ from runner.inference.evidence import (
     sensitivities,
 )
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
+from runner.inference.warm_start import Beginning, Key, WarmStart, key_of, over_edges, where_to_begin
 
-MOST_EFFECTS = 3
 BEAM = 2
 RESTED = 30  # steps of the nominal fit: where its start states are not at rest, any effect seems to help
+# Of effects whose promise, linear as it is, says little, so many are fitted to pieces by themselves: all of a box,
+# of a machine with many joints the most promising.
+NONLINEAR = 12
 CANDIDATES = 8  # fitted per explanation in the beam, from the second effect on
 FINISHED = 4  # leaders whose fit is carried on until it rests
 SURVEYED = 7  # explanations of one size that are compared by evidence
@@ -38,18 +41,13 @@ ONE_MORE = 15.0  # log prior odds against each further effect
 # An effect must matter: lower the mean square residual by this, in squared noises, and by this share of what
 # the nominal model leaves. Less is what any simulator's own small errors would offer to explain.
 WORTH, WORTH_SHARE = 0.03, 0.004
-STALLED = 0.5  # of what fewer effects left: where a second one leaves more than that, it is not a third that is missing
 NEAR = 1000.0  # log odds within which an explanation is worth adding to
 SETTLED = 0.03  # of the nominal model's excess: where the leader leaves less, nothing else is worth adding to
 CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, promises hold; so many are fitted anyway
-# Sizes, in prior widths, at which an effect that makes the motion jump is tried; and how far, and how often, its fit is
-# taken over the edges of its hollow, once it has explained such a share.
-SIZES, OVER, CLIMBS, PART = np.geomspace(0.15, 4.0, 14), (0.85, 1.1, 1.3), 3, 0.2
-CLIMBED, CLIMB_STEPS = 0.02, 5  # share that a climb has to take off to be followed by another; steps of its fits
 # Of the nominal model's excess: where a fit leaves less, and no more than the noise, promises of further effects hold.
 LINEAR = 0.1
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
-Key = tuple[Candidate, ...]
+Offer = tuple[float, Candidate, np.ndarray]  # the promised gain, the effect, where to begin
 
 
 @dataclass(frozen=True)
@@ -64,24 +62,6 @@ class Contender:
     evidence: Evidence
     log_posterior: float
     gains: dict[Candidate, tuple[float, np.ndarray]] = field(repr=False)
-
-
-@dataclass(frozen=True)
-class WarmStart:
-    """Where a fit may begin: an explanation, its parameters, (p,), start states, (E, S), and the loss there."""
-
-    explanation: Explanation
-    x: np.ndarray
-    starts: np.ndarray
-    total: float
-
-
-@dataclass(frozen=True)
-class Beginning:
-    """What an earlier look left: seeds by their effects, and single effects that are not to be tried alone again."""
-
-    seeds: dict[Key, WarmStart] = field(default_factory=dict)
-    ruled_out: frozenset[Key] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -101,122 +81,212 @@ def search(
     fitter: Fitter,
     episodes: Sequence[int],
     *,
-    most: int = MOST_EFFECTS,
+    most: int | None = None,
     starts: np.ndarray | None = None,
     beginning: Beginning | None = None,
     pieces: bool = False,
 ) -> Search:
-    """Fit and compare explanations of up to `most` effects on these episodes.
+    """Fit and compare explanations of up to `most` effects on these episodes; None: as many as the system may have.
 
     `starts` are start states to begin with, (E, S). `pieces` says that they are pieces of episodes: short, so that few
     steps will do.
     """
-    every = directions(fitter.system)
-    nominal = fitter.fit(NONE, episodes, starts=starts, iterations=RESTED)
-    count = fitter.measured.count(episodes)
-    seeds, ruled_out = ({}, frozenset()) if beginning is None else (dict(beginning.seeds), beginning.ruled_out)
-    alone = sensitivities(fitter, nominal, every)
-    contenders = [contend(fitter, nominal, alone)]
-    worth = WORTH * count + WORTH_SHARE * max(nominal.total - count, 0.0)
-
-    def worthy(fit: Fit, *known: Sensitivities) -> Contender:
-        contender = contend(fitter, fit, *known)
-        lacks = worth - (nominal.total - fit.total) if len(fit.explanation.candidates) == 1 else 0.0
-        return replace(contender, log_posterior=contender.log_posterior - 0.5 * max(lacks, 0.0))
-
-    beam, seen = contenders[:1], {NONE.candidates}
-    candidates = FEWEST if pieces else CANDIDATES
+    rounds = _Rounds.begun(fitter, episodes, starts, beginning or Beginning(), pieces=pieces)
+    beam = list(rounds.contenders)
+    most = fitter.system.most_effects if most is None else most
     for size in range(1, most + 1):
-        fits: list[Fit] = []
-        reached = [s.total for s in seeds.values()] + [c.fit.total for c in contenders if size > 1]
-        target = min(reached, default=np.inf)
-        for contender in beam:
-            offers = _offers(contender, fitter)
-            left = contender.fit.total - count
-            if size == 1 and pieces:
-                nonlinear = {o[1] for o in offers if o[1].effect.discontinuous or len(o[1].starts(fitter.context))}
-                offers = [o for i, o in enumerate(offers) if i < CANDIDATES or o[1] in nonlinear]
-            elif size == 1 and left < CLOSE * count:
-                offers = [o for i, o in enumerate(offers) if i < FEWEST or o[0] > OFFERED * worth]
-            elif size > 1:
-                if left < worth:
-                    continue  # nothing is left that would be worth an effect
-                if left < min(LINEAR * (nominal.total - count), count):
-                    offers = [o for o in offers[:candidates] if o[0] > OFFERED * worth]
-                else:
-                    # far from a good fit the linear promise misleads: the commonest effects are always tried
-                    offers = [o for i, o in enumerate(offers) if i < candidates or o[1].effect.common]
-            for _, candidate, vector in offers:
-                explanation, x = joined(contender.fit, candidate, vector)
-                key = key_of(explanation)
-                # what has a place may have missed it without what is in now
-                anew = size > 1 and left > CLOSE * count and len(candidate.starts(fitter.context)) > 0
-                if key in ruled_out or (key in seen and not anew):
-                    continue
-                seen.add(key)
-                fit = fitter.fit(
-                    explanation,
-                    episodes,
-                    **_beginning(fitter, explanation, x, contender.fit, seeds.pop(key, None)),
-                    target=target,
-                    # what begins at a place or a range of its own has some way to go before it can be judged
-                    patience=0 if size == 1 and not len(candidate.starts(fitter.context)) else 1 if pieces else 3,
-                    iterations=8 if size == 1 or pieces else 12,
-                    polish=False,
-                )
-                if candidate.effect.discontinuous and fit.total - count > CLOSE * count:
-                    fit = _over_edges(fitter, fit, contender.fit)
-                if size == 1 or _gain(fit, contenders) > worth:
-                    fits = _with(fits, fit)
-                    target = min(target, fit.total)
-        for key in [k for k in seeds if len(k) == size]:
-            seed = seeds.pop(key)
-            seen.add(key)
-            begin = _beginning(fitter, seed.explanation, seed.x, nominal, seed)
-            fit = fitter.fit(
-                seed.explanation, episodes, **begin, target=target, patience=3, iterations=12, polish=False
-            )
-            if size > 1 and _gain(fit, contenders) <= worth:
-                continue
-            fits = _with(fits, fit)
-            target = min(target, fit.total)
+        fits = rounds.fitted(size, beam)
         if not fits:
-            if any(len(key) > size for key in seeds):
+            if any(len(key) > size for key in rounds.seeds):
                 continue  # where several are far ahead of each alone, only they come from before
             break
-        fits = _finished(fitter, sorted(fits, key=lambda f: f.total), count, BEAM if pieces else FINISHED)
-        around_best = sensitivities(fitter, fits[0], every)
-        new = [worthy(fit, around_best, alone) for fit in fits[:SURVEYED]]
-        best = max(c.log_posterior for c in contenders)
-        left_before = min(c.fit.total for c in contenders) - count
-        contenders += new
-        new.sort(key=lambda c: -c.log_posterior)
-        if size > 1:
-            least = min(new, key=lambda c: c.fit.total)
-            for whole in () if pieces else {id(c): c for c in (least, new[0])}.values():
-                for fit in _without_one(fitter, whole, contenders, episodes):
-                    fewer, key = worthy(fit, around_best, alone), key_of(fit.explanation)
-                    seen.add(key)
-                    others = [c for c in contenders if key_of(c.fit.explanation) != key]
-                    same = [c for c in contenders if key_of(c.fit.explanation) == key]
-                    # a fit that found a better place takes the place of the one before
-                    if all(fewer.log_posterior >= c.log_posterior for c in same):
-                        contenders = [*others, fewer]
-                        new = [*(c for c in new if key_of(c.fit.explanation) != key), fewer]
-            new.sort(key=lambda c: -c.log_posterior)
-            if new[0].log_posterior < best:
-                break
-        if size > 1 and min(c.fit.total for c in new) - count > STALLED * left_before > worth:
+        new = rounds.weighed(size, fits)
+        if new is None:
             break
-        beam = []
+        beam = rounds.beam(new)
+    return Search(tuple(sorted(rounds.contenders, key=lambda c: -c.log_posterior)), rounds.nominal)
+
+
+@dataclass
+class _Rounds:
+    """What a search knows while it goes on, from explanations of one effect to those of several.
+
+    Args:
+        fitter: Of the episodes.
+        episodes: Which are fitted.
+        pieces: Whether they are pieces of episodes.
+        every: All directions in which a model may change.
+        nominal: The fit without effects.
+        alone: What every effect does beside that.
+        count: How many measurements there are.
+        worth: What an effect has to take off the loss.
+        seeds: Beginnings from an earlier look that are not used up.
+        ruled_out: What is not to be tried again.
+        contenders: Compared by evidence so far.
+        seen: What was fitted.
+    """
+
+    fitter: Fitter
+    episodes: Sequence[int]
+    pieces: bool
+    every: Sequence[Direction]
+    nominal: Fit
+    alone: Sensitivities
+    count: int
+    worth: float
+    seeds: dict[Key, WarmStart]
+    ruled_out: frozenset[Key]
+    contenders: list[Contender]
+    seen: set[Key]
+
+    @classmethod
+    def begun(
+        cls, fitter: Fitter, episodes: Sequence[int], starts: np.ndarray | None, beginning: Beginning, *, pieces: bool
+    ) -> _Rounds:
+        """Return the rounds before the first: the nominal model is the one contender."""
+        every = directions(fitter.system)
+        nominal = fitter.fit(NONE, episodes, starts=starts, iterations=RESTED)
+        count = fitter.measured.count(episodes)
+        alone = sensitivities(fitter, nominal, every)
+        return cls(
+            fitter=fitter,
+            episodes=episodes,
+            pieces=pieces,
+            every=every,
+            nominal=nominal,
+            alone=alone,
+            count=count,
+            worth=WORTH * count + WORTH_SHARE * max(nominal.total - count, 0.0),
+            seeds=dict(beginning.seeds),
+            ruled_out=beginning.ruled_out,
+            contenders=[contend(fitter, nominal, alone)],
+            seen={NONE.candidates},
+        )
+
+    def fitted(self, size: int, beam: Sequence[Contender]) -> list[Fit]:
+        """Fit explanations of so many effects: those of the beam with one more, and those that an earlier look left."""
+        fits: list[Fit] = []
+        reached = [s.total for s in self.seeds.values()] + [c.fit.total for c in self.contenders if size > 1]
+        target = min(reached, default=np.inf)
+        for contender in beam:
+            for _, candidate, vector in self._worth_a_fit(contender, size):
+                fit = self._with_one_more(contender, candidate, vector, size, target)
+                if fit is not None and (size == 1 or _gain(fit, self.contenders) > self.worth):
+                    fits = _with(fits, fit)
+                    target = min(target, fit.total)
+        for key in [k for k in self.seeds if len(k) == size]:
+            seed = self.seeds.pop(key)
+            self.seen.add(key)
+            begin = where_to_begin(self.fitter, seed.explanation, seed.x, self.nominal, seed)
+            how = {"target": target, "patience": 3, "iterations": 12, "polish": False}
+            fit = self.fitter.fit(seed.explanation, self.episodes, **begin, **how)
+            if size == 1 or _gain(fit, self.contenders) > self.worth:
+                fits = _with(fits, fit)
+                target = min(target, fit.total)
+        return fits
+
+    def weighed(self, size: int, fits: Sequence[Fit]) -> list[Contender] | None:
+        """Finish fits of so many effects and compare them by evidence; None: nothing speaks for a further effect."""
+        fits = sorted(fits, key=lambda f: f.total)
+        fits = _finished(self.fitter, fits, self.count, BEAM if self.pieces else FINISHED)
+        around_best = sensitivities(self.fitter, fits[0], self.every)
+        new = [self._worthy(fit, around_best) for fit in fits[:SURVEYED]]
+        best = max(c.log_posterior for c in self.contenders)
+        left_before = min(c.fit.total for c in self.contenders) - self.count
+        self.contenders += new
+        new.sort(key=lambda c: -c.log_posterior)
+        self._tell_best()
+        if size == 1:
+            return new
+        if not self.pieces:
+            new = self._and_with_one_less(new, around_best)
+            new.sort(key=lambda c: -c.log_posterior)
+        stalled = (
+            min(c.fit.total for c in new) - self.count > self.fitter.system.worth_another * left_before > self.worth
+        )
+        return None if new[0].log_posterior < best or stalled else new
+
+    def _tell_best(self) -> None:
+        """Tell the observer of the likeliest so far."""
+        best = max(self.contenders, key=lambda c: c.log_posterior).fit
+        self.fitter.observer.best(best.explanation.names, float(np.sqrt(best.total / self.count)))
+
+    def beam(self, new: Sequence[Contender]) -> list[Contender]:
+        """Return what is worth adding to, of contenders of one size, likeliest first."""
+        beam: list[Contender] = []
         for contender in new:
-            if beam and beam[0].fit.total - count < SETTLED * (nominal.total - count):
+            if beam and beam[0].fit.total - self.count < SETTLED * (self.nominal.total - self.count):
                 break
             near = contender.log_posterior > new[0].log_posterior - NEAR
             if near and len(beam) < BEAM and not any(are_confounded(contender.fit, b.fit) for b in beam):
                 beam.append(contender)
-    contenders.sort(key=lambda c: -c.log_posterior)
-    return Search(tuple(contenders), nominal)
+        return beam
+
+    def _worth_a_fit(self, contender: Contender, size: int) -> list[Offer]:
+        """Return the effects that are tried beside those of a contender, most promising first."""
+        offers = _offers(contender, self.fitter)
+        left = contender.fit.total - self.count
+        if size == 1 and self.pieces:
+            jumps = [o for o in offers if o[1].effect.discontinuous or len(o[1].starts(self.fitter.context))]
+            nonlinear = {o[1] for o in jumps[:NONLINEAR]}
+            return [o for i, o in enumerate(offers) if i < CANDIDATES or o[1] in nonlinear]
+        if size == 1:
+            every = left >= CLOSE * self.count
+            return [o for i, o in enumerate(offers) if every or i < FEWEST or o[0] > OFFERED * self.worth]
+        if left < self.worth:
+            return []  # nothing is left that would be worth an effect
+        candidates = FEWEST if self.pieces else CANDIDATES
+        if left < min(LINEAR * (self.nominal.total - self.count), self.count):
+            return [o for o in offers[:candidates] if o[0] > OFFERED * self.worth]
+        # far from a good fit the linear promise misleads: the commonest effects are always tried
+        return [o for i, o in enumerate(offers) if i < candidates or o[1].effect.common]
+
+    def _with_one_more(
+        self, contender: Contender, candidate: Candidate, vector: np.ndarray, size: int, target: float
+    ) -> Fit | None:
+        """Fit a contender's effects and one more; None: that has been tried."""
+        explanation, x = joined(contender.fit, candidate, vector)
+        key = key_of(explanation)
+        placed = len(candidate.starts(self.fitter.context)) > 0
+        # what has a place may have missed it without what is in now
+        anew = size > 1 and contender.fit.total - self.count > CLOSE * self.count and placed
+        if key in self.ruled_out or (key in self.seen and not anew):
+            return None
+        self.seen.add(key)
+        fit = self.fitter.fit(
+            explanation,
+            self.episodes,
+            **where_to_begin(self.fitter, explanation, x, contender.fit, self.seeds.pop(key, None)),
+            target=target,
+            # what begins at a place or a range of its own has some way to go before it can be judged
+            patience=0 if size == 1 and not placed else 1 if self.pieces else 3,
+            iterations=8 if size == 1 or self.pieces else 12,
+            polish=False,
+        )
+        if candidate.effect.discontinuous and fit.total - self.count > CLOSE * self.count:
+            fit = over_edges(self.fitter, fit, contender.fit)
+        return fit
+
+    def _and_with_one_less(self, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
+        """Add what the likeliest, and the one that leaves least, are with one effect taken out of them."""
+        least = min(new, key=lambda c: c.fit.total)
+        for whole in {id(c): c for c in (least, new[0])}.values():
+            for fit in _without_one(self.fitter, whole, self.contenders, self.episodes):
+                fewer, key = self._worthy(fit, around_best), key_of(fit.explanation)
+                self.seen.add(key)
+                others = [c for c in self.contenders if key_of(c.fit.explanation) != key]
+                same = [c for c in self.contenders if key_of(c.fit.explanation) == key]
+                # a fit that found a better place takes the place of the one before
+                if all(fewer.log_posterior >= c.log_posterior for c in same):
+                    self.contenders = [*others, fewer]
+                    new = [*(c for c in new if key_of(c.fit.explanation) != key), fewer]
+        return new
+
+    def _worthy(self, fit: Fit, around_best: Sensitivities) -> Contender:
+        """Return a fit as a contender; a single effect that hardly matters has that against it."""
+        contender = contend(self.fitter, fit, around_best, self.alone)
+        lacks = self.worth - (self.nominal.total - fit.total) if len(fit.explanation.candidates) == 1 else 0.0
+        return replace(contender, log_posterior=contender.log_posterior - 0.5 * max(lacks, 0.0))
 
 
 def resumed(before: Search, fitter: Fitter) -> Beginning:
@@ -231,66 +301,6 @@ def resumed(before: Search, fitter: Fitter) -> Beginning:
         for f in fits
     }
     return Beginning(seeds, singles(fitter.system.vocabulary) - tried)
-
-
-def _beginning(
-    fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit, seed: WarmStart | None
-) -> dict[str, Any]:
-    """Return where to begin a fit: from what is near, or from the seed where that leaves less."""
-    if seed is None:
-        new = explanation.candidates[-1]
-        if new.effect.discontinuous:
-            return {"x": _sized(fitter, explanation, x, near), "near": near}
-        if len(new.starts(fitter.context)):
-            # the amplitude that a linear model promises may overshoot; none of it is the fit that is near
-            amplitude = len(x) - len(new.parameters(fitter.context))
-            for _ in range(3):
-                if fitter.loss(explanation, x, near.starts, near.episodes) < near.total:
-                    break
-                x = np.concatenate([x[:amplitude], x[amplitude : amplitude + 1] / 4, x[amplitude + 1 :]])
-        return {"x": x, "near": near}
-    seeded = _in_order(seed, explanation, fitter)
-    by = [fitter.loss(explanation, v, s, near.episodes) for v, s in ((x, near.starts), (seeded, seed.starts))]
-    return {"x": seeded, "starts": seed.starts} if by[1] < by[0] else {"x": x, "near": near}
-
-
-def _sized(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit) -> np.ndarray:
-    """Return the size of the last effect, of one parameter, that leaves least at the start states of a fit nearby."""
-
-    def left(size: float) -> float:
-        return fitter.loss(explanation, np.append(x[:-1], size), near.starts, near.episodes)
-
-    sizes = SIZES * explanation.candidates[-1].parameters(fitter.context)[0].scale
-    i = int(np.argmin([left(s) for s in sizes]))
-    finer = np.linspace(sizes[max(i - 1, 0)], sizes[min(i + 1, len(sizes) - 1)], len(sizes))
-    return np.append(x[:-1], min((x[-1], *finer), key=left))
-
-
-def _over_edges(fitter: Fitter, fit: Fit, without: Fit) -> Fit:
-    """Fit anew from other sizes of the last effect, at some of which the motion jumps, as long as that gains.
-
-    Descents end where a push just starts the body, or just doesn't.
-    """
-    count = fitter.measured.count(fit.episodes)
-    if fit.total - count > (1.0 - PART) * (without.total - count):
-        return fit
-    for _ in range(CLIMBS):
-        sizes = [np.append(fit.x[:-1], fit.x[-1] * by) for by in OVER]
-        tries = [
-            fitter.fit(fit.explanation, fit.episodes, x=x, near=fit, iterations=CLIMB_STEPS, polish=False)
-            for x in sizes
-        ]
-        best = min(tries, key=lambda f: f.total)
-        if best.total - count > (1.0 - CLIMBED) * (fit.total - count):
-            break
-        fit = best
-    return fit
-
-
-def _in_order(seed: WarmStart, explanation: Explanation, fitter: Fitter) -> np.ndarray:
-    """Return a seed's parameters in the order of an explanation of the same effects."""
-    parts = dict(seed.explanation.parts(fitter.context))
-    return np.concatenate([seed.x[parts[c]] for c in explanation.candidates])
 
 
 def _gain(fit: Fit, contenders: Sequence[Contender]) -> float:
@@ -344,11 +354,6 @@ def _without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], 
     return out
 
 
-def key_of(explanation: Explanation) -> Key:
-    """Return an explanation's effects in an order of their own."""
-    return tuple(sorted(explanation.candidates, key=lambda c: c.key))
-
-
 def are_confounded(a: Fit, b: Fit) -> bool:
     """Whether two explanations differ only by effects that such recordings can't tell apart."""
 
@@ -366,7 +371,7 @@ def singles(vocabulary: Vocabulary) -> frozenset[Key]:
     return frozenset((candidate,) for candidate in vocabulary)
 
 
-def _offers(contender: Contender, fitter: Fitter) -> list[tuple[float, Candidate, np.ndarray]]:
+def _offers(contender: Contender, fitter: Fitter) -> list[Offer]:
     """Every effect that is not in yet, nor told apart from one that is, most promising first, with a start vector."""
     held = contender.fit.explanation.candidates
     taken = {c.name for c in held}

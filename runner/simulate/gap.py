@@ -20,7 +20,9 @@ from runner.effects.base import Effects
 from runner.errors import RecordingError
 from runner.noise.measured import Measured
 from runner.simulate.shooting import WINDOWS_AT_ONCE, Predict, fit_starts, windows_of
-from runner.systems.base import AbstractSystem, Run, Windows
+from runner.systems.base import AbstractSystem
+from runner.systems.simulator import Run
+from runner.systems.windows import Windows
 
 HORIZONS_S = (0.1, 0.5, 1.0)
 WHOLE_EPISODE = "episode"
@@ -42,6 +44,9 @@ class Gap:
     table: pd.DataFrame
     episodes: pd.DataFrame
     starts: dict[int, np.ndarray]
+
+    def _repr_html_(self) -> str:
+        return self.table.to_html(index=False, float_format="{:.3g}".format)
 
 
 def measure_gap(

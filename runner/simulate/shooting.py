@@ -11,10 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runner.levenberg_marquardt import Attempt, Schedule, damped, descend
 from runner.noise.measured import Measured
-from runner.systems.base import Windows
+from runner.systems.windows import Windows
 
 PRIOR_SIGMAS = 10.0  # a fitted start state may lie some such distances from the measured one, and hardly more
+DAMPING = Schedule(1e-3, stiffening=30.0)
 WINDOWS_AT_ONCE = 400  # bounds the memory of one batch
 
 Predict = Callable[[np.ndarray], np.ndarray]
@@ -81,7 +83,7 @@ def fit_starts(
     iterations: int = 4,
     tolerance: float = 0.1,
 ) -> Fitted:
-    """Fit the start state of each window by damped Gauss-Newton steps, all windows side by side.
+    """Fit the start state of each window by Levenberg-Marquardt steps, all windows side by side.
 
     A window keeps a step only if it lowers its loss.
 
@@ -96,41 +98,58 @@ def fit_starts(
         iterations: At most so many steps.
         tolerance: Ends when no window expects to gain more than this in its sum of squares.
     """
-    w, size = len(values), len(steps)
-    offsets = np.vstack([np.zeros(size), np.diag(steps)])
-    starts, damping = first.copy(), np.full(w, 1e-3)
-    changed = np.ones(w, bool)
-    change = jacobian = np.zeros((w, *values.shape[1:], size))
-    residual = np.zeros_like(values)
-    loss = np.zeros(w)
+    problem = _Problem(predict, values, valid, signals, first, steps, scale, tolerance)
+    begin = problem.linearise(first)
+    return descend(problem.attempt, begin, DAMPING, iterations=iterations, blocks=len(values)).fitted
 
-    def losses(residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
-        prior = ((starts - first) / scale / PRIOR_SIGMAS) ** 2
-        return (whiten(residual, valid, signals) ** 2).sum(axis=(1, 2)) + prior.sum(axis=1)
 
-    for iteration in range(iterations + 1):
-        if changed.any():
-            rows = predict(starts[:, None, :] + offsets)
-            residual = rows[:, 0] - values
-            moved = (rows[:, 1:] - rows[:, :1]) / steps[:, None, None] * scale[:, None, None]
-            jacobian = np.moveaxis(whiten(moved, valid[:, None], signals), 1, -1)
-            change = np.moveaxis(moved / signals.sigma, 1, -1)
-            loss = losses(residual, starts)
-        if iteration == iterations:
-            break
-        matrix = jacobian.reshape(w, -1, size)
-        right = np.einsum("wip,wi->wp", matrix, whiten(residual, valid, signals).reshape(w, -1))
-        right += (starts - first) / scale / PRIOR_SIGMAS**2
-        normal = np.einsum("wip,wiq->wpq", matrix, matrix) + np.eye(size) / PRIOR_SIGMAS**2
-        diagonal = np.einsum("wpp->wp", normal)
-        damped = normal + damping[:, None, None] * diagonal[:, :, None] * np.eye(size)
-        step = -np.linalg.solve(damped, right[:, :, None])[:, :, 0]
+@dataclass(frozen=True)
+class _Point:
+    """Where all windows stand, and the loss of each, (W,)."""
+
+    fitted: Fitted
+    loss: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """The windows, as in `fit_starts`. They are simulated side by side, so all of them go on as long as one does."""
+
+    predict: Predict
+    values: np.ndarray
+    valid: np.ndarray
+    signals: Measured
+    first: np.ndarray
+    steps: np.ndarray
+    scale: np.ndarray
+    tolerance: float
+
+    def linearise(self, starts: np.ndarray) -> _Point:
+        """Return where windows with these start states stand."""
+        rows = self.predict(starts[:, None, :] + np.vstack([np.zeros(len(self.steps)), np.diag(self.steps)]))
+        residual = rows[:, 0] - self.values
+        moved = (rows[:, 1:] - rows[:, :1]) / self.steps[:, None, None] * self.scale[:, None, None]
+        jacobian = np.moveaxis(whiten(moved, self.valid[:, None], self.signals), 1, -1)
+        change = np.moveaxis(moved / self.signals.sigma, 1, -1)
+        return _Point(Fitted(starts, residual, change, jacobian), self._losses(residual, starts))
+
+    def attempt(self, _: int, point: _Point, windows: np.ndarray, damping: np.ndarray) -> Attempt[_Point]:
+        """Step every window; one that gains nothing stays where it is."""
+        at, w = point.fitted, len(windows)
+        matrix = at.jacobian.reshape(w, -1, len(self.steps))
+        right = np.einsum("wip,wi->wp", matrix, whiten(at.residual, self.valid, self.signals).reshape(w, -1))
+        right += (at.starts - self.first) / self.scale / PRIOR_SIGMAS**2
+        normal = np.einsum("wip,wiq->wpq", matrix, matrix) + np.eye(len(self.steps)) / PRIOR_SIGMAS**2
+        step = -np.linalg.solve(damped(normal, damping), right[:, :, None])[:, :, 0]
         promised = -2 * (right * step).sum(axis=1) - np.einsum("wp,wpq,wq->w", step, normal, step)
-        if promised.max(initial=0.0) < tolerance:
-            break
-        trial = starts + step * scale
-        gained = losses(predict(trial[:, None, :])[:, 0] - values, trial) < loss
-        changed = gained
-        starts = np.where(gained[:, None], trial, starts)
-        damping = np.where(gained, damping / 10, damping * 30)
-    return Fitted(starts, residual, change, jacobian)
+        if promised.max(initial=0.0) < self.tolerance:
+            return Attempt(point, rests=True)
+        trial = at.starts + step * self.scale
+        gained = self._losses(self.predict(trial[:, None, :])[:, 0] - self.values, trial) < point.loss
+        if gained.any():
+            point = self.linearise(np.where(gained[:, None], trial, at.starts))
+        return Attempt(point, eased=gained, refused=~gained)
+
+    def _losses(self, residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
+        prior = ((starts - self.first) / self.scale / PRIOR_SIGMAS) ** 2
+        return (whiten(residual, self.valid, self.signals) ** 2).sum(axis=(1, 2)) + prior.sum(axis=1)

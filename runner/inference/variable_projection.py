@@ -1,0 +1,178 @@
+"""Descent of a fit whose start states are eliminated episode by episode (variable projection, Golub & Pereyra 1973).
+
+The start state of an episode matters to that episode only. With the derivatives by it projected out, each episode
+leaves a few rows of one small bounded least-squares problem in the parameters that all episodes share:
+Levenberg-Marquardt steps by `scipy.optimize.lsq_linear`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum, auto
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.optimize import lsq_linear
+
+from runner.effects.base import Parameter
+from runner.inference.parameters import bounds
+from runner.levenberg_marquardt import Attempt, Schedule, descend
+
+BEHIND = 0.05  # squared noises by which a fit may be behind what others have reached, and is finished all the same
+DAMPING = Schedule(1e-4, least=1e-8, least_refused=1e-2, most=1e7)
+KEPT_PROMISE = 0.6  # share of what a step promised that it has to gain for the linear model to be trusted
+FARTHEST = 4.0  # prior widths of one step: beyond that the linear model says nothing
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Derivatives of the whitened residuals by the start states, per episode: orthonormal (n, S), triangle (S, S)."""
+
+    q: tuple[np.ndarray, ...]
+    r: tuple[np.ndarray, ...]
+
+
+class Ending(Enum):
+    """Why a descent went no further."""
+
+    RESTED = auto()  # nothing more is to be gained
+    BEHIND = auto()  # it won't come near what others have reached
+
+
+@dataclass(frozen=True)
+class FitPoint:
+    """Where a fit stands: its unknowns (p,), (E, S), the residuals (n,) and raw derivatives (n, p) of each episode."""
+
+    x: np.ndarray
+    starts: np.ndarray
+    residual: list[np.ndarray]
+    jacobian: list[np.ndarray]
+    basis: Basis
+    fresh: bool  # whether the basis was taken at this point
+    ending: Ending | None = None
+
+    @property
+    def total(self) -> float:
+        """Sum of squared whitened residuals."""
+        return float(sum(r @ r for r in self.residual))
+
+    def projected(self) -> tuple[np.ndarray, ...]:
+        """The derivatives by the parameters, the start states projected out, per episode (n, p)."""
+        return tuple(project(j, q) for j, q in zip(self.jacobian, self.basis.q, strict=True))
+
+
+# from x, start states, and derivatives by those, or None where they are to be taken anew
+Linearise = Callable[[np.ndarray, np.ndarray, Basis | None], FitPoint]
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Takes a fit down to where it rests.
+
+    Args:
+        parameters: Those that all episodes share.
+        linearise: The problem.
+        count: How many measurements there are.
+        target: A loss that others have reached; a fit that won't come near it is not finished.
+        patience: So many steps are taken before that is judged.
+        tolerance: It rests where a step promises less than this, in units of the loss (more where the fit is bad).
+        polish: Whether the start states' derivatives are taken anew where the steps come to rest.
+    """
+
+    parameters: Sequence[Parameter]
+    linearise: Linearise
+    count: int
+    target: float
+    patience: int
+    tolerance: float
+    polish: bool
+
+    def down(self, point: FitPoint, iterations: int) -> FitPoint:
+        """Return where at most so many steps lead."""
+        point = descend(self._attempt, point, DAMPING, iterations=iterations)
+        if not point.fresh and point.ending is not Ending.BEHIND and self.polish:
+            point = self._renewed(point)
+        return point
+
+    def _attempt(self, iteration: int, point: FitPoint, _: np.ndarray, damping: np.ndarray) -> Attempt[FitPoint]:
+        dx, ds, promised = _step(point, self.parameters, float(damping[0]))
+        enough = self.tolerance + 2e-3 * max(point.total - self.count, 0.0)
+        hopeless = self.target + 0.5 * max(self.target - self.count, 0.0) + BEHIND * self.count + 100.0
+        if iteration > self.patience and point.total - 3 * promised > hopeless:
+            return Attempt(replace(point, ending=Ending.BEHIND), rests=True)
+        if promised < enough:
+            if point.fresh or not self.polish:
+                return Attempt(replace(point, ending=Ending.RESTED), rests=True)
+            return Attempt(self._renewed(point))
+        # the start states' derivatives change slowly: keep them while they predict well
+        trial = self.linearise(point.x + dx, point.starts + ds, point.basis)
+        gain = point.total - trial.total
+        if np.isfinite(trial.total) and gain > 0:
+            if gain < KEPT_PROMISE * promised and gain > enough:
+                trial = self._renewed(trial)
+            return Attempt(trial, eased=gain > KEPT_PROMISE * promised)
+        return Attempt(point, refused=True) if point.fresh else Attempt(self._renewed(point))
+
+    def _renewed(self, point: FitPoint) -> FitPoint:
+        return self.linearise(point.x, point.starts, None)
+
+
+def _step(point: FitPoint, parameters: Sequence[Parameter], damping: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return a step of the parameters (p,), of the start states (E, S), and the gain in the loss it promises."""
+    dx = _shared_step(point, parameters, damping)
+    ds, promised = [], 0.0
+    for r, j, q, t in zip(point.residual, point.jacobian, point.basis.q, point.basis.r, strict=True):
+        moved = r + j @ dx
+        along = q.T @ moved
+        ds.append(-solve_triangular(t, along, check_finite=False) / (1 + damping))
+        left = moved - q @ along
+        promised += float(r @ r) - float(left @ left)
+    return dx, np.array(ds), promised
+
+
+def _shared_step(point: FitPoint, parameters: Sequence[Parameter], damping: float) -> np.ndarray:
+    """Return a step of the parameters within their bounds, (p,), every start state making the best of it."""
+    p = len(point.x)
+    if not p:
+        return np.zeros(0)
+    episodes = zip(point.residual, point.jacobian, point.basis.q, strict=True)
+    # with the start states projected out, each episode is p + 1 rows of the same normal equations
+    small = [np.asarray(np.linalg.qr(project(np.column_stack([j, r]), q), mode="r")) for r, j, q in episodes]
+    right = -np.concatenate([s[:, p] for s in small])
+    size = np.array([q.scale for q in parameters])
+    matrix = np.vstack([s[:, :p] for s in small]) * size
+    ridge = np.sqrt(damping * (matrix**2).sum(axis=0) + 1e-9)
+    low, high = bounds(parameters)
+    lower, upper = np.maximum((low - point.x) / size, -FARTHEST), np.minimum((high - point.x) / size, FARTHEST)
+    solved = lsq_linear(
+        np.vstack([matrix, np.diag(ridge)]),
+        np.concatenate([right, np.zeros(p)]),
+        (lower, np.maximum(upper, lower + 1e-9)),
+        method="bvls",
+    )
+    return np.clip(point.x + solved.x * size, low, high) - point.x
+
+
+def finite(changes: np.ndarray) -> np.ndarray:
+    """Return changes (k, n), nothing where the motion diverges: from there no direction can be told."""
+    return np.where(np.isfinite(changes).all(axis=1, keepdims=True), changes, 0.0)
+
+
+def orthonormal(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the QR decomposition of columns (n, S): (n, S) and (S, S).
+
+    A start that nothing measured depends on (the speed of what begins at rest) has a column of zeros: it stays where
+    it is, and takes nothing out of the others.
+    """
+    live = np.linalg.norm(columns, axis=0) > 0
+    if live.all():
+        return np.linalg.qr(columns)
+    q, r = np.zeros_like(columns), np.eye(columns.shape[1])
+    q[:, live], r[np.ix_(live, live)] = np.linalg.qr(columns[:, live])
+    return q, r
+
+
+def project(columns: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """Take out of columns (n, k) what an orthonormal basis (n, S) spans."""
+    return columns - basis @ (basis.T @ columns)

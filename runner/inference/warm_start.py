@@ -1,0 +1,100 @@
+"""Where the fit of an explanation begins: near one that was fitted, or where an earlier look left it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from runner.effects.vocabulary import Candidate
+from runner.inference.least_squares import Explanation, Fit, Fitter
+
+# Sizes, in prior widths, at which an effect that makes the motion jump is tried; and how far, and how often, its fit is
+# taken over the edges of its hollow, once it has explained such a share.
+SIZES, OVER, CLIMBS, PART = np.geomspace(0.15, 4.0, 14), (0.85, 1.1, 1.3), 3, 0.2
+CLIMBED, CLIMB_STEPS = 0.02, 5  # share that a climb has to take off to be followed by another; steps of its fits
+Key = tuple[Candidate, ...]
+
+
+@dataclass(frozen=True)
+class WarmStart:
+    """Where a fit may begin: an explanation, its parameters, (p,), start states, (E, S), and the loss there."""
+
+    explanation: Explanation
+    x: np.ndarray
+    starts: np.ndarray
+    total: float
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """What an earlier look left: seeds by their effects, and single effects that are not to be tried alone again."""
+
+    seeds: dict[Key, WarmStart] = field(default_factory=dict)
+    ruled_out: frozenset[Key] = frozenset()
+
+
+def key_of(explanation: Explanation) -> Key:
+    """Return an explanation's effects in an order of their own."""
+    return tuple(sorted(explanation.candidates, key=lambda c: c.key))
+
+
+def where_to_begin(
+    fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit, seed: WarmStart | None
+) -> dict[str, Any]:
+    """Return where to begin a fit: from what is near, or from the seed where that leaves less."""
+    if seed is None:
+        new = explanation.candidates[-1]
+        if new.effect.discontinuous:
+            return {"x": _sized(fitter, explanation, x, near), "near": near}
+        if len(new.starts(fitter.context)):
+            # the amplitude that a linear model promises may overshoot; none of it is the fit that is near
+            amplitude = len(x) - len(new.parameters(fitter.context))
+            for _ in range(3):
+                if fitter.loss(explanation, x, near.starts, near.episodes) < near.total:
+                    break
+                x = np.concatenate([x[:amplitude], x[amplitude : amplitude + 1] / 4, x[amplitude + 1 :]])
+        return {"x": x, "near": near}
+    seeded = _in_order(seed, explanation, fitter)
+    by = [fitter.loss(explanation, v, s, near.episodes) for v, s in ((x, near.starts), (seeded, seed.starts))]
+    return {"x": seeded, "starts": seed.starts} if by[1] < by[0] else {"x": x, "near": near}
+
+
+def _sized(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit) -> np.ndarray:
+    """Return the size of the last effect, of one parameter, that leaves least at the start states of a fit nearby."""
+
+    def left(size: float) -> float:
+        return fitter.loss(explanation, np.append(x[:-1], size), near.starts, near.episodes)
+
+    sizes = SIZES * explanation.candidates[-1].parameters(fitter.context)[0].scale
+    i = int(np.argmin([left(s) for s in sizes]))
+    finer = np.linspace(sizes[max(i - 1, 0)], sizes[min(i + 1, len(sizes) - 1)], len(sizes))
+    return np.append(x[:-1], min((x[-1], *finer), key=left))
+
+
+def over_edges(fitter: Fitter, fit: Fit, without: Fit) -> Fit:
+    """Fit anew from other sizes of the last effect, at some of which the motion jumps, as long as that gains.
+
+    Descents end where a push just starts the body, or just doesn't.
+    """
+    count = fitter.measured.count(fit.episodes)
+    if fit.total - count > (1.0 - PART) * (without.total - count):
+        return fit
+    for _ in range(CLIMBS):
+        sizes = [np.append(fit.x[:-1], fit.x[-1] * by) for by in OVER]
+        tries = [
+            fitter.fit(fit.explanation, fit.episodes, x=x, near=fit, iterations=CLIMB_STEPS, polish=False)
+            for x in sizes
+        ]
+        best = min(tries, key=lambda f: f.total)
+        if best.total - count > (1.0 - CLIMBED) * (fit.total - count):
+            break
+        fit = best
+    return fit
+
+
+def _in_order(seed: WarmStart, explanation: Explanation, fitter: Fitter) -> np.ndarray:
+    """Return a seed's parameters in the order of an explanation of the same effects."""
+    parts = dict(seed.explanation.parts(fitter.context))
+    return np.concatenate([seed.x[parts[c]] for c in explanation.candidates])
