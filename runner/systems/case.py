@@ -1,9 +1,10 @@
-"""From a folder to a system: which kind of case it is, read and checked."""
+"""All kinds of systems there are: from a folder to one of them, and what none of their recordings can tell."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from runner.effects import mechanism, planar_box
 from runner.recording import read_case
 from runner.recording.model_form import is_model_form
 from runner.systems.base import AbstractSystem
@@ -21,3 +22,9 @@ def open_case(path: str | Path) -> AbstractSystem:
         RecordingError: With the file, the row or key, what was wrong, and what is allowed.
     """
     return read_mechanism(path) if is_model_form(path) else PlanarBox(read_case(path))
+
+
+def always_confounded() -> frozenset[frozenset[str]]:
+    """Return the pairs of names, without targets, that no recording tells apart, of all kinds of systems."""
+    effects = [*(cls for variants in planar_box.EFFECTS.values() for cls in variants), *mechanism.EFFECTS]
+    return frozenset(frozenset((cls.name, other.name)) for cls in effects for other in cls.confounded)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from runner.arrays import FloatArray
+from runner.effects.base import Effects
 from runner.effects.mechanism.base import Command, MechanismEffect
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import is_servo
-from runner.systems.base import Effects, FloatArray
 from runner.systems.mechanism.held import even_times, step_means
 from runner.systems.mechanism.models import force_actuators, force_weights
 

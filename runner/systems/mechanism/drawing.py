@@ -5,7 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from runner.systems.base import DrawnBody, FloatArray, Shape
+from runner.arrays import FloatArray
+from runner.systems.drawing import DrawnBody, Shape
 
 VISIBLE_GROUPS = 3  # MuJoCo's viewer shows groups 0, 1 and 2
 LINE_RADIUS = 0.01  # of a body without shapes, as a share of the model's extent

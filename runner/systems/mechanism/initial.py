@@ -12,13 +12,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from runner.arrays import FloatArray
+from runner.recording import Span
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import ChannelSource
-from runner.systems.base import AbstractInitialState, FloatArray, Signals, Span, Windows
+from runner.systems.channels import Signals
+from runner.systems.initial import AbstractInitialState
 from runner.systems.mechanism import quaternions
 from runner.systems.mechanism.coordinates import HINGE, Coordinates
 from runner.systems.mechanism.kinematics import Kinematics
 from runner.systems.mechanism.models import Models
+from runner.systems.windows import Windows
 
 SMOOTH_S = 0.05  # half width of the local polynomials
 FEWEST = 5  # samples that a local polynomial rests on

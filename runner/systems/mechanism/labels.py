@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from runner.arrays import FloatArray
 from runner.effects.mechanism import Scope
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import AT_JOINT, is_servo
-from runner.systems.base import FloatArray, Labels, Signals, Windows
+from runner.systems.channels import Signals
 from runner.systems.mechanism.coordinates import FREE, HINGE, SLIDE
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.models import Models
+from runner.systems.windows import Labels, Windows
 
 AFTER_S = 0.1  # so long a change of command is "just" past
 CHANGE = 0.2  # of the largest command: a step of the command that counts as a change

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
+from runner.arrays import FloatArray
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
 from runner.recording.model_form_mapping import is_servo
-from runner.systems.base import FloatArray
 from runner.systems.mechanism.held import even_times
 
 LENGTH_S = 4.0

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from runner.arrays import FloatArray
+from runner.effects.base import Effects
 from runner.effects.mechanism.base import MechanismEffect, Reading
 from runner.recording.model_form import MechanismRecording
-from runner.systems.base import Effects, FloatArray
 from runner.systems.mechanism import quaternions
 from runner.systems.mechanism.held import even_times
 from runner.systems.mechanism.models import Models

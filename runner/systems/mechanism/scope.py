@@ -8,14 +8,16 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from runner.arrays import FloatArray
 from runner.effects.mechanism import EFFECTS, Scope
 from runner.effects.vocabulary import Candidate, Vocabulary
+from runner.recording import Span
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
-from runner.systems.base import FloatArray, Span, Windows
 from runner.systems.mechanism.coordinates import HINGE, SLIDE, Coordinates
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.models import Models
 from runner.systems.mechanism.observer import first_orientation, turns_from
+from runner.systems.windows import Windows
 
 LOOKS = 200  # states of the recording that speeds, ranges and forces are taken from
 APART_S = 0.02  # at least so far apart

@@ -15,15 +15,19 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
+from runner.arrays import FloatArray
+from runner.effects.base import Effects
 from runner.effects.mechanism.base import MechanismEffect
+from runner.recording import Span
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import is_servo
 from runner.recording.model_form_mjcf import quiet
-from runner.systems.base import AbstractSimulator, Effects, FloatArray, Run, Span, Windows
 from runner.systems.mechanism.commands import Commands
 from runner.systems.mechanism.models import Compiled, Models
 from runner.systems.mechanism.observer import Observer, States
 from runner.systems.mechanism.readings import Readings, on_readings
+from runner.systems.simulator import AbstractSimulator, Run
+from runner.systems.windows import Windows
 
 FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from runner.arrays import FloatArray
 from runner.recording.model_form import MechanismRecording
-from runner.systems.base import FloatArray
 from runner.systems.mechanism.models import Models
 from runner.systems.mechanism.simulator import MechanismSimulator, Stretch
 

@@ -8,23 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
+from runner.arrays import FloatArray
 from runner.effects.base import Effects
+from runner.recording import Span
 from runner.recording.model_form import MechanismRecording, read_model_case, with_episode_to_check
 from runner.recording.model_form_mapping import ChannelSource
-from runner.systems.base import (
-    AbstractSystem,
-    Channel,
-    Disturbance,
-    DrawnBody,
-    FloatArray,
-    Labels,
-    Proposal,
-    Signals,
-    Space,
-    Windows,
-)
+from runner.systems.base import AbstractSystem, Proposal
+from runner.systems.channels import Channel, Signals, Space
+from runner.systems.disturbance import Disturbance
+from runner.systems.drawing import DrawnBody
 from runner.systems.mechanism.coordinates import HINGE, SLIDE
 from runner.systems.mechanism.drawing import body_poses, drawn_bodies
+from runner.systems.mechanism.horizon import stretches
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.labels import FACTORS, PHRASES, REGIMES, label
 from runner.systems.mechanism.model_file import write_model
@@ -34,6 +29,7 @@ from runner.systems.mechanism.rests import resting
 from runner.systems.mechanism.scope import raw_signals, scope_of, vocabulary_of
 from runner.systems.mechanism.simulator import MechanismSimulator, cores
 from runner.systems.mechanism.steps import choose_step
+from runner.systems.windows import Labels, Windows
 
 FORCE_SHARE, LARGE = 0.03, 3.0  # of the usual force: the step of a missing force; how large one may be
 LEAST_FORCE = 1e-3  # N or N m, of a joint that nothing moved
@@ -67,6 +63,7 @@ class MechanismSystem(AbstractSystem):
         self.disturbance = self._missing_force()
         self._step_s = step_s
         self._simulator: MechanismSimulator | None = None
+        self._stretches: tuple[Span, ...] | None = None
 
     @property
     def step_s(self) -> float:
@@ -117,6 +114,12 @@ class MechanismSystem(AbstractSystem):
         if self._simulator is None or (threads is not None and threads != self._simulator.threads):
             self._simulator = MechanismSimulator(self.recording, self._models, self.step_s, threads)
         return self._simulator
+
+    def stretches(self) -> tuple[Span, ...]:
+        """See `AbstractSystem`."""
+        if self._stretches is None:
+            self._stretches = stretches(self.simulator(), self.initial, self.disturbance.prior / LARGE, self._raw)
+        return self._stretches
 
     def label(self, signals: Signals, windows: Windows) -> Labels:
         """See `AbstractSystem`."""

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from runner.systems.base import AbstractInitialState, FloatArray, Signals, Windows
+from runner.arrays import FloatArray
+from runner.systems.channels import Signals
+from runner.systems.initial import AbstractInitialState
+from runner.systems.windows import Windows
 
 SMOOTH_S = 0.1  # half width of the local smoother
 FIRST = 5  # samples whose median a start is guessed from

@@ -9,7 +9,8 @@ import pandas as pd
 
 from runner.effects.planar_box import Context
 from runner.recording import Recording
-from runner.systems.base import Labels, Signals, Windows
+from runner.systems.channels import Signals
+from runner.systems.windows import Labels, Windows
 
 AFTER_S = 0.1  # so long a change of command is "just" past
 PLACES = 5  # cells along each side of the floor map

@@ -17,7 +17,7 @@ DIRECTIONS_RAD = (0.0, np.pi / 2)
 
 
 @dataclass(frozen=True)
-class Push(Proposal):
+class ProposedPush(Proposal):
     """A push from rest.
 
     Args:
@@ -56,7 +56,7 @@ class Push(Proposal):
         return f"From rest, {how}."
 
 
-def pushes(recording: Recording, context: Context) -> list[Push]:
+def pushes(recording: Recording, context: Context) -> list[ProposedPush]:
     """Return pushes within the forces and the points of application that the recording has."""
     most_n = context.force_n
     levels = sorted({min(share * context.friction_n, most_n) for share in SHARES} | {most_n})
@@ -68,12 +68,12 @@ def pushes(recording: Recording, context: Context) -> list[Push]:
         for angle in DIRECTIONS_RAD:
             force = size * np.array([np.cos(angle), np.sin(angle)])
             for place in places:
-                out += [Push(force, place, "pulse", 0.3), Push(force, place, "pulse", 1.2)]
-                out += [Push(force, place, "there and back", 0.6), Push(force, place, "ramp", 2.0)]
+                out += [ProposedPush(force, place, "pulse", 0.3), ProposedPush(force, place, "pulse", 1.2)]
+                out += [ProposedPush(force, place, "there and back", 0.6), ProposedPush(force, place, "ramp", 2.0)]
     return out
 
 
-def unmeasured(recording: Recording, pushes: Sequence[Push]) -> Recording:
+def unmeasured(recording: Recording, pushes: Sequence[ProposedPush]) -> Recording:
     """Return a recording in which each episode is one of these pushes, and nothing has been measured."""
     rate = recording.nominal.rate_hz
     t = np.arange(round(LENGTH_S * rate) + 1) / rate

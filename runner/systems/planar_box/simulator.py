@@ -21,10 +21,10 @@ from runner.effects.planar_box import Context, Motion, PlanarEffect, Target
 from runner.errors import RecordingError
 from runner.physics import dry_friction
 from runner.physics.scene import Base, BodyConfig, Dof, SceneConfig, build, push_columns
-from runner.recording import Contact as BearsOn
-from runner.recording import Episode, Form, Nominal, Recording, Span
-from runner.systems.base import AbstractSimulator, Run, Windows
+from runner.recording import Episode, Form, Nominal, Recording, Span, Support
 from runner.systems.planar_box.windows import FULL, USERDATA, Effects, WindowSimulator, planar, shown_alike, unseen
+from runner.systems.simulator import AbstractSimulator, Run
+from runner.systems.windows import Windows
 
 OBJECT = "object"
 STEP_RATE_HZ = 120.0  # at least so many physics steps a second: pose errors are then below 0.1 mm (second order)
@@ -54,7 +54,7 @@ def body_of(nominal: Nominal) -> BodyConfig:
         half_size_m=nominal.half_size_m,
         com_m=nominal.com_m or (0.0, 0.0, 0.0),
         inertia_kg_m2=inertia,
-        base=Base.corners if nominal.contact is BearsOn.CORNERS else Base.even,
+        base=Base.corners if nominal.contact is Support.CORNERS else Base.even,
     )
 
 

@@ -9,25 +9,17 @@ from types import MappingProxyType
 
 import numpy as np
 
+from runner.arrays import FloatArray
 from runner.effects.base import Effects
 from runner.effects.planar_box import EFFECTS, DeadBand
 from runner.effects.vocabulary import Candidate, Vocabulary
 from runner.effects.wording import number
 from runner.errors import RecordingError
-from runner.recording import Contact, Form, Recording
-from runner.systems.base import (
-    AbstractSystem,
-    Channel,
-    Disturbance,
-    DrawnBody,
-    FloatArray,
-    Labels,
-    Proposal,
-    Shape,
-    Signals,
-    Space,
-    Windows,
-)
+from runner.recording import Form, Recording, Support
+from runner.systems.base import AbstractSystem, Proposal
+from runner.systems.channels import Channel, Signals, Space
+from runner.systems.disturbance import Disturbance
+from runner.systems.drawing import DrawnBody, Shape
 from runner.systems.planar_box.initial import PlanarStart
 from runner.systems.planar_box.labels import FACTORS, REGIMES, label
 from runner.systems.planar_box.model_file import write_model
@@ -35,6 +27,7 @@ from runner.systems.planar_box.proposals import pushes, unmeasured
 from runner.systems.planar_box.rests import rest_segments
 from runner.systems.planar_box.simulator import OBJECT, Simulator, context_of
 from runner.systems.planar_box.windows import planar
+from runner.systems.windows import Labels, Windows
 
 CHANNELS = (
     Channel("x", "m", "position", "position x"),
@@ -67,6 +60,12 @@ class PlanarBox(AbstractSystem):
     # floors are never even: their texture is never below half of a hundredth of an effect's usual size
     mismatch_levels = (0.5, 1.0, 2.0, 4.0, 8.0)
     screening_level = 1.0
+    # a floor, a box and a push: what more than three effects explain is something else; errors stay where they are made
+    most_effects = 3
+    errors_overdisperse = False  # the odds of boxes were calibrated without
+    unknown_share = 0.0025
+    worth_another = 0.5
+    searched_s = cut_from = float("inf")
     plan_view = (0, 1)
     force_views = MappingProxyType({"along_n": "along the motion [N]", "left_n": "left of the motion [N]"})
     recording: Recording
@@ -178,7 +177,7 @@ class PlanarBox(AbstractSystem):
         """See `AbstractSystem`."""
         nominal = self.recording.nominal
         size = " × ".join(number(2 * h) for h in nominal.half_size_m)
-        borne = "under the whole base" if nominal.contact is Contact.PATCH else "at the corners"
+        borne = "under the whole base" if nominal.contact is Support.PATCH else "at the corners"
         return (
             ("object", f"box of {size} m, {number(nominal.mass_kg)} kg"),
             ("friction", f"{nominal.friction:.3g}, {borne}"),

@@ -16,7 +16,7 @@ from runner.effects.planar_box import ActuatorDelay, Motion, ObservationDelay, P
 from runner.physics import dry_friction
 from runner.physics.scene import push_columns
 from runner.recording import Recording
-from runner.systems.base import Windows
+from runner.systems.windows import Windows
 
 Effects = tuple[PlanarEffect, ...]
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS.value

@@ -1,0 +1,63 @@
+"""Channels: what is measured of an object, number by number, and the measured numbers with their noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+import numpy as np
+
+from runner.recording import Span
+
+
+class Space(Enum):
+    """Which numbers a channel has: a line, a circle (angles, unwrapped), or one axis of a turn's log map."""
+
+    LINE = "line"
+    CIRCLE = "circle"
+    ROTATION = "rotation"
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One measured number.
+
+    Args:
+        name: Its column in the recording; of an orientation, `NAME.x`, `.y`, `.z`: its turn from what was measured.
+        unit: SI, "" for a pure number.
+        group: Channels of one group share a noise level: they come from one kind of sensor.
+        label: In words, for a reader: "heading".
+        space: Which numbers it has. Predictions come in coordinates in which `prediction - measurement` is the
+            residual: angles unwrapped alongside the measurement, orientations as the log map from it.
+    """
+
+    name: str
+    unit: str
+    group: str
+    label: str
+    space: Space = Space.LINE
+
+
+class Signals(Protocol):
+    """Measured channels and their noise levels; `runner.noise.measured.Measured` is one."""
+
+    @property
+    def values(self) -> tuple[np.ndarray, ...]:
+        """Per episode (T, C)."""
+        ...
+
+    @property
+    def valid(self) -> tuple[np.ndarray, ...]:
+        """Per episode (T, C): False for what does not count."""
+        ...
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Noise of each channel, (C,)."""
+        ...
+
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        """Where in the recording each episode lies: parts of episodes are taken for episodes of their own."""
+        ...

@@ -1,0 +1,99 @@
+"""Over how long a mechanism's model can be replayed so that a comparison with the recording means something.
+
+An inverted or a double pendulum amplifies every small difference until it is as large as the motion itself. A fit over
+longer than that descends a landscape of hollows, and what it ends in says nothing. So recordings are cut where the
+response to a small force ceases to be in proportion to it: linear sensitivities hold within such stretches, which is
+what fits, evidence and standard errors rest on.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from runner.arrays import FloatArray
+from runner.recording import Span
+from runner.systems.channels import Signals
+from runner.systems.initial import AbstractInitialState
+from runner.systems.mechanism.simulator import MechanismSimulator
+from runner.systems.windows import Windows
+
+LONGEST_S = 8.0  # no longer: errors that pile up over more tell nothing new, and cost as much as what does
+SHORTEST_S = 0.5  # no shorter: a start state is then most of what is told
+SMALL, LARGE = 0.01, 0.1  # forces that are compared: shares of the usual force
+BENT = 0.2  # share of the response that may be out of proportion, in half of the windows and joints
+LOOKS = 24  # windows that are looked at, for each length
+SAME_CLOCK = 1.1  # times the shortest period
+FEWEST = 5  # samples of each measured channel in a stretch
+
+
+def stretches(
+    simulator: MechanismSimulator, initial: AbstractInitialState, usual: FloatArray, signals: Signals
+) -> tuple[Span, ...]:
+    """Return the parts of a recording over which the believed model responds in proportion: episodes cut evenly.
+
+    Args:
+        simulator: Of the recording.
+        initial: Its start states.
+        usual: Usual generalised force of each degree of freedom, (nv,).
+        signals: What was measured.
+    """
+    lengths = [len(v) for v in signals.values]
+    periods_s = np.array([e.step_s for e in simulator.recording.episodes])
+    whole = tuple(Span(e, 0, n) for e, n in enumerate(lengths))
+    longest_s = float(max((n - 1) * p for n, p in zip(lengths, periods_s, strict=True)))
+    length_s = longest_s / max(1, int(np.ceil(longest_s / LONGEST_S - 1e-6)))
+    while length_s > SHORTEST_S and _bent(simulator, initial, usual, signals, length_s) > BENT:
+        length_s = max(length_s / 2, SHORTEST_S)
+    parts = []
+    for e, n in enumerate(lengths):
+        edges = np.linspace(0, n, max(1, round((n - 1) * periods_s[e] / length_s)) + 1).round().astype(int)
+        parts += [Span(e, int(a), int(b)) for a, b in pairwise(edges)]
+    there = np.any([v.any(axis=0) for v in signals.valid], axis=0)
+    told = [s for s in parts if (signals.valid[s.episode][s.begin : s.end, there].sum(axis=0) >= FEWEST).all()]
+    return tuple(told) if {s.episode for s in told} == set(range(len(lengths))) else whole
+
+
+def _bent(
+    simulator: MechanismSimulator,
+    initial: AbstractInitialState,
+    usual: FloatArray,
+    signals: Signals,
+    length_s: float,
+) -> float:
+    """Return which share of the response to a force is out of proportion after so many seconds: the median."""
+    windows = _windows(simulator, length_s)
+    starts = initial.guess_windows(signals, windows, smooth=True)
+    d = len(usual)
+    forces = np.vstack([np.zeros(d), *(np.diag(size * usual) for size in (SMALL, LARGE))])
+    with np.errstate(invalid="ignore", over="ignore"):
+        shown = simulator.predict_windows((), windows, np.repeat(starts[:, None], len(forces), axis=1), forces)
+        change = (shown[:, 1:] - shown[:, :1]) / signals.sigma
+        small, large = change[:, :d] * (LARGE / SMALL), change[:, d:]
+        off, size = (_norm(x) for x in (large - small, np.where(np.isfinite(large), large, small)))
+    size = np.maximum(size, _norm(small))
+    share = np.where(np.isfinite(off) & np.isfinite(size), off / np.maximum(size, 1e-9), 1.0)
+    # what cannot be seen in the noise is out of no proportion
+    seen = ~(size < np.sqrt(windows.samples))
+    return float(np.median(share[seen])) if seen.any() else 0.0
+
+
+def _norm(change: FloatArray) -> FloatArray:
+    """Return the length of changes (W, D, n, C), where there are values: (W, D)."""
+    return np.sqrt((change**2).sum(axis=(2, 3)))
+
+
+def _windows(simulator: MechanismSimulator, length_s: float) -> Windows:
+    """Return windows of one length, spread over the episodes, where clocks differ over those with the fastest."""
+    episodes = simulator.recording.episodes
+    fastest_s = min(e.step_s for e in episodes)
+    alike = [(k, len(e)) for k, e in enumerate(episodes) if e.step_s < SAME_CLOCK * fastest_s]
+    samples = min(round(length_s / fastest_s) + 1, max(n for _, n in alike))
+    fits = [(k, f) for k, n in alike for f in range(0, n - samples + 1, samples)]
+    index = np.array(fits, dtype=int).reshape(-1, 2)
+    chosen = index[np.unique(np.linspace(0, len(index) - 1, min(LOOKS, len(index))).round().astype(int))]
+    return Windows(chosen[:, 0], chosen[:, 1], samples)
+
+
+__all__ = ["stretches"]

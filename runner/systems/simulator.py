@@ -1,0 +1,59 @@
+"""What simulates a recorded object: commands and starts in, predicted channels out, with any set of effects."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from runner.arrays import FloatArray
+from runner.effects.base import Effects
+from runner.recording import Span
+from runner.systems.windows import Windows
+
+
+@dataclass(frozen=True)
+class Run:
+    """One open-loop simulation: the effects that are in the model, and the start that it begins from, (S,)."""
+
+    effects: Effects
+    start: FloatArray
+
+
+class AbstractSimulator(ABC):
+    """Simulates a recording's commands open loop, many sets of effects and starts at once.
+
+    Attributes:
+        simulated_s: How much has been simulated so far, in seconds of the object's time.
+    """
+
+    simulated_s: float
+
+    @abstractmethod
+    def predict(self, episode: int, runs: Sequence[Run]) -> FloatArray:
+        """Return the predicted channels at the samples of an episode, or span, (len(runs), T, C)."""
+
+    @abstractmethod
+    def parts(self, spans: Sequence[Span]) -> AbstractSimulator:
+        """Return a simulator of parts of what this one simulates; `episode` counts what that is."""
+
+    @abstractmethod
+    def predict_windows(
+        self, effects: Effects, windows: Windows, starts: FloatArray, disturbance: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the predicted channels in windows, each begun anew.
+
+        Args:
+            effects: What is in the model.
+            windows: W of them.
+            starts: As `AbstractInitialState.guess_windows` has them, K for each: (W, K, S): states that are *shown* by
+                the sensors with these effects, the model starts from the true ones behind them.
+            disturbance: A constant generalised force in each, (K, D) or (W, K, D).
+
+        Returns:
+            (W, K, samples, C), the first of the samples the start.
+        """
+
+    @abstractmethod
+    def seen_start(self, effects: Effects, start: FloatArray) -> FloatArray:
+        """Return the true start (S,) that sensors with these effects show as the given one."""

@@ -1,0 +1,45 @@
+"""Windows: short stretches of a recording, all of one length, and what went on in each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Windows of one length, in samples: `episode` and `first` sample of each, both (W,), and `samples` of each."""
+
+    episode: np.ndarray
+    first: np.ndarray
+    samples: int
+
+    def __len__(self) -> int:
+        return len(self.episode)
+
+    def of(self, arrays: Sequence[np.ndarray]) -> np.ndarray:
+        """Return what arrays (T, ...), one per episode, hold in each window: (W, samples, ...)."""
+        steps = np.arange(self.samples)
+        return np.stack([arrays[e][f + steps] for e, f in zip(self.episode, self.first, strict=True)])
+
+    def chunks(self, size: int) -> list[tuple[slice, Windows]]:
+        """Return them in portions of at most `size`."""
+        parts = [slice(begin, begin + size) for begin in range(0, len(self), size)]
+        return [(part, Windows(self.episode[part], self.first[part], self.samples)) for part in parts]
+
+
+@dataclass(frozen=True)
+class Labels:
+    """What went on in each window, and where.
+
+    Args:
+        table: One row per window: `episode` ("episode 3"), `t_s` of its middle, a column of text or None for each
+            factor of `AbstractSystem.factors`, and any numbers that describe it.
+        places: Of the factor `place`, if there is one: the middle of each cell by its label.
+    """
+
+    table: pd.DataFrame
+    places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
