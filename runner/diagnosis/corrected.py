@@ -20,7 +20,6 @@ from dataclasses import MISSING, Field, fields
 from pathlib import Path
 from typing import Annotated, Any
 
-import yaml
 from pydantic import BaseModel, StrictFloat, ValidationError
 
 from runner.effects.base import AbstractEffect, Effects
@@ -28,6 +27,7 @@ from runner.effects.vocabulary import Vocabulary
 from runner.errors import ConfigError, ResultError, nearest
 from runner.storage.checked import dotted, must, refusal
 from runner.storage.writing import write_yaml
+from runner.storage.yaml_text import YamlError, read_yaml
 from runner.systems.base import AbstractSystem
 
 FILE = "corrected.yaml"
@@ -84,6 +84,19 @@ class _Corrected(BaseModel):
     effects: dict[str, _Values] | None
 
 
+def corrected_file(path: str | Path) -> Path:
+    """Return the file of a corrected model: the path itself, or the file in that folder.
+
+    Raises:
+        ResultError: If there is no such file.
+    """
+    path = Path(path)
+    path = path / FILE if path.is_dir() else path
+    if not path.is_file():
+        raise ResultError(f"{path}: no such file; a corrected model is the '{FILE}' that a diagnosis writes.")
+    return path
+
+
 def read_corrected(path: str | Path, vocabulary: Vocabulary) -> Effects:
     """Return the effects that `corrected.yaml` names.
 
@@ -95,14 +108,11 @@ def read_corrected(path: str | Path, vocabulary: Vocabulary) -> Effects:
         ResultError: If there is no such file, or it is no YAML of that form.
         ConfigError: If an effect or a parameter does not exist, one is missing, or a value is out of range.
     """
-    path = Path(path)
-    path = path / FILE if path.is_dir() else path
-    if not path.is_file():
-        raise ResultError(f"{path}: no such file; a corrected model is the '{FILE}' that a diagnosis writes.")
+    path = corrected_file(path)
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ResultError(f"{path}: no YAML: {str(error).splitlines()[0]}.") from error
+        content = read_yaml(path)
+    except YamlError as error:
+        raise ResultError(f"{path}: no YAML:{error}") from None
     try:
         effects = _Corrected.model_validate(content).effects or {}
     except ValidationError as error:

@@ -12,9 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runner.inference.least_squares import Explanation, difference_steps
+from runner.inference.least_squares import Explanation
+from runner.inference.parameters import difference_steps
 from runner.noise.measured import Measured
-from runner.systems.base import AbstractSystem, Run
+from runner.systems.base import AbstractSystem
+from runner.systems.simulator import Run
 
 
 @dataclass(frozen=True)

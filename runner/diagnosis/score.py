@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any
 
 import numpy as np
@@ -19,10 +20,10 @@ import pandas as pd
 from pydantic import TypeAdapter, ValidationError
 from scipy.stats import binomtest
 
-from runner.effects.base import always_confounded
 from runner.errors import ResultError
 from runner.storage.checked import Keys, must, refusal
 from runner.storage.reading import read_json
+from runner.systems.case import always_confounded
 
 NONE, UNKNOWN = "none", "unknown"
 BINS = 10
@@ -53,6 +54,7 @@ class Score:
 
 class _Planted(Keys):
     name: Annotated[str, must("have a `name`")]
+    accept: Annotated[list[str] | None, must("have `accept` as a list of names, if at all")] = None
 
 
 class _Answer(Keys):
@@ -66,6 +68,8 @@ _ANSWERS = TypeAdapter(Annotated[dict[str, _EACH], must("hold an object with `ef
 
 def read_answers(path: Path) -> dict[str, dict[str, Any]]:
     """Read `{case: {"effects": [{"name", "severity", ...}], "accept": [names]}}`.
+
+    An effect may have an `accept` of its own, which then says alone what else counts for it.
 
     Raises:
         ResultError: If there is no such file, or it holds something else.
@@ -113,9 +117,10 @@ def score(
 
 def _marked(case: str, verdict: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
     truth, accept = [full_name(e) for e in answer["effects"]], set(answer["accept"])
+    own = {full_name(e): e["accept"] for e in answer["effects"] if e.get("accept") is not None}
     ranks = [r for r in verdict["ranked"] if r["effects"]]
     first = ranks[0]["effects"]
-    rank = next((i for i, r in enumerate(ranks, 1) if is_right(r["effects"], truth, accept)), None)
+    rank = next((i for i, r in enumerate(ranks, 1) if is_right(r["effects"], truth, accept, own)), None)
     return {
         "case": case,
         "kind": NONE if not truth else UNKNOWN if UNKNOWN in truth else "single" if len(truth) == 1 else "pair",
@@ -125,7 +130,7 @@ def _marked(case: str, verdict: dict[str, Any], answer: dict[str, Any]) -> dict[
         "first": "+".join(first),
         "probability": float(ranks[0]["probability"]),
         "right": rank == 1,
-        "one_right": any(any(_stands_for(n, t, truth, accept) for n in first) for t in truth),
+        "one_right": any(any(_stands_for(n, t, truth, accept, own) for n in first) for t in truth),
         "in_first_three": rank is not None and rank <= FIRST,
         "rank_of_truth": rank,
         "probability_of_truth": 0.0 if rank is None else float(ranks[rank - 1]["probability"]),
@@ -135,19 +140,35 @@ def _marked(case: str, verdict: dict[str, Any], answer: dict[str, Any]) -> dict[
     }
 
 
-def is_right(named: Sequence[str], truth: Sequence[str], accept: Collection[str]) -> bool:
-    """Tell whether names cover what was planted, one to one."""
+def is_right(
+    named: Sequence[str],
+    truth: Sequence[str],
+    accept: Collection[str],
+    own: Mapping[str, Collection[str]] = MappingProxyType({}),
+) -> bool:
+    """Tell whether names cover what was planted, one to one.
+
+    Args:
+        named: Full names of an answer.
+        truth: Of what was planted.
+        accept: What else counts, in a case as a whole.
+        own: What else counts for one effect, by its full name; it then stands in place of `accept`.
+    """
     if not truth:
         return list(named) == [NONE]
     orders = permutations(truth) if len(named) == len(truth) else ()
-    return any(all(_stands_for(n, t, truth, accept) for n, t in zip(named, o, strict=True)) for o in orders)
+    return any(all(_stands_for(n, t, truth, accept, own) for n, t in zip(named, o, strict=True)) for o in orders)
 
 
-def _stands_for(name: str, planted: str, truth: Collection[str], accept: Collection[str]) -> bool:
+def _stands_for(
+    name: str, planted: str, truth: Collection[str], accept: Collection[str], own: Mapping[str, Collection[str]]
+) -> bool:
     """Tell whether a name counts for an effect: its own, or an accepted one that was not planted itself."""
     if name == planted:
         return True
     plain, other = name.partition("[")[0], planted.partition("[")[0]
+    if planted in own:
+        return name not in truth and (name in own[planted] or f"{plain}[*]" in own[planted])
     accepted = name in accept or f"{plain}[*]" in accept
     confounded = [pair for pair in always_confounded() if plain in pair]
     return accepted and name not in truth and (not confounded or any(other in pair for pair in confounded))

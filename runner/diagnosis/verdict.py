@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, StrictFloat, TypeAdapter, ValidationError
 
-from runner.diagnosis.pipeline import Diagnosis
+from runner.diagnosis.result import Diagnosis
 from runner.errors import ResultError
 from runner.storage.checked import Keys, must, refusal
 from runner.storage.reading import read_json
@@ -67,7 +67,24 @@ class _Verdict(Keys):
 
 
 _EACH = Annotated[_Verdict, must("have `ranked`, a list of explanations")]
+_ONE = TypeAdapter(_EACH)
 _VERDICTS = TypeAdapter(Annotated[dict[str, _EACH], must("hold an object with a verdict for each case")])
+
+
+def read_verdict(path: Path) -> dict[str, Any]:
+    """Read the `verdict.json` of one case.
+
+    Raises:
+        ResultError: If there is none, or it is something else.
+    """
+    content = read_json(path)
+    try:
+        _ONE.validate_python(content)
+    except ValidationError as error:
+        place, text = refusal(error)
+        lead = f"explanation {int(place[1]) + 1} " if len(place) > 1 else "`ranked` " if place else ""
+        raise ResultError(f"{path}: {lead}{text} `runner diagnose` writes what is wanted.") from None
+    return content
 
 
 def read_verdicts(path: Path) -> dict[str, dict[str, Any]]:

@@ -1,0 +1,61 @@
+"""What could be taken for the answer, and which experiment would tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from runner.diagnosis.next_experiment import best_experiment
+from runner.diagnosis.ranking import contender_of
+from runner.diagnosis.result import Ranked
+from runner.effects.vocabulary import Vocabulary
+from runner.inference.confounding import Rival, rivals
+from runner.inference.evidence import directions, normal_equations, sensitivities
+from runner.inference.least_squares import Fitter
+from runner.inference.search import Contender, Search
+
+WORTH_TELLING = 0.02  # an explanation that is less likely needs no experiment against it
+
+
+def found_rivals(best: Contender, fitter: Fitter) -> tuple[Rival, ...]:
+    """Return what could be taken for the effects of the best explanation."""
+    if not best.fit.explanation.candidates:
+        return ()
+    around = normal_equations(best.fit, sensitivities(fitter, best.fit, directions(fitter.system)))
+    return rivals(around, best.evidence, fitter)
+
+
+def next_push(ranked: Sequence[Ranked], found: Search, fitter: Fitter, threads: int | None) -> str | None:
+    """Say which further push would tell the leading explanations apart, if they need to be."""
+    named = [r for r in ranked if r.effects != ("unknown",)]
+    lead = named[0]
+    names = set(lead.effects) | {n for e in lead.equivalent for n in e}
+    if advice := _advice(names, fitter.system.vocabulary):
+        return advice
+    if len(named) < 2 or named[1].probability < WORTH_TELLING:
+        return None
+    first, second = (contender_of(found, r, fitter.context) for r in named[:2])
+    push = best_experiment(
+        fitter.system,
+        fitter.measured,
+        (first.fit.explanation, first.fit.x),
+        (second.fit.explanation, second.fit.x),
+        second.evidence.covariance,
+        threads=threads,
+    )
+    rivals_named = f"{' and '.join(lead.effects)} from {' and '.join(named[1].effects)}".replace("_", " ")
+    if push is None or push.log_odds < 1.0:
+        system = fitter.system
+        return f"No {system.experiment} within {system.reach} would tell {rivals_named}; {system.reach_further}."
+    return (
+        f"{push.sentence} To tell {rivals_named}, each such {fitter.system.experiment} is worth about "
+        f"{push.log_odds:.1f} in natural log odds."
+    )
+
+
+def _advice(names: set[str], vocabulary: Vocabulary) -> str | None:
+    """Return what would tell apart two of these effects that no recording like this one can."""
+    for candidate in vocabulary:
+        for other in candidate.effect.confounded:
+            if {candidate.effect.name, other.name} <= {name.partition("[")[0] for name in names}:
+                return other.advice
+    return None

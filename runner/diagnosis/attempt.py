@@ -1,0 +1,214 @@
+"""One split of a recording into what is fitted and what is held out: first look, search, and the check on the rest.
+
+A fit replays *stretches*: whole episodes as a rule; parts of them, each with a start of its own, where small
+differences grow out of proportion over a whole episode, or where nothing that is known comes near the recording, so
+that over long times errors of the model pile up instead of telling what they are (multiple shooting, Bock 1983).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runner.diagnosis.ranking import unknown_by_excess
+from runner.effects.base import Effects
+from runner.errors import RecordingError
+from runner.inference.breakaway import hanging
+from runner.inference.held_out import Confirmed, confirm, unseen
+from runner.inference.least_squares import NONE, Fit, Fitter
+from runner.inference.multiple_shooting import look, recut
+from runner.inference.outside import with_outside
+from runner.inference.search import RESTED, Beginning, Search, resumed, search
+from runner.noise.measured import materially_different, measure, refine
+from runner.progress import UNOBSERVED, Observer
+from runner.recording import Span
+from runner.systems.base import AbstractSystem
+from runner.systems.simulator import AbstractSimulator, Run
+
+HELD_OUT = 2  # by the convention of the format, the last two episodes check the explanation
+FEWEST_SEARCHED = 4  # stretches
+# Of `AbstractSystem.searched_s`, where nothing explains even pieces of a second: what is missing is then plain to see
+IN_PIECES = 0.2
+SURPRISE = 3.0  # times what is left of the fitted episodes: so much in those left out is something new
+
+
+def split(numbers: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return the positions of the episodes that are fitted, and of those held out: the last by their numbers.
+
+    Raises:
+        RecordingError: If there are fewer than two.
+    """
+    count = len(numbers)
+    if count < 2:
+        raise RecordingError(
+            f"a diagnosis needs at least 2 episodes, one of them to check the explanation, got {count}."
+        )
+    held = HELD_OUT if count > HELD_OUT + 1 else 1
+    order = sorted(range(count), key=lambda i: numbers[i])
+    return tuple(order[: count - held]), tuple(order[count - held :])
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What one split has led to.
+
+    Args:
+        fitted: Positions of the recorded episodes that were fitted.
+        held_out: Of those that were not.
+        fitter: Of all stretches; to it each is an episode.
+        confirmed: The search of the fitted episodes, or of stretches spread over them, held against those of the
+            episodes left out.
+    """
+
+    fitted: tuple[int, ...]
+    held_out: tuple[int, ...]
+    fitter: Fitter
+    confirmed: Confirmed
+
+    @property
+    def stretches(self) -> tuple[Span, ...]:
+        """What was replayed."""
+        return self.fitter.measured.spans
+
+    @property
+    def nominal_excess(self) -> float:
+        """What the nominal model leaves of what was fitted, in squared noises."""
+        nominal = self.confirmed.search.nominal
+        return self.fitter.measured.excess(nominal.total, nominal.episodes)
+
+    def of(self, episodes: Iterable[int]) -> tuple[int, ...]:
+        """Return the positions of the stretches of some recorded episodes, in the order of those."""
+        return stretches_of(self.fitter, episodes)
+
+    @property
+    def not_searched(self) -> tuple[int, ...]:
+        """Positions of stretches of the fitted episodes that were not searched, as others told enough."""
+        searched = self.confirmed.search.nominal.episodes
+        return tuple(i for i in self.of(self.fitted) if i not in searched)
+
+    @property
+    def in_parts(self) -> bool:
+        """Whether stretches are parts of episodes."""
+        lengths = [len(e) for e in self.fitter.system.recording.episodes]
+        return self.stretches != tuple(Span(e, 0, n) for e, n in enumerate(lengths))
+
+    @property
+    def stretch_s(self) -> float | None:
+        """How long the longest stretch is, in seconds; None: stretches are whole episodes."""
+        return max(map(self.fitter.seconds, range(len(self.stretches)))) if self.in_parts else None
+
+
+def attempt(
+    system: AbstractSystem,
+    simulator: AbstractSimulator,
+    fitted: tuple[int, ...],
+    held_out: tuple[int, ...],
+    observer: Observer = UNOBSERVED,
+) -> Attempt:
+    """Search for the explanation of some episodes and hold what was found against the others."""
+    first = _first_look(system, simulator, fitted, observer)
+    fitter, found = _explained(first, held_out)
+    observer.stage("checking on the episodes left out")
+    confirmed = confirm(with_outside(found, fitter), fitter, stretches_of(fitter, held_out))
+    if fitter.simulator is not simulator:
+        simulator.simulated_s += fitter.simulator.simulated_s
+    return Attempt(fitted, held_out, fitter, confirmed)
+
+
+def stretches_of(fitter: Fitter, episodes: Iterable[int]) -> tuple[int, ...]:
+    """Return the positions of the stretches of some recorded episodes, in the order of those."""
+    spans = fitter.measured.spans
+    return tuple(i for e in episodes for i, s in enumerate(spans) if s.episode == e)
+
+
+def _to_search(fitter: Fitter, episodes: Iterable[int], share: float) -> tuple[int, ...]:
+    """Return the positions of stretches to search: of some recorded episodes, evenly spread where they are too long.
+
+    Args:
+        fitter: Of all stretches.
+        episodes: Positions of the recorded ones.
+        share: Of `AbstractSystem.searched_s`: how much is enough.
+    """
+    of, enough_s = stretches_of(fitter, episodes), share * fitter.system.searched_s
+    total_s = sum(fitter.seconds(i) for i in of)
+    count = max(min(FEWEST_SEARCHED, len(of)), int(len(of) * min(enough_s / total_s, 1.0)))
+    return tuple(of[i] for i in np.linspace(0, len(of) - 1, count).round().astype(int))
+
+
+def unseen_only(found: Attempt) -> bool:
+    """Whether the episodes left out show something that those which were fitted do not, or hardly."""
+    confirmed, gap, share = found.confirmed, found.nominal_excess, found.fitter.system.unknown_share
+    if confirmed.fails and confirmed.gap_unseen > SURPRISE * max(gap, 0.0):
+        return True
+    seen, unseen = (unknown_by_excess(e, gap, share) for e in (confirmed.excess_fitted, confirmed.excess_unseen))
+    return seen < 0.5 < unseen and confirmed.excess_unseen > SURPRISE * max(confirmed.excess_fitted, 0.0)
+
+
+@dataclass(frozen=True)
+class _FirstLook:
+    """What is replayed in which stretches, the nominal model's fit to what is fitted, and where a search begins."""
+
+    fitter: Fitter
+    nominal: Fit
+    beginning: Beginning | None
+
+
+def _first_look(
+    system: AbstractSystem, simulator: AbstractSimulator, fitted: Sequence[int], observer: Observer
+) -> _FirstLook:
+    """Fit the nominal model, tell the noise from what it leaves, and look at pieces where it goes astray."""
+    observer.stage("measuring the noise")
+    root = Fitter(system, simulator, measure(system), observer=observer)
+    fitter = root.stretched(system.stretches())
+    fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, 1.0))
+    observer.stage("searching")
+    seen = look(fitter, nominal)
+    if seen is None:
+        return _FirstLook(fitter, nominal, None)
+    spans = root.pieces(seen.cut_s or np.inf, range(len(root.measured.values)))
+    if seen.cut_s is None or {s.episode for s in spans} != set(range(len(root.measured.values))):
+        return _FirstLook(replace(fitter, measured=fitter.measured.without(seen.hung)), nominal, seen.beginning)
+    if fitter.simulator is not simulator:
+        simulator.simulated_s += fitter.simulator.simulated_s
+    fitter = root.stretched(spans)
+    fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, IN_PIECES))
+    return _FirstLook(fitter, nominal, recut(seen.beginning, fitter, nominal))
+
+
+def _nominal(fitter: Fitter, stretches: Sequence[int]) -> tuple[Fitter, Fit]:
+    nominal = fitter.fit(NONE, stretches, iterations=RESTED)
+    return replace(fitter, measured=refine(fitter.measured, fitter.system, _left(nominal, (), fitter))), nominal
+
+
+def _explained(first: _FirstLook, held_out: Sequence[int]) -> tuple[Fitter, Search]:
+    """Search for the explanation; what noise there is shows in what the best one leaves, so look twice."""
+    fitter, nominal = first.fitter, first.nominal
+    # what hangs on a breakaway, by what the pieces suggested, is not forgotten by the noise
+    measured = replace(fitter.measured, hung={})
+    episodes = nominal.episodes
+    found = search(fitter, episodes, starts=nominal.starts, beginning=first.beginning)
+    best = found.best.fit
+    if best.explanation.discontinuous:
+        measured = fitter.measured.without(hanging(fitter, best))
+    # without static friction nothing hangs on a breakaway, whatever the pieces suggested
+    effects = best.explanation.make(best.x, fitter.context)
+    again = refine(measured, fitter.system, _left(best, effects, fitter))
+    # where much is left that nothing explains, it is not noise
+    told = fitter.measured.excess(best.total, best.episodes) < fitter.system.cut_from
+    if told and (again.hung != fitter.measured.hung or materially_different(measured, again)):
+        fitter = replace(fitter, measured=again)
+        found = search(fitter, episodes, starts=found.nominal.starts, beginning=resumed(found, fitter))
+    if not found.best.fit.explanation.discontinuous:
+        return fitter, found
+    there = hanging(fitter, unseen(found.best, fitter, stretches_of(fitter, held_out), None))
+    return replace(fitter, measured=fitter.measured.without(there)), found
+
+
+def _left(fit: Fit, effects: Effects, fitter: Fitter) -> dict[int, np.ndarray]:
+    """Return what a fit leaves, per episode of the fitter (T, C), physical units."""
+    return {
+        e: fitter.simulator.predict(e, [Run(effects, start)])[0] - fitter.measured.values[e]
+        for e, start in zip(fit.episodes, fit.starts, strict=True)
+    }

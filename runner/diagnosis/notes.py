@@ -1,0 +1,61 @@
+"""What a reader of a diagnosis should know before believing its figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from runner.diagnosis.attempt import HELD_OUT
+from runner.inference.search import Contender
+from runner.noise.measured import Measured
+from runner.systems.recorded import Recorded
+
+
+def notes(
+    recording: Recorded,
+    measured: Measured,
+    top: Contender,
+    held_out: Sequence[int],
+    *,
+    stretch_s: float | None = None,
+    turned: bool = False,
+    outside: Sequence[str] = (),
+) -> tuple[str, ...]:
+    """Say what a reader should know before believing the figures.
+
+    Args:
+        recording: What was diagnosed.
+        measured: Its channels and their noise, whole episodes.
+        top: The explanation that is put into the corrected model.
+        held_out: The episodes that it was checked on.
+        stretch_s: Over how long models were replayed; None: over whole episodes.
+        turned: Whether the first episodes were held out instead of the last.
+        outside: What was said of effects that have no name.
+    """
+    out = [*recording.notes, *outside]
+    if not measured.stated.all():
+        out.append("The noise was not stated for every channel and was estimated from the recording.")
+    for e, sample in measured.hung.items():
+        episode = recording.episodes[e]
+        out.append(
+            f"What episode {episode.index} shows from {episode.t_s[sample]:.2f} s on counts for the closure alone: "
+            "whether a push there starts the body hangs on less friction than surfaces are even in."
+        )
+    if measured.noise_model.lag_one.any():
+        out.append("The noise is correlated from sample to sample; this was taken into account.")
+    dropped = int(sum((~v).sum() for v in measured.valid))
+    if dropped:
+        out.append(f"{dropped} values stick out of their neighbours and were left out.")
+    if not top.fit.converged:
+        out.append("The fit of the best explanation had not fully come to rest; its errors may be too small.")
+    if turned:
+        out.append(
+            "What the last episodes show the others do not, or hardly: they were fitted, and the first ones held out."
+        )
+    if len(held_out) < HELD_OUT:
+        out.append("Only one episode was left to check the explanation.")
+    if stretch_s is not None:
+        out.append(
+            f"Models were replayed over {stretch_s:.2g} s at a time, each with a start of its own: over longer "
+            "times what the model lacks piles up or grows out of proportion."
+        )
+    return tuple(out)

@@ -1,0 +1,95 @@
+"""What a diagnosis says: explanations with probabilities, where the gap lies, how far it shrinks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from runner.effects.base import Effects
+from runner.inference.confounding import Rival
+from runner.localise.where import Where
+from runner.noise.measured import Measured
+from runner.recording import Span
+from runner.systems.base import AbstractSystem
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One explanation, with what these data can't tell from it.
+
+    Args:
+        effects: The vocabulary's names; ("none",) and ("unknown",) are explanations too.
+        equivalent: Other sets of names that explain the recording as well; the probability is that of all together.
+        probability: Of this explanation, or one of its equivalents; all sum to 1.
+        values: The effects with their fitted values.
+        parameters: Values by effect and parameter, SI units.
+        errors: Their standard errors, the simulator's own inexactness included.
+        gap_closed: 1 - error after / error before, on the held-out episodes; None: not computed.
+        log_evidence: Natural log, relative to the best explanation; None: `unknown` has no model to weigh.
+    """
+
+    effects: tuple[str, ...]
+    equivalent: tuple[tuple[str, ...], ...]
+    probability: float
+    values: Effects
+    parameters: dict[str, dict[str, float]]
+    errors: dict[str, dict[str, float]]
+    gap_closed: float | None
+    log_evidence: float | None
+
+
+@dataclass(frozen=True)
+class Closure:
+    """How far the gap shrinks on the held-out episodes, start states fitted to them with either model.
+
+    `table`: one row per episode and channel: root mean square before and after, in the channel's unit and in noises.
+    `regimes`: the same by what went on, see `closure_by_regime`. The interval is over episodes and blocks of a second
+    (percentile bootstrap).
+    """
+
+    table: pd.DataFrame
+    regimes: pd.DataFrame
+    gap_closed: float
+    gap_closed_low: float
+    gap_closed_high: float
+    closable_closed: float
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """All that `runner diagnose` says of a case; arrays and tables are not to be written to.
+
+    `fitted` and `held_out` are episodes of the recording by their position. Models were replayed in `stretches`, each
+    with a start state of its own, (S,): `nominal_starts` and `corrected_starts` by the position of a stretch.
+    `measured` is of whole episodes.
+    """
+
+    case: str
+    system: AbstractSystem
+    ranked: tuple[Ranked, ...]
+    abstain: bool
+    gap_closed: float
+    effects: Effects
+    fitted: tuple[int, ...]
+    held_out: tuple[int, ...]
+    stretches: tuple[Span, ...]
+    measured: Measured
+    nominal_starts: dict[int, np.ndarray]
+    corrected_starts: dict[int, np.ndarray]
+    where: Where
+    closure: Closure
+    excess: float
+    nominal_excess: float
+    seconds: float
+    simulated_s: float
+    next_push: str | None
+    notes: tuple[str, ...]
+    rivals: tuple[Rival, ...] = ()
+
+    @property
+    def recording(self) -> Any:
+        """What was diagnosed."""
+        return self.system.recording
