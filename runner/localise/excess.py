@@ -1,0 +1,96 @@
+"""The excess of windows: by how much the slow part of what the model leaves is more than noise makes of it.
+
+A window's *excess* is the sum of squares of its slow residual less what noise makes of it. Noise that is slow itself
+shows where the body rests, and is allowed for everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from runner.localise.linearised import Linearised, Model, linearised
+from runner.localise.windows import FEWEST, WINDOWS_S, windows_of_length
+from runner.noise.measured import Measured
+from runner.systems.windows import Labels, Windows
+
+SURE = 0.01
+NOISE_SHARE = 0.06  # the noise may be this much larger (in variance) than stated before it counts as a gap
+REST_FREEDOM = 30  # values that the noise at rest must rest on
+
+
+@dataclass(frozen=True)
+class WindowExcess:
+    """Windows of one length, and what they show.
+
+    Args:
+        local: The model around their start states.
+        labels: What went on in them.
+        excess: In squared noises, (W, C).
+        freedom: What noise makes of the slow residual, (W, C).
+        noise: How much more slow noise there is at rest than there should be, (C,).
+    """
+
+    local: Linearised
+    labels: Labels
+    excess: np.ndarray
+    freedom: np.ndarray
+    noise: np.ndarray
+
+    @property
+    def p(self) -> float:
+        """Probability of so much excess by noise."""
+        return probability_by_noise(float(self.excess.sum()), float(self.freedom.sum()))
+
+
+def probability_by_noise(excess: float, freedom: float) -> float:
+    """Return how likely noise alone makes so much excess, of so many values."""
+    return float(norm.sf((excess - NOISE_SHARE * freedom) / np.sqrt(2 * max(freedom, 1e-9))))
+
+
+def shortest_that_tells(model: Model, measured: Measured, episodes: Sequence[int]) -> tuple[WindowExcess, WindowExcess]:
+    """Return the excess in the shortest windows, and in the shortest that show any: the shortest again if none do.
+
+    Args:
+        model: What may miss the recording.
+        measured: The channels and their noise.
+        episodes: Those that count, by their position.
+    """
+    system = model.system
+    windows = windows_of_length(system, WINDOWS_S[0], episodes)
+    shortest = telling = window_excess(model, windows, measured, np.ones(len(system.channels)))
+    noise = shortest.noise
+    for window_s in WINDOWS_S[1:]:
+        windows = windows_of_length(system, window_s, episodes)
+        if telling.p < SURE or len(windows) < FEWEST:
+            break
+        longer = window_excess(model, windows, measured, noise)
+        noise = longer.noise
+        telling = longer if longer.p < SURE else telling
+    return shortest, telling
+
+
+def window_excess(model: Model, windows: Windows, measured: Measured, shorter: np.ndarray) -> WindowExcess:
+    """Return the excess in windows; `shorter`: the `noise` of windows of half the length, (C,), 1 if there are none."""
+    system = model.system
+    first = linearised(model, windows, measured, system.initial.guess_windows(measured, windows, smooth=True))
+    local = linearised(model, windows, measured, first.fitted(), np.diag(system.disturbance.steps))
+    labels = system.label(measured, windows)
+    slow, freedom = local.slow()
+    noise = _noise_at_rest(slow, freedom, labels.table["regime"].to_numpy() == system.regimes[0], shorter)
+    return WindowExcess(local, labels, slow / noise - freedom, freedom, noise)
+
+
+def _noise_at_rest(slow: np.ndarray, freedom: np.ndarray, rest: np.ndarray, shorter: np.ndarray) -> np.ndarray:
+    """Return how much more slow noise each channel has at rest than it should, at least 1, (C,).
+
+    Where there is too little rest to tell, noise that was slow in `shorter` windows of half the length is taken for
+    slower still: its ratio squared.
+    """
+    free = freedom[rest].sum(axis=0)
+    ratio = slow[rest].sum(axis=0) / np.maximum(free, 1e-9)
+    sure = ratio > 1 + 2 * np.sqrt(2 / np.maximum(free, 1e-9))
+    return np.where(free >= REST_FREEDOM, np.where(sure, ratio, 1.0), shorter**2)

@@ -1,0 +1,70 @@
+"""The gap per channel over longer and longer times, start states fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from runner.localise.linearised import Model, linearised
+from runner.noise.measured import Measured
+from runner.recording import Span
+from runner.simulate.gap import HORIZONS_S, WHOLE_EPISODE
+from runner.simulate.shooting import windows_of
+from runner.systems.base import AbstractSystem
+from runner.systems.simulator import Run
+
+
+def gap_by_horizon(
+    model: Model, measured: Measured, starts: Mapping[int, np.ndarray], stretches: Sequence[Span]
+) -> pd.DataFrame:
+    """Return the gap per channel and horizon, as `Where.gap` has it.
+
+    Args:
+        model: What is replayed.
+        measured: The channels and their noise.
+        starts: Start state of each stretch that counts, by its position, (S,).
+        stretches: What is replayed from such a start, for the longest horizon.
+    """
+    system, simulator, rate = model.system, model.simulator, model.system.rate_hz
+    lengths = [len(e) for e in system.recording.episodes]
+    episodes = sorted({stretches[i].episode for i in starts})
+    rows = []
+    for horizon in HORIZONS_S:
+        windows = windows_of(lengths, max(1, round(horizon * rate)), episodes)
+        if len(windows):
+            smoothed = system.initial.guess_windows(measured, windows, smooth=True)
+            one = linearised(model, windows, measured, smoothed)
+            rows += _rows(system, f"{horizon:g} s", *one.left(), measured)
+    parts, order = measured.parts(stretches), sorted(starts)
+    replayed = simulator.parts(stretches)
+    whole = [replayed.predict(i, [Run(model.effects, starts[i])])[0] - parts.values[i] for i in order]
+    valid = np.concatenate([parts.valid[i] for i in order])
+    squares = np.where(valid, np.concatenate(whole) ** 2, 0.0).sum(axis=0)
+    rows += _rows(system, _longest(stretches, lengths, rate), squares, valid.sum(axis=0) - len(order), measured)
+    return pd.DataFrame(rows)
+
+
+def _longest(spans: Sequence[Span], lengths: Sequence[int], rate: float) -> str:
+    """Return what the longest time is called over which a model is replayed."""
+    if list(spans) == [Span(e, 0, n) for e, n in enumerate(lengths)]:
+        return WHOLE_EPISODE
+    return f"{(max(s.end - s.begin for s in spans) - 1) / rate:.2g} s"
+
+
+def _rows(
+    system: AbstractSystem, horizon: str, squares: np.ndarray, count: np.ndarray, measured: Measured
+) -> list[dict[str, object]]:
+    rms = np.sqrt(squares / np.maximum(count, 1e-9))
+    return [
+        {
+            "channel": channel.name,
+            "unit": channel.unit,
+            "horizon": horizon,
+            "rms": float(rms[c]),
+            "noise": float(measured.sigma[c]),
+            "noises": float(rms[c] / measured.sigma[c]),
+        }
+        for c, channel in enumerate(system.channels)
+    ]

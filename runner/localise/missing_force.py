@@ -1,0 +1,34 @@
+"""The missing force: what, added to the command of a window, makes the model follow the measurement best.
+
+It is a constant generalised force per window. Where friction holds the object, no such force can be seen, and it is
+NaN.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from runner.localise.excess import WindowExcess
+from runner.systems.base import AbstractSystem
+
+WEAK = 0.25  # a force known no better than this share of its prior is not known
+
+
+def missing_force_table(system: AbstractSystem, windows: WindowExcess) -> pd.DataFrame:
+    """Return the missing force of each window, with its errors and the system's further views of it, one row each."""
+    step, prior = system.disturbance.steps, system.disturbance.prior
+    steps, covariance = windows.local.missing_force(prior / step)
+    value, spread = steps * step, covariance * float(windows.noise.max()) * step[:, None] * step
+    error = np.sqrt(np.einsum("wdd->wd", spread))
+    known = error < WEAK * prior
+    out = {}
+    for i, name in enumerate(system.disturbance.names):
+        out[name] = np.where(known[:, i], value[:, i], np.nan)
+        out[f"{name}_se"] = np.where(known[:, i], error[:, i], np.nan)
+    views = system.missing_force_views(
+        np.where(known, value, np.nan),
+        np.where((known[:, :, None] & known[:, None, :]), spread, np.nan),
+        windows.labels,
+    )
+    return pd.DataFrame(out | views)

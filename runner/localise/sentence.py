@@ -1,0 +1,30 @@
+"""Where the gap is, in one sentence."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from runner.localise.excess import SURE
+from runner.systems.base import AbstractSystem
+
+LEVEL = 0.05  # of the false discovery rate
+
+
+def sentence_of(system: AbstractSystem, cells: pd.DataFrame, p: float) -> str:
+    """Say where the gap is, in one sentence."""
+    if not p < SURE:
+        return "nothing exceeds chance"
+    rows = cells.to_dict("records")
+    channels = [r for r in rows if r["factor"] == "channel" and r["q"] < LEVEL and r["share"] > 0]
+    channel = max(channels, key=lambda r: r["share"]) if channels else None
+    parts = [f"{channel['cell']}" if channel else "all channels"]
+    found = [r for r in rows if r["factor"] != "channel" and r["q"] < LEVEL and r["lift"] > 1]
+    # what is rarer by chance comes first, and of equals what has more of the excess
+    for regime in (True, False):
+        these = [r for r in found if (r["factor"] in system.activities) is regime]
+        if these:
+            best = min(these, key=lambda r: (r["p"], -r["share"]))
+            parts.append(f"{system.phrase(best['factor'], best['cell'])} ({best['share']:+.0%} of the excess)")
+    if len(parts) == 1:
+        return f"{parts[0]}, wherever and whenever the {system.noun} moves"
+    return ", ".join(parts)
