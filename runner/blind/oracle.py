@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from runner.diagnosis.pipeline import close, split
+from runner.diagnosis.attempt import split
+from runner.diagnosis.closure import close
 from runner.diagnosis.score import full_name
 from runner.effects.base import Effects
 from runner.effects.vocabulary import Candidate, Vocabulary
@@ -17,7 +18,8 @@ from runner.inference.evidence import clip, directions, joined, normal_equations
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.multiple_shooting import begun
 from runner.noise.measured import Measured, materially_different, measure, refine
-from runner.systems.base import AbstractSimulator, AbstractSystem, Run
+from runner.systems.base import AbstractSystem
+from runner.systems.simulator import AbstractSimulator, Run
 
 # Mean square in noises that the true effects should not leave, of episodes so long; and the length of their pieces.
 STUCK, SHORTEST_S, PIECE_S = 1.5, 1.5, 0.75

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-import subprocess
 import tempfile
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -17,16 +16,17 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from runner.blind.fence import PACKAGE, enter_fence
+from runner.blind.fence import enter_fence
 from runner.blind.make import HASH_FILE
 from runner.errors import ResultError
 from runner.outputs.many import Seclusion, diagnose_many
 from runner.recording import find_cases
+from runner.storage.provenance import commit
 from runner.storage.reading import read_json
 from runner.storage.writing import write_json, write_text
 
 PROVENANCE = "diagnosed_by.json"
-COPIED = ("nominal.yaml", "recording.parquet", "recording.csv")
+COPIED = ("nominal.yaml", "model.xml", "recording.parquet", "recording.csv")
 
 
 @dataclass(frozen=True)
@@ -39,13 +39,16 @@ class Provenance:
     begun: str
 
 
-def blind_run(folder: Path, results: Path, *, workers: int | None = None) -> tuple[int, dict[str, str]]:
+def blind_run(
+    folder: Path, results: Path, *, workers: int | None = None, config_hash: str | None = None
+) -> tuple[int, dict[str, str]]:
     """Diagnose the cases of a folder behind the fence; those that have a verdict in the results are kept.
 
     Args:
         folder: Made by `make_cases`: the cases, and the hash of their answers.
         results: Where the hash, the program's version and the verdicts go, in this order.
         workers: So many at a time; None: one per core.
+        config_hash: Of the settings, for the verdicts.
 
     Returns:
         The number of cases, and what was wrong with those that could not be diagnosed, by name.
@@ -61,7 +64,7 @@ def blind_run(folder: Path, results: Path, *, workers: int | None = None) -> tup
         place = Path(name).resolve()
         hidden = copy_cases(cases, place / "cases")
         fence = Seclusion(place / "verdicts", begin_worker, (place,))
-        failed = diagnose_many(hidden, results, workers=workers, report=False, secluded=fence)
+        failed = diagnose_many(hidden, results, workers=workers, report=False, secluded=fence, config_hash=config_hash)
     return len(cases), failed
 
 
@@ -105,21 +108,8 @@ def provenance(results: Path) -> list[dict[str, Any]]:
 
 def own_provenance() -> Provenance:
     """Return what this program is."""
-    commit = changed = None
-    # a package that lies in somebody else's working tree is not described by that tree's commit
-    if _git("ls-files", "--error-unmatch", "__init__.py") is not None:
-        commit = _git("rev-parse", "HEAD")
-        changed = bool(_git("status", "--porcelain", "."))
-    return Provenance(version("runner"), commit, changed, datetime.now(UTC).isoformat(timespec="seconds"))
-
-
-def _git(*arguments: str) -> str | None:
-    """Return what git says in the package's folder, None without git or where it complains."""
-    try:
-        done = subprocess.run(["git", *arguments], cwd=PACKAGE, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return None
-    return done.stdout.strip()
+    sha, changed = commit()
+    return Provenance(version("runner"), sha, changed, datetime.now(UTC).isoformat(timespec="seconds"))
 
 
 def begin_worker(folder: Path) -> None:

@@ -1,4 +1,6 @@
-"""Make cases whose answers are withheld: recordings of the second physics, and what was planted in them elsewhere.
+"""Make cases whose answers are withheld: recordings of a second physics, and what was planted in them elsewhere.
+
+Which physics is a maker's: `maker` says what one is, `runner.blind.worlds` which there are.
 
 How large an effect is follows from how far it moves the recording, not from its parameter: `error_ratio` is the rms
 difference between the recording and a simulation of what the owner believes, started from the true state, over all
@@ -8,23 +10,24 @@ regula falsi on that ratio.
 
 from __future__ import annotations
 
-from runner.blind.make.case import make_case
 from runner.blind.make.case_set import HASH_FILE, MadeCases, make_cases, part_of
-from runner.blind.make.plan import BANDS, CasePlan, Mix, plan_cases
-from runner.blind.make.reality import Reality
-from runner.blind.make.size import find_size, simulate_or_none
+from runner.blind.make.maker import BANDS, PAIR_BANDS, AbstractMaker, CasePlan, Purpose
+from runner.blind.make.plan import Mix, plan_cases
+from runner.blind.make.size import error_ratio, find_size, size_for
 
 __all__ = [
     "BANDS",
     "HASH_FILE",
+    "PAIR_BANDS",
+    "AbstractMaker",
     "CasePlan",
     "MadeCases",
     "Mix",
-    "Reality",
+    "Purpose",
+    "error_ratio",
     "find_size",
-    "make_case",
     "make_cases",
     "part_of",
     "plan_cases",
-    "simulate_or_none",
+    "size_for",
 ]

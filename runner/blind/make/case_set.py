@@ -9,15 +9,15 @@ import time
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 from joblib import Parallel, delayed
 
 from runner.blind.checkpoint import Checkpoint
-from runner.blind.make.case import make_case
+from runner.blind.make.maker import AbstractMaker, CasePlan, Purpose
 from runner.blind.make.plan import Mix, case_names, plan_cases
-from runner.blind.make.reality import Reality
 from runner.errors import ConfigError, check_range
+from runner.interruption import joblib_workers
 from runner.progress import track
 from runner.storage.writing import write_text
 
@@ -48,9 +48,10 @@ def make_cases(
     seed: int,
     out_dir: Path | str,
     answers_path: Path | str,
+    maker: AbstractMaker,
     *,
     mix: Mix | None = None,
-    reality: Reality | None = None,
+    purpose: Purpose = Purpose.SEALED,
     workers: int | None = None,
 ) -> MadeCases:
     """Make n cases; the same seed makes the same cases, whatever the number of workers.
@@ -63,8 +64,9 @@ def make_cases(
         seed: Of everything that is drawn.
         out_dir: Folder for the cases: must not exist, be empty, or be that of an interrupted call.
         answers_path: File for the answers, outside `out_dir`.
+        maker: Of the kind of system that the cases are of.
         mix: Shares of singles, pairs, nulls and unknowns.
-        reality: Departures from the textbook.
+        purpose: Whether half of the kinds of effects that have no word are left out.
         workers: Processes; none: one for each core.
 
     Raises:
@@ -86,14 +88,16 @@ def make_cases(
     except OSError as error:
         raise ConfigError(f"blind.out: '{error.filename}' can't be made: {error.strerror}.") from None
     begun = time.perf_counter()
-    mix, reality = mix or Mix(), reality or Reality()
-    belongs = {"n": n, "seed": seed, "out": str(folder.resolve()), "mix": asdict(mix), "reality": asdict(reality)}
+    mix = mix or Mix()
+    belongs = {"n": n, "seed": seed, "out": str(folder.resolve()), "mix": asdict(mix), "system": maker.system}
+    belongs |= {"purpose": purpose.value, **maker.settings()}
     checkpoint = Checkpoint(kept, belongs)
     names = case_names(n, seed)
-    plans = zip(plan_cases(n, seed, mix), names, strict=True)
+    plans = zip(plan_cases(n, seed, mix, maker, purpose), names, strict=True)
     todo = [(plan, name) for plan, name in plans if name not in checkpoint.done]
-    calls = (delayed(make_case)(plan, reality, folder / name) for plan, name in todo)
-    results = Parallel(n_jobs=workers or os.cpu_count() or 1, return_as="generator_unordered")(calls)
+    calls = (delayed(_made)(maker, plan, folder / name) for plan, name in todo)
+    jobs = workers or os.cpu_count() or 1
+    results = Parallel(n_jobs=jobs, **joblib_workers(), return_as="generator_unordered")(calls)
     results = cast("Iterable[tuple[str, dict]]", results)
     for name, answer in track(results, "Making cases", total=len(todo), unit="cases"):
         checkpoint.add(name, answer)
@@ -103,6 +107,10 @@ def make_cases(
     write_text(folder / HASH_FILE, f"{digest}  {answers.name}\n")
     kept.unlink()
     return MadeCases(folder, answers, digest, tuple(sorted(names)), time.perf_counter() - begun)
+
+
+def _made(maker: AbstractMaker, plan: CasePlan, folder: Path) -> tuple[str, dict[str, Any]]:
+    return folder.name, maker.make(plan, folder)
 
 
 def part_of(answers: Path) -> Path:

@@ -7,11 +7,12 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from runner.blind.plants import OUTSIDE, TOGETHER_ALIKE, VOCABULARY
+from runner.blind.make.maker import BANDS, PAIR_BANDS, AbstractMaker, CasePlan, Purpose
 from runner.errors import ConfigError, check_range
 
-BANDS: dict[str, tuple[float, float]] = {"subtle": (1.6, 3.0), "moderate": (4.0, 7.0), "strong": (10.0, 30.0)}
-PAIR_BANDS: dict[str, tuple[float, float]] = {"moderate": (4.0, 7.0), "strong": (10.0, 16.0)}
+# streams of random numbers: a tuning set has no case in common with the sealed set of the same seed
+STREAM = {Purpose.SEALED: 1, Purpose.TUNING: 3}
+CASES = {Purpose.SEALED: 2, Purpose.TUNING: 4}
 
 
 @dataclass(frozen=True)
@@ -30,15 +31,6 @@ class Mix:
             raise ConfigError("blind.mix: at least one share must be above 0.")
 
 
-@dataclass(frozen=True)
-class CasePlan:
-    """One case to make: what kind, which effects at which severity (drawn beforehand, so that a set is balanced)."""
-
-    kind: str  # single, pair, null, unknown
-    wanted: tuple[tuple[str, str], ...]  # (effect, severity)
-    seed: tuple[int, ...]
-
-
 def case_names(n: int, seed: int) -> list[str]:
     generator = np.random.default_rng([seed, 99])
     names: dict[str, None] = {}
@@ -47,30 +39,29 @@ def case_names(n: int, seed: int) -> list[str]:
     return list(names)
 
 
-def plan_cases(n: int, seed: int, mix: Mix) -> list[CasePlan]:
+def plan_cases(n: int, seed: int, mix: Mix, maker: AbstractMaker, purpose: Purpose = Purpose.SEALED) -> list[CasePlan]:
     """Return what each case is to hold: counts by largest remainder, effects and severities from shuffled decks."""
-    generator = np.random.default_rng([seed, 1])
+    generator = np.random.default_rng([seed, STREAM[purpose]])
     shares = asdict(mix)
     exact = {kind: n * share / sum(shares.values()) for kind, share in shares.items()}
     counts = {kind: math.floor(value) for kind, value in exact.items()}
     for kind in sorted(exact, key=lambda k: counts[k] - exact[k])[: n - sum(counts.values())]:
         counts[kind] += 1
     wanted: list[tuple[str, tuple[tuple[str, str], ...]]] = []
-    wanted += [("single", (card,)) for card in _deal(counts["singles"], list(VOCABULARY), list(BANDS), generator)]
-    wanted += [
-        ("unknown", (card,)) for card in _deal(counts["unknowns"], list(OUTSIDE), ["moderate", "strong"], generator)
-    ]
+    wanted += [("single", (card,)) for card in _deal(counts["singles"], list(maker.vocabulary), list(BANDS), generator)]
+    outside = maker.outside_for(purpose)
+    wanted += [("unknown", (card,)) for card in _deal(counts["unknowns"], outside, ["moderate", "strong"], generator)]
     wanted += [("null", ())] * counts["nulls"]
-    names = list(VOCABULARY)
+    names = list(maker.vocabulary)
     for _ in range(counts["pairs"]):
         pair: list[str] = []
-        while len(pair) < 2 or set(pair) in TOGETHER_ALIKE:
+        while len(pair) < 2 or set(pair) in maker.together_alike:
             pair = [names[int(i)] for i in generator.choice(len(names), 2, replace=False)]
-        pair.sort(key=lambda name: name != "mass")  # its inertia comes before one of its own
+        pair.sort(key=lambda name: name not in maker.before)
         severities = generator.choice(list(PAIR_BANDS), 2)
         wanted.append(("pair", tuple((name, str(s)) for name, s in zip(pair, severities, strict=True))))
     order = generator.permutation(n)
-    return [CasePlan(*wanted[int(i)], seed=(seed, 2, number)) for number, i in enumerate(order)]
+    return [CasePlan(*wanted[int(i)], seed=(seed, CASES[purpose], number)) for number, i in enumerate(order)]
 
 
 def _deal(count: int, names: list[str], severities: list[str], generator: np.random.Generator) -> list[tuple[str, str]]:

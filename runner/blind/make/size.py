@@ -4,61 +4,52 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from runner.blind.physics import IntegrationError, PlannedEpisode, World, simulate_all
-from runner.blind.plants import Plant, UnplantedCase
-
 SMALLEST = 1e-5  # of the largest size: below, an effect is not looked for
 FIRST_SIZE = 0.03  # of the largest size: where the search begins
-COARSE = {"points": 8, "rtol": 1e-6, "atol": 1e-8}  # for finding sizes: a quarter of the time
 
 
-def simulate_or_none(world: World, episodes: Sequence[PlannedEpisode], **options: float) -> list[np.ndarray] | None:
-    """Return the motion, or none where the world can't be integrated (it tips, or it runs away)."""
-    try:
-        return simulate_all(world, list(episodes), **options)
-    except IntegrationError:
-        return None
-
-
-def error_ratio(paths: list[np.ndarray] | None, nominal: list[np.ndarray], sigma: np.ndarray) -> float:
+def error_ratio(paths: Sequence[np.ndarray] | None, nominal: Sequence[np.ndarray], sigma: np.ndarray) -> float:
+    """Return the rms difference of channels (n, C) in units of the noise (C,), NaN left out; infinite without paths."""
     if paths is None:
         return math.inf
     difference = np.concatenate([(a - b) / sigma for a, b in zip(paths, nominal, strict=True)])
-    return float(np.sqrt(np.mean(difference**2)))
+    return float(np.sqrt(np.nanmean(difference**2)))
 
 
 def size_for(
-    plant: Plant,
+    excess: Callable[[float], float],
+    largest: float,
     severity: str,
-    bands: dict[str, tuple[float, float]],
-    real: World,
-    case: UnplantedCase,
-    sigma: np.ndarray,
+    bands: Mapping[str, tuple[float, float]],
     g: np.random.Generator,
     *,
     lowest: str,
 ) -> tuple[float, str] | None:
-    """Return the size that reaches a severity, or the next lower one, and its name; none where none can be reached."""
+    """Return the size that reaches a severity, or the next lower one, and its name; none where none can be reached.
 
-    @functools.cache
-    def excess(size: float) -> float:
-        # the ratio without noise, which adds 1 in squares
-        return error_ratio(simulate_or_none(plant.edit(real, size), case.episodes, **COARSE), case.paths, sigma)
-
+    Args:
+        excess: Error ratio at a size, without noise, which adds 1 in squares.
+        largest: Largest size.
+        severity: To be reached.
+        bands: Error ratios, noise included, from which to which each severity goes.
+        g: Draws where in the band.
+        lowest: The lowest severity that will do.
+    """
+    excess = functools.cache(excess)
     names = [name for name in ("strong", "moderate", "subtle") if name in bands]
     for name in names[names.index(severity) : names.index(lowest) + 1]:
         low, high = bands[name]
         target = math.sqrt(float(np.exp(g.uniform(math.log(1.08 * low), math.log(0.92 * high)))) ** 2 - 1.0)
         share = float(g.uniform(0.2, 0.9))
-        size = find_size(excess, plant.largest, target)
+        size = find_size(excess, largest, target)
         if size is None:
-            least, top = math.sqrt((1.04 * low) ** 2 - 1.0), excess(plant.largest)
+            least, top = math.sqrt((1.04 * low) ** 2 - 1.0), excess(largest)
             if least < top < target:
-                size = find_size(excess, plant.largest, least * (top / least) ** share)
+                size = find_size(excess, largest, least * (top / least) ** share)
         if size is not None:
             return size, name
     return None

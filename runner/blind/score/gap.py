@@ -18,6 +18,7 @@ from joblib import Parallel, delayed
 from runner.blind.checkpoint import Checkpoint
 from runner.blind.oracle import oracle_closed
 from runner.diagnosis.score import full_name
+from runner.interruption import joblib_workers
 from runner.progress import track
 from runner.systems.case import open_case
 
@@ -40,7 +41,7 @@ def oracle_fits(
     fits: dict[str, Any] = {} if checkpoint is None else dict(checkpoint.done)
     todo = [name for name in names if keys[name] not in fits]
     calls = (delayed(_told)(name, folder / name, answers[name]["effects"], unseen[name]) for name in todo)
-    made = Parallel(n_jobs=workers or os.cpu_count() or 1, return_as="generator_unordered")(calls)
+    made = Parallel(n_jobs=workers or os.cpu_count() or 1, **joblib_workers(), return_as="generator_unordered")(calls)
     made = cast("Iterable[tuple[str, tuple[float, float]]]", made)
     for name, fit in track(made, "Oracle", total=len(todo), unit="cases"):
         fits[keys[name]] = fit

@@ -62,6 +62,7 @@ def _content(
         },
         "by_chance": f"{if_calibrated(cases['probability'].to_numpy(float)):.3f}",
         "otherwise": _otherwise(found),
+        "untried": found.untried,
         "not_closable": words.cases(0 if found.gap is None else int(found.gap["ratio"].isna().sum())),
         "notes": words.notes(found),
         "digest": digest,

@@ -18,6 +18,7 @@ from runner.blind.run import read_hash
 from runner.blind.score.bars import Bar, bars_of
 from runner.blind.score.gap import gap_of, oracle_fits
 from runner.blind.score.parameters import compared, coverage_of, places_of
+from runner.blind.untried import untried
 from runner.diagnosis.score import Score, accuracy, ordered_sizes, score
 from runner.errors import ResultError
 from runner.systems.case import open_case
@@ -40,6 +41,7 @@ class BlindScore:
         places: Patches and tethers that were named: distance from the truth beside the stated error.
         gap: Share of the closable gap closed, own and oracle, by case; None: not looked at.
         worst: Wrong answers, most certain first.
+        untried: What the cases do not try, in words.
     """
 
     basic: Score
@@ -50,6 +52,7 @@ class BlindScore:
     places: pd.DataFrame
     gap: pd.DataFrame | None
     worst: pd.DataFrame = field(repr=False)
+    untried: str = field(repr=False)
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
@@ -128,7 +131,7 @@ def blind_score(
     coverage = coverage_of(right)
     return BlindScore(
         basic, bars_of(basic.cases, right, gap), effects, right, coverage, places_of(parameters), gap,
-        _worst(basic.cases, answers),
+        _worst(basic.cases, answers), untried(answers.values()),
     )  # fmt: skip
 
 

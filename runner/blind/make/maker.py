@@ -1,0 +1,74 @@
+"""What makes cases of one kind of system: a second physics, what can be planted in it, and the files of a case."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+BANDS: dict[str, tuple[float, float]] = {"subtle": (1.6, 3.0), "moderate": (4.0, 7.0), "strong": (10.0, 30.0)}
+PAIR_BANDS: dict[str, tuple[float, float]] = {"moderate": (4.0, 7.0), "strong": (10.0, 16.0)}
+# drawn once, by chance: which kinds outside the vocabulary no tuning set ever has
+RESERVING_SEED = 7266190451735842317
+
+
+class Purpose(Enum):
+    """What a set is for: to be scored, with every kind of effect outside the vocabulary, or to tune by, with half."""
+
+    SEALED = "sealed"
+    TUNING = "tuning"
+
+
+@dataclass(frozen=True)
+class CasePlan:
+    """One case to make: what kind, which effects at which severity (drawn beforehand, so that a set is balanced)."""
+
+    kind: str  # single, pair, null, unknown
+    wanted: tuple[tuple[str, str], ...]  # (effect, severity)
+    seed: tuple[int, ...]
+
+
+class AbstractMaker(ABC):
+    """Makes cases of one kind of system; plain data, so that processes can be given one.
+
+    Attributes:
+        system: Its name, as `runner blind make system=` has it.
+        vocabulary: Names of what can be planted that a verdict has a word for, without targets.
+        outside: Names of what can be planted that it has none for.
+        together_alike: Pairs that are one effect to any such data, or that write the same field.
+        before: Which of a pair is planted first: those that others are relative to.
+    """
+
+    system: str
+    vocabulary: Sequence[str]
+    outside: Sequence[str]
+    together_alike: Sequence[set[str]]
+    before: Sequence[str] = ()
+
+    @abstractmethod
+    def make(self, plan: CasePlan, folder: Path) -> dict[str, Any]:
+        """Write one case into its folder and return its answer.
+
+        Raises:
+            ConfigError: If nothing that could be drawn reaches the planned severity.
+        """
+
+    @abstractmethod
+    def settings(self) -> Mapping[str, Any]:
+        """Return what else cases depend on, as plain data: an interrupted set is taken up with the same alone."""
+
+    def outside_for(self, purpose: Purpose) -> list[str]:
+        """Return the effects without a word that sets of a purpose have."""
+        reserved = self.reserved if purpose is Purpose.TUNING else frozenset()
+        return [name for name in self.outside if name not in reserved]
+
+    @property
+    def reserved(self) -> frozenset[str]:
+        """The half of the effects without a word that no tuning set has, the same half in all of them."""
+        order = np.random.default_rng(RESERVING_SEED).permutation(len(self.outside))
+        return frozenset(self.outside[int(i)] for i in order[: (len(order) + 1) // 2])

@@ -1,0 +1,10 @@
+"""The kinds of systems that cases can be made of, by name."""
+
+from __future__ import annotations
+
+from runner.blind.make import AbstractMaker
+from runner.blind.mechanism.case import SYSTEMS
+from runner.blind.mechanism.maker import MechanismMaker
+from runner.blind.planar_box.case import PlanarBoxMaker
+
+MAKERS: dict[str, AbstractMaker] = {maker.system: maker for maker in (PlanarBoxMaker(), *map(MechanismMaker, SYSTEMS))}
