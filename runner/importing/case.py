@@ -1,0 +1,101 @@
+"""Write the folder of a case: table, `nominal.yaml`, the MJCF with the files that it names, and how it was made."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import yaml
+
+from runner.errors import ConfigError, RecordingError, WriteError
+from runner.importing.build import Built
+from runner.recording.case import TABLES
+from runner.recording.model_form import read_model_case
+from runner.recording.model_form_mjcf import referenced_files
+from runner.recording.nominal import FILE
+from runner.storage.writing import write_parquet, write_yaml
+
+MODEL = "model.xml"
+RECORD = "import.yaml"  # beside the case: what it was made of, and how its clocks ran
+
+
+def model_name(model: Path) -> str:
+    """Return how the MJCF is called in the case: `model.xml`, unless a file that it names is called so."""
+    return MODEL if MODEL not in referenced_files(model) else model.name
+
+
+def copy_model(model: Path, folder: Path) -> str:
+    """Copy an MJCF and the files that it names into a folder, and return what it is called there.
+
+    Raises:
+        RecordingError: If it can't be read, or refers to a file outside of its folder.
+        OSError: If the folder can't be written to.
+    """
+    for inner in (Path(f) for f in referenced_files(model)):
+        (folder / inner).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(model.parent / inner, folder / inner)
+    shutil.copyfile(model, folder / model_name(model))
+    return model_name(model)
+
+
+def check_out(out: Path) -> None:
+    """Refuse a folder that holds something other than a case that was imported.
+
+    Raises:
+        ConfigError: Naming the folder.
+    """
+    if out.exists() and not out.is_dir():
+        raise ConfigError(f"out: '{out}' is a file; name a folder.")
+    if out.is_dir() and any(out.iterdir()) and not (out / RECORD).is_file():
+        raise ConfigError(f"out: '{out}' is not empty and was not written by an import; name a new folder.")
+
+
+def write_case(built: Built, out: Path, *, model: Path, log: Sequence[Path], map_file: Path) -> tuple[str, ...]:
+    """Write a case once it has been read as `runner gap` will read it; return what is odd about it then.
+
+    Raises:
+        WriteError: If the folder can't be written to.
+        RecordingError: If what was made is no case; nothing is written then.
+    """
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as made:
+            notes = _make(built, Path(made), model=model, log=log, map_file=map_file)
+            _put(Path(made), out)
+    except RecordingError as error:
+        raise RecordingError(str(error).replace(str(Path(made)), str(out))) from None
+    except OSError as error:
+        raise WriteError(f"{out}: can't be written: {error.strerror or error}.") from error
+    return notes
+
+
+def _make(built: Built, folder: Path, *, model: Path, log: Sequence[Path], map_file: Path) -> tuple[str, ...]:
+    """Write all files of a case into a new folder and read it."""
+    copy_model(model, folder)
+    write_parquet(folder / TABLES[0], built.table)
+    write_yaml(folder / FILE, dict(built.plan.nominal))
+    recording = read_model_case(folder)
+    write_yaml(
+        folder / RECORD,
+        {
+            "log": [str(p) for p in log],
+            "model": str(model),
+            "clocks": [report.row() for report in built.clocks],
+            "notes": [*built.notes, *recording.notes],
+            "map": yaml.safe_load(map_file.read_text(encoding="utf-8-sig")),
+        },
+    )
+    return recording.notes
+
+
+def _put(made: Path, out: Path) -> None:
+    """Put the files of a folder into another one, the record last: what has one was put there as a whole."""
+    files = sorted((f for f in made.rglob("*") if f.is_file()), key=lambda f: f.name == RECORD)
+    out.mkdir(exist_ok=True)
+    (out / TABLES[1]).unlink(missing_ok=True)  # a table beside ours would be another recording
+    for file in files:
+        target = out / file.relative_to(made)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        file.replace(target)

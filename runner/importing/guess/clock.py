@@ -1,0 +1,122 @@
+"""Which clock a log goes by: stamps of messages before those of the recorder, a column that rises and is called so."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from runner.importing.guess.names import words_of
+from runner.importing.readers.arrow import HEADER_STAMP
+from runner.importing.signals import Part, Signal
+
+NAMED = frozenset(["t", "time", "timestamp", "stamp", "elapsed", "clock", "timestamps", "times"])
+RECORDER = ("log_time", "publish_time", "log_tick")  # set where it was written down, not where it was measured
+SUFFIXES = {"s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "us": "us", "ns": "ns", "nsec": "ns"}
+EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # since 1970: 2001 to 2286
+STEPS = (("s", 0.9), ("ms", 900.0), ("us", 9e5), ("ns", np.inf))  # the largest usual step of a unit
+EMPTY = 0.05  # share of empty cells from which an empty cell means that there is no sample
+
+
+@dataclass(eq=False)
+class ClockKeysGuess:
+    """What the map says of clocks."""
+
+    clock: dict[str, str] | None = None
+    overrides: dict[str, str] = field(default_factory=dict)
+    missing: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+@dataclass(eq=False)
+class ClockGuess:
+    """The clock that was found, if any.
+
+    Args:
+        name: Of a clock of the log, or of a signal.
+        unit: Of a signal.
+        names: Of signals that are times, and nothing else.
+        sparse: Whether empty cells mean that there is no sample.
+    """
+
+    name: str | None
+    unit: str | None
+    names: frozenset[str]
+    sparse: bool
+    notes: list[str] = field(default_factory=list)
+
+    def keys(self, used: Sequence[Signal]) -> ClockKeysGuess:
+        """Return what the map has to say for the signals that are used."""
+        out = ClockKeysGuess()
+        if self.name is None:
+            if not used or any(len(s.clocks) != 1 for s in used):
+                out.missing.append("clock: no signal looks like a time; name one, or give rate_hz=HZ if there is none")
+            return out
+        out.clock = {"name": self.name} | ({"unit": self.unit} if self.unit else {})
+        for signal in used:
+            if self.unit is None and self.name not in signal.clocks and signal.clocks:
+                own = next(iter(signal.clocks))
+                out.overrides[signal.name] = own
+        if out.overrides:
+            first, own = next(iter(out.overrides.items()))
+            out.notes.append(
+                f"'{first}' has no {self.name} and goes by {own}: it is later by the time that a message takes"
+            )
+        out.notes += _lag(used, self.name)
+        return out
+
+
+def guess_clock(part: Part) -> ClockGuess:
+    """Return the clock of a part."""
+    signals = list(part.signals.values())
+    known = {name for s in signals for name in s.clocks}
+    times = [s for s in signals if _is_time(s)]
+    names = frozenset(s.name for s in times)
+    sparse = any(not s.clocks and np.isnan(s.values).mean() > EMPTY for s in signals)
+    notes = ["empty cells: taken for times at which a signal has no sample (sparse)"] if sparse else []
+    if known:
+        ordered = sorted(
+            known, key=lambda n: (n != HEADER_STAMP, n in RECORDER, RECORDER.index(n) if n in RECORDER else 0)
+        )
+        return ClockGuess(ordered[0], None, names, sparse, notes)
+    if not times:
+        return ClockGuess(None, None, names, sparse, notes)
+    best = max(times, key=lambda s: (len(s), -len(words_of(s.name))))
+    unit, why = _unit(best)
+    return ClockGuess(best.name, unit, names, sparse, [*notes, f"'{best.name}' is the clock, in {unit} ({why})"])
+
+
+def _is_time(signal: Signal) -> bool:
+    words = words_of(signal.name)
+    values = signal.values[np.isfinite(signal.values)]
+    if not set(words) & NAMED or len(values) < 3:
+        return False
+    return bool(np.mean(np.diff(values) >= 0) > 0.9 and values.max() > values.min())
+
+
+def _unit(signal: Signal) -> tuple[str, str]:
+    last = words_of(signal.name)[-1]
+    if last in SUFFIXES and len(words_of(signal.name)) > 1:
+        return SUFFIXES[last], "by its name"
+    values = signal.values[np.isfinite(signal.values)]
+    for unit, size in EPOCHS.items():
+        if size <= values[0] < 10 * size:
+            return unit, "since 1970"
+    steps = np.diff(values)
+    usual = float(np.median(steps[steps > 0]))
+    unit = next(name for name, most in STEPS if usual <= most)
+    return unit, f"its usual step is {usual:.4g}"
+
+
+def _lag(used: Sequence[Signal], name: str) -> list[str]:
+    """Say how far the recorder's stamps are behind the messages', where there are both."""
+    lags = [
+        s.clocks["log_time"].stamps - s.clocks[name].stamps
+        for s in used
+        if name == HEADER_STAMP and {"log_time", name} <= set(s.clocks)
+    ]
+    if not lags:
+        return []
+    all_ms = np.concatenate(lags) / 1e6
+    return [f"log_time is {np.median(all_ms):.4g} ms behind {name} (median; 95 %: {np.percentile(all_ms, 95):.4g} ms)"]

@@ -1,0 +1,194 @@
+"""Which signals look like commands of actuators, positions and velocities of joints, forces of actuators."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+
+import mujoco
+
+from runner.importing.guess.names import LAST_INDEX, Quantity, Said, contains, own_words, said_by, without, words_of
+from runner.importing.signals import Signal
+from runner.recording.model_form_mapping import AT_JOINT, HINGE, SCALAR_JOINTS, is_servo
+
+QUANTITIES = ("command", "position", "velocity", "force")  # in this order in a map
+COUNTERS = frozenset(["index", "frame_index", "episode_index", "task_index", "episode", "step", "seq"])
+
+
+@dataclass(frozen=True)
+class Element:
+    """Something of a model that a signal may be.
+
+    Args:
+        kind: actuator | joint.
+        target: Its name.
+        quantity: command | position | velocity | force.
+        names: Words that it may be called by: of its own name, and of its joint's.
+        si_unit: Of its numbers; "": the model does not tell.
+        limits: Range that the numbers should be in, if the model has one.
+        takes: Of a command, which quantity it commands.
+    """
+
+    kind: str
+    target: str
+    quantity: str
+    names: tuple[tuple[str, ...], ...]
+    si_unit: str
+    limits: tuple[float, float] | None
+    takes: Quantity = Quantity.UNKNOWN
+
+    @property
+    def is_command(self) -> bool:
+        """Whether it is a command."""
+        return self.quantity == "command"
+
+    @property
+    def column(self) -> str:
+        """Name of its column."""
+        return {"command": "u", "position": "q", "velocity": "dq", "force": "tau"}[self.quantity] + f"_{self.target}"
+
+    @property
+    def keys(self) -> dict[str, str]:
+        """What stands in the map."""
+        own = {self.kind: self.target}
+        return own if self.is_command else own | {"quantity": self.quantity}
+
+    @property
+    def words(self) -> str:
+        """What is said to the user."""
+        return f"{self.quantity} of {self.kind} {self.target}" if not self.is_command else f"command of {self.target}"
+
+
+@dataclass(eq=False)
+class Matches:
+    """Elements with their signals and how they were recognised, and what is to be said."""
+
+    pairs: list[tuple[Element, Signal, str]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    unsigned: list[str] = field(default_factory=list)
+
+    def has(self, element: Element) -> bool:
+        """Whether an element has its signal."""
+        return any(e is element for e, _, _ in self.pairs)
+
+
+def elements_of(model: mujoco.MjModel) -> list[Element]:
+    """Return what signals may be, in the order of the model."""
+    out = []
+    for i in range(model.nu):
+        actuator = model.actuator(i)
+        at_joint = int(model.actuator_trntype[i]) in AT_JOINT
+        joint = model.joint(int(model.actuator_trnid[i, 0])) if at_joint else None
+        names = own_words(actuator.name) + (own_words(joint.name) if joint is not None else ())
+        hinge = joint is not None and int(joint.type[0]) == HINGE
+        limits = _range(actuator.ctrlrange) if actuator.ctrllimited[0] else None
+        servo = is_servo(model, i)
+        if servo:
+            si_unit, takes = ("rad" if hinge else "m"), Quantity.POSITION
+            if limits is None and joint is not None and joint.limited[0]:
+                limits = _range(joint.range)
+        else:
+            plain = float(model.actuator_gainprm[i, 0]) == 1.0 and not model.actuator_biasprm[i].any()
+            si_unit, takes = ("N m" if hinge else "N") if plain and joint is not None else "", Quantity.FORCE
+            takes = takes if plain else Quantity.UNKNOWN
+        out.append(Element("actuator", actuator.name, "command", names, si_unit, limits, takes))
+        out.append(Element("actuator", actuator.name, "force", names, "N m" if hinge else "N", None))
+    for j in range(model.njnt):
+        joint = model.joint(j)
+        unit = SCALAR_JOINTS.get(int(joint.type[0]))
+        if unit is not None:
+            limits = _range(joint.range) if joint.limited[0] else None
+            out.append(Element("joint", joint.name, "position", own_words(joint.name), unit, limits))
+            out.append(Element("joint", joint.name, "velocity", own_words(joint.name), f"{unit}/s", None))
+    return out
+
+
+def _range(pair: Sequence[float]) -> tuple[float, float]:
+    return float(pair[0]), float(pair[1])
+
+
+def match(signals: Sequence[Signal], elements: Sequence[Element], *, besides: Collection[str]) -> Matches:
+    """Return which signals are which elements: by names, then lists without names in the order of the model.
+
+    Args:
+        signals: Of a part.
+        elements: Of the model.
+        besides: Names of signals that are something else, such as clocks.
+    """
+    free = [s for s in signals if s.name not in besides and s.name not in COUNTERS]
+    matches = Matches()
+    for signal in sorted(free, key=lambda s: len(words_of(s.name))):  # the plainest name first
+        _by_name(signal, elements, matches)
+    taken = {s.name for _, s, _ in matches.pairs}
+    _by_order([s for s in free if s.name not in taken], elements, matches)
+    order = {id(e): (QUANTITIES.index(e.quantity), k) for k, e in enumerate(elements)}
+    matches.pairs.sort(key=lambda pair: order[id(pair[0])])
+    forces = [f"'{s.name}'" for e, s, _ in matches.pairs if e.quantity == "force"]
+    if matches.unsigned:
+        names = ", ".join(f"'{n}'" for n in matches.unsigned)
+        matches.notes.append(f"left out, as they are never negative, and no forces without a direction: {names}")
+    if forces:
+        matches.notes.append(f"taken for measured forces: {', '.join(forces)}; what was commanded belongs to commands")
+    return matches
+
+
+def _by_name(signal: Signal, elements: Sequence[Element], matches: Matches) -> None:
+    words = words_of(signal.name)
+    named = [(name, e) for e in elements for name in e.names if contains(words, name)]
+    alone = len({e.target for e in elements if e.kind == "joint"}) == 1
+    if not named and alone:
+        named = [((), e) for e in elements]
+    if not named:
+        return
+    longest = max(len(name) for name, _ in named)
+    named = [(name, e) for name, e in named if len(name) == longest]
+    said = said_by(without(words, named[0][0]))
+    if said.other or (not named[0][0] and not said.command and said.quantity is Quantity.UNKNOWN):
+        return
+    wanted = [e for _, e in named if _fits(e, said)]
+    if not wanted:
+        if said.command:
+            matches.notes.append(f"'{signal.name}' looks like a command, but of nothing that the actuator takes")
+        return
+    element = wanted[0]
+    if element.quantity == "force" and not (signal.values < 0).any():
+        matches.unsigned.append(signal.name)
+        return
+    if matches.has(element):
+        matches.notes.append(f"'{signal.name}' may be the {element.words} as well")
+        return
+    why = "by its name" if named[0][0] else "the only joint"
+    if said.quantity is Quantity.UNKNOWN and not said.command:
+        why += ", no word says of which quantity"
+    matches.pairs.append((element, signal, why))
+
+
+def _fits(element: Element, said: Said) -> bool:
+    if element.is_command != said.command:
+        return False
+    if element.is_command:
+        unknown = Quantity.UNKNOWN in (said.quantity, element.takes)
+        return unknown or said.quantity is element.takes
+    quantity = Quantity.POSITION if said.quantity is Quantity.UNKNOWN else said.quantity
+    return element.quantity == quantity.value
+
+
+def _by_order(signals: Sequence[Signal], elements: Sequence[Element], matches: Matches) -> None:
+    """Match lists of numbers without names, as long as there are joints or actuators, in the order of the model."""
+    lists: dict[str, list[tuple[int, Signal]]] = {}
+    for signal in signals:
+        indexed = LAST_INDEX.match(signal.name)
+        if indexed:
+            lists.setdefault(indexed[1], []).append((int(indexed[2]), signal))
+    for base, members in lists.items():
+        said = said_by(words_of(base))
+        if said.other or (said.quantity is Quantity.UNKNOWN and not said.command):
+            continue
+        wanted = [e for e in elements if _fits(e, said)]
+        indices = [i for i, _ in sorted(members, key=lambda m: m[0])]
+        if indices != list(range(len(wanted))) or any(matches.has(e) for e in wanted):
+            continue
+        for element, (i, signal) in zip(wanted, sorted(members, key=lambda m: m[0]), strict=True):
+            matches.pairs.append((element, signal, f"number {i} of {len(wanted)}, in the order of the model"))
+        kind = wanted[0].kind
+        matches.notes.append(f"'{base}' has no names: assumed to be the {kind}s in the order of the model")

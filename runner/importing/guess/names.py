@@ -1,0 +1,84 @@
+"""Names taken apart into words, and what the words say of a quantity."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+GENERIC = {"joint", "motor", "actuator", "act", "servo", "drive", "jnt"}
+COMMAND = {
+    "cmd", "command", "commands", "commanded", "target", "targets", "action", "actions", "ref", "reference", "goal",
+    "desired", "des", "setpoint", "u", "ctrl", "control", "controls", "qref", "qdes", "qcmd",
+}  # fmt: skip
+POSITION = {
+    "position", "positions", "pos", "q", "qpos", "angle", "angles", "theta", "state", "qref", "qdes", "qcmd", "encoder",
+}  # fmt: skip
+VELOCITY = {"velocity", "velocities", "vel", "dq", "qd", "qvel", "dqpos", "speed", "speeds", "omega"}
+FORCE = {"effort", "efforts", "torque", "torques", "tau", "force", "forces", "trq"}
+OTHER = {
+    "error", "err", "temperature", "temp", "current", "currents", "volt", "volts", "voltage", "pwm", "accel",
+    "acceleration", "ddq", "gain", "gains", "min", "max", "limit", "lower", "upper", "id", "status", "mode", "std",
+    "covariance",
+}  # fmt: skip
+LAST_INDEX = re.compile(r"(.*)\[(\d+)\]$")
+
+
+class Quantity(Enum):
+    """What a name says that a signal is."""
+
+    POSITION = "position"
+    VELOCITY = "velocity"
+    FORCE = "force"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a name says: whether it is a command, of which quantity, and whether it is something else altogether."""
+
+    command: bool
+    quantity: Quantity
+    other: bool
+
+
+def words_of(name: str) -> tuple[str, ...]:
+    """Return the words of a name in small letters, digits apart: `/jointStates/q1` is joint, states, q, 1."""
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    return tuple(w.lower() for w in re.findall(r"[A-Za-z]+|\d+", spaced))
+
+
+def contains(words: Sequence[str], wanted: Sequence[str]) -> bool:
+    """Whether some words stand in others, one after another."""
+    return bool(wanted) and f" {' '.join(wanted)} " in f" {' '.join(words)} "
+
+
+def own_words(name: str) -> tuple[tuple[str, ...], ...]:
+    """Return by which words an element may be called: all of its name, or without words such as `joint`."""
+    whole = words_of(name)
+    bare = tuple(w for w in whole if w not in GENERIC)
+    return (whole, bare) if bare and bare != whole and not all(w.isdigit() for w in bare) else (whole,)
+
+
+def said_by(words: Sequence[str]) -> Said:
+    """Return what the words of a signal, without those of its element, say of it."""
+    have = set(words)
+    if have & VELOCITY:
+        quantity = Quantity.VELOCITY
+    elif have & FORCE:
+        quantity = Quantity.FORCE
+    elif have & POSITION:
+        quantity = Quantity.POSITION
+    else:
+        quantity = Quantity.UNKNOWN
+    return Said(bool(have & COMMAND), quantity, bool(have & OTHER))
+
+
+def without(words: Sequence[str], taken: Sequence[str]) -> tuple[str, ...]:
+    """Return words without a run of others, once."""
+    n = len(taken)
+    for i in range(len(words) - n + 1):
+        if tuple(words[i : i + n]) == tuple(taken):
+            return (*words[:i], *words[i + n :])
+    return tuple(words)

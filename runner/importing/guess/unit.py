@@ -1,0 +1,84 @@
+"""In which unit a signal is: by its name, or by which unit puts its numbers into the range of its joint."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from runner.importing.guess.elements import Element
+from runner.importing.map_file import TO_FILL
+from runner.importing.signals import Log, Signal
+from runner.importing.units import allowed, spelled
+
+SLACK = 0.1  # widths of the range
+COARSE = ("ticks", "tick", "counts", "count", "steps", "raw")
+COMMON = {"rad": ("rad", "deg"), "m": ("m", "mm"), "N m": ("N m",), "N": ("N",)}  # tried in this order
+MUCH_RAD = 20.0  # a hinge without a range that goes further is in degrees, or turns round and round
+MUCH_M = 10.0
+
+
+@dataclass(frozen=True)
+class UnitGuess:
+    """A unit as it is written in a map, None where nothing need be written, and why."""
+
+    name: str | None
+    why: str
+
+
+def guess_unit(signal: Signal, element: Element, log: Log) -> UnitGuess:
+    """Return the unit of a signal that is taken for an element.
+
+    Args:
+        signal: Of the first part.
+        element: What it is taken for.
+        log: All parts, for the sizes.
+    """
+    named = _by_name(signal.name, element)
+    if named is not None:
+        return named
+    values = np.concatenate([p.signals[signal.name].values for p in log.parts if signal.name in p.signals])
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return UnitGuess(element.si_unit or None, "no numbers")
+    low, high = float(values.min()), float(values.max())
+    goes = f"{low:.3g} to {high:.3g}"
+    if element.limits is not None and element.si_unit in COMMON:
+        return _by_range(low, high, element, goes, "LeRobot" in log.format)
+    largest = max(abs(low), abs(high))
+    if (element.si_unit == "rad" and largest > MUCH_RAD) or (element.si_unit == "m" and largest > MUCH_M):
+        return UnitGuess(TO_FILL, f"{goes}, and no range in the model to hold that against")
+    if element.si_unit == "rad/s" and largest > 5 * MUCH_RAD:
+        return UnitGuess(TO_FILL, f"{goes}: rad/s, deg/s or rpm?")
+    if not element.si_unit:
+        return UnitGuess(None, f"{goes}, taken as it is: the model does not tell its unit")
+    return UnitGuess(element.si_unit, f"{goes}, assumed")
+
+
+def _by_name(name: str, element: Element) -> UnitGuess | None:
+    """Return the unit that stands at the end of a name, or in brackets: `q_deg`, `angle [deg]`, `speed(rpm)`."""
+    pieces = [p for p in re.split(r"[\[\]()/_.\s]+", name) if p]
+    candidates = [*re.findall(r"[\[(]\s*([A-Za-z/°%]+)\s*[\])]", name), *(pieces[-1:])]
+    joined = "/".join(pieces[-2:])  # deg_s, rad_s
+    for text in [joined, *candidates]:
+        unit = spelled(text)
+        if unit in allowed(element.si_unit) and (len(unit) > 1 or f"[{text}]" in name or name.endswith(f"_{text}")):
+            return UnitGuess(unit, "unit by its name")
+    if any(p.lower() in COARSE for p in pieces):
+        return UnitGuess(TO_FILL, "counts of an encoder: unit: turn with scale and offset, or rad")
+    return None
+
+
+def _by_range(low: float, high: float, element: Element, goes: str, lerobot: bool) -> UnitGuess:
+    assert element.limits is not None
+    least, most = element.limits
+    slack = SLACK * (most - least)
+    for unit in COMMON[element.si_unit]:
+        size = allowed(element.si_unit)[unit]
+        if low * size >= least - slack and high * size <= most + slack:
+            why = f"{goes} {unit} fits the range"
+            if lerobot and unit == "deg":
+                why += "; LeRobot also records -100 to 100 of a calibrated range: check"
+            return UnitGuess(unit, why)
+    return UnitGuess(TO_FILL, f"{goes}, the model's range is {least:.4g} to {most:.4g} {element.si_unit}")

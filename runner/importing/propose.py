@@ -1,0 +1,212 @@
+"""Propose a map: which signals look like which commands and channels of a model, in which unit, by which clock.
+
+Everything is said: what was recognised and by what, what was only assumed, and what somebody has to fill in. Nothing
+that a proposal gets wrong passes unseen: a map is read by its owner, and checked against ranges when it is used.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import mujoco
+import yaml
+
+from runner.importing.guess.clock import guess_clock
+from runner.importing.guess.elements import Element, elements_of, match
+from runner.importing.guess.poses import Pose, guess_poses, guess_up
+from runner.importing.guess.unit import guess_unit
+from runner.importing.map_file import COLUMN, TAKEN, TO_FILL
+from runner.importing.plausible import coarse_step
+from runner.importing.signals import Log, Part, Signal
+from runner.importing.units import allowed
+
+SHOWN = 8  # names that are listed of what is not used
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A map to be edited.
+
+    Args:
+        text: Of `map.yaml`.
+        table: What each signal that is used was taken for: signal, element, unit, why.
+        missing: What has to be filled in, one sentence each.
+        notes: What was assumed, one sentence each.
+    """
+
+    text: str
+    table: list[tuple[str, str, str, str]]
+    missing: list[str]
+    notes: list[str]
+
+
+@dataclass(eq=False)
+class _Draft:
+    commands: dict[str, dict] = field(default_factory=dict)
+    channels: dict[str, dict] = field(default_factory=dict)
+    why: dict[str, str] = field(default_factory=dict)
+    noise: dict[str, float] = field(default_factory=dict)
+    table: list[tuple[str, str, str, str]] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    used: list[Signal] = field(default_factory=list)
+
+
+def propose(log: Log, model: mujoco.MjModel, *, rate_hz: float | None = None) -> Proposal:
+    """Return a map for a log and a model.
+
+    Args:
+        log: What was read; its first part is looked at for names, all of them for sizes.
+        model: The compiled MJCF.
+        rate_hz: Of samples without a time, where it was given.
+    """
+    part = log.parts[0]
+    draft = _Draft()
+    elements = elements_of(model)
+    clock = guess_clock(part)
+    found = match(list(part.signals.values()), elements, besides=clock.names)
+    for element, signal, why in found.pairs:
+        _add(draft, element, signal, why, log)
+    draft.notes += found.notes
+    poses, notes = guess_poses(part, model)
+    draft.notes += notes
+    for pose in poses:
+        _add_pose(draft, pose, part)
+    _lacking(draft, elements)
+    up = guess_up(part, poses, model)
+    if up.note:
+        draft.notes.append(up.note)
+    episodes = _episodes(log)
+    if draft.noise:
+        names = _listed(list(draft.noise))
+        draft.notes.append(f"recorded in steps so coarse that noise does not show; stated by rounding: {names}")
+    keys = clock.keys(draft.used)
+    draft.missing += keys.missing
+    draft.notes += [*clock.notes, *keys.notes]
+    for name, own in keys.overrides.items():
+        for entry in (*draft.commands.values(), *draft.channels.values()):
+            if entry.get("signal") == name:
+                entry["clock"] = own
+    known = {u.name for u in draft.used} | clock.names | {str(episodes.get("signal"))}
+    unused = [s for s in part.signals if s not in known]
+    if unused:
+        more = f" and {len(unused) - SHOWN} more" if len(unused) > SHOWN else ""
+        draft.notes.append(f"not used: {', '.join(unused[:SHOWN])}{more}")
+    head: dict[str, object] = {}
+    logged = {k: v for k, v in {"rate_hz": rate_hz, "sparse": clock.sparse or None}.items() if v is not None}
+    if logged:
+        head["log"] = logged
+    if keys.clock is not None:
+        head["clock"] = keys.clock
+    head |= {"episodes": episodes, "rows": {"at": "all"}, "up": up.axis}
+    return Proposal(_text(draft, head), draft.table, draft.missing, draft.notes)
+
+
+def _add(draft: _Draft, element: Element, signal: Signal, why: str, log: Log) -> None:
+    """Add a command or a channel of one number."""
+    group = draft.commands if element.is_command else draft.channels
+    column = _free(element.column, {*draft.commands, *draft.channels})
+    unit = guess_unit(signal, element, log)
+    entry: dict = {"signal": signal.name, **element.keys}
+    if unit.name is not None:
+        entry["unit"] = unit.name
+    group[column] = entry
+    draft.why[column] = f"{why}; {unit.why}" if unit.why else why
+    draft.used.append(signal)
+    step = None if element.is_command or unit.name == TO_FILL else coarse_step(signal.values)
+    if step is not None:
+        size = allowed(element.si_unit)[unit.name] if unit.name else 1.0
+        draft.noise[column] = float(f"{step * size / math.sqrt(12):.3g}")
+    draft.table.append((signal.name, element.words, unit.name or "SI", draft.why[column]))
+    if unit.name == TO_FILL:
+        draft.missing.append(f"the unit of '{signal.name}' ({unit.why})")
+
+
+def _add_pose(draft: _Draft, pose: Pose, part: Part) -> None:
+    for column, entry in pose.channels().items():
+        name = _free(column, {*draft.commands, *draft.channels})
+        draft.channels[name] = entry
+        draft.why[name] = pose.why
+        names = entry.get("signals") or [entry["signal"]]
+        draft.used += [part.signals[n] for n in names]
+        draft.table.append(
+            (", ".join(names), f"body {pose.body}, {entry['quantity']}", entry.get("unit", "-"), pose.why)
+        )
+        if entry.get("order") == TO_FILL:
+            draft.missing.append(f"the order of the quaternion {', '.join(names)}: xyzw or wxyz")
+
+
+def _lacking(draft: _Draft, elements: Sequence[Element]) -> None:
+    """Say which actuators have no command, and which joints no position."""
+    driven = {e["actuator"] for e in draft.commands.values()}
+    measured = {e.get("joint") for e in draft.channels.values() if e.get("quantity") == "position"}
+    actuators = [e.target for e in elements if e.is_command]
+    joints = [e.target for e in elements if e.kind == "joint" and e.quantity == "position"]
+    idle = [a for a in actuators if a not in driven]
+    blind = [j for j in joints if j not in measured]
+    if actuators and not driven:
+        draft.missing.append(f"commands: no signal was recognised for actuators {_listed(actuators)}")
+    elif idle:
+        draft.notes.append(f"no command for {_listed(idle)}: such an actuator gets 0")
+    if not draft.channels:
+        draft.missing.append(f"channels: no signal was recognised for joints {_listed(joints)}")
+    elif blind:
+        draft.notes.append(f"no position for joints {_listed(blind)}")
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(map(repr, names[:SHOWN])) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
+
+
+def _episodes(log: Log) -> dict[str, object]:
+    """Return where episodes begin: at parts, unless a signal of a single part counts them."""
+    if len(log.parts) > 1:
+        return {"by": "part"}
+    for name in ("episode", "episode_index", "episode_id", "run", "trial"):
+        signal = log.parts[0].signals.get(name)
+        if (
+            signal is not None
+            and len(signal)
+            and not (signal.values % 1).any()
+            and signal.values.max() > signal.values.min()
+        ):
+            return {"by": "column", "signal": name}
+    return {"by": "part"}
+
+
+def _free(wanted: str, taken: set[str]) -> str:
+    name = "".join(c if c.isalnum() or c == "_" else "_" for c in wanted)
+    name = name if COLUMN.fullmatch(name) and name not in TAKEN else f"c_{name}"
+    free, number = name, 2
+    while free in taken:
+        free, number = f"{name}_{number}", number + 1
+    return free
+
+
+def _text(draft: _Draft, head: Mapping[str, object]) -> str:
+    """Return the YAML, with what was recognised beside every line."""
+    lines = ["# Proposed from names, sizes and ranges: check every line. docs/importing.md explains the keys."]
+    if draft.missing:
+        lines += [f"# {TO_FILL}: {sentence}." for sentence in draft.missing]
+    lines += [f"{key}: {_flow(value)}" for key, value in head.items()]
+    for title, entries, empty in (
+        ("commands", draft.commands, "  # u_joint: {signal: NAME, actuator: NAME, unit: rad}"),
+        ("channels", draft.channels, "  # q_joint: {signal: NAME, joint: NAME, quantity: position, unit: rad}"),
+    ):
+        if not entries:
+            lines += [f"{title}: {'{}' if title == 'commands' else TO_FILL}", empty]
+            continue
+        lines.append(f"{title}:")
+        lines += [f"  {name}: {_flow(entry)}  # {' '.join(draft.why[name].split())}" for name, entry in entries.items()]
+
+    rounding = "here step / sqrt(12) of coarse ones; " if draft.noise else ""
+    lines.append(f"noise: {_flow(draft.noise)}  # standard deviations in SI; {rounding}what is missing is estimated")
+    return "\n".join([*lines, "start: free  # or rest: every episode starts at rest", ""])
+
+
+def _flow(value: object) -> str:
+    if not isinstance(value, dict | list):
+        return str(value)
+    return yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=10_000).strip()

@@ -1,0 +1,175 @@
+"""One episode as rows of a table: series put in order, then on common times.
+
+Commands are held until their next sample. Channels keep their own samples where rows stand at all times of all series,
+and are interpolated where the map puts rows elsewhere, but not over gaps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from runner.arrays import FloatArray
+from runner.errors import RecordingError
+from runner.importing.clocks import NS
+from runner.importing.entries import Role
+from runner.importing.episodes import Cut, Series
+from runner.importing.map_file import ALL, EVEN, RowKeys
+from runner.importing.signals import Integers
+
+GAP_STEPS = 2.5  # of a channel's own median steps: over longer gaps nothing is interpolated
+HELD_STEPS = 5.0  # a command that is held for more of its own steps is worth a note
+NEAR = 0.1  # rows nearer than this share of the usual step are worth a note
+FEWEST = 3  # samples of an episode
+
+
+@dataclass
+class Told:
+    """What was done to the samples, to be said once for the whole log: counts by sentence, and the largest of each."""
+
+    counts: dict[str, int] = field(default_factory=dict)
+    largest: dict[str, float] = field(default_factory=dict)
+
+    def add(self, sentence: str, count: int, size: float = 0.0) -> None:
+        """Note something that happened `count` times."""
+        if count:
+            self.counts[sentence] = self.counts.get(sentence, 0) + count
+            self.largest[sentence] = max(self.largest.get(sentence, 0.0), size)
+
+    def sentences(self) -> list[str]:
+        """Return all notes; `{n}` is the count, `{largest}` the largest size."""
+        return [s.replace("{n}", str(n)).replace("{largest}", f"{self.largest[s]:.4g}") for s, n in self.counts.items()]
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """An episode: its number if the log gives one, times since its start, and a column for each entry."""
+
+    number: int | None
+    t_s: FloatArray
+    columns: dict[str, FloatArray]
+
+
+def in_order(one: Series, told: Told) -> Series:
+    """Return a series in the order of its stamps, one sample each: of several the one that arrived last."""
+    name = one.signal.name
+    if one.entry.role is Role.COMMAND:
+        _check_command(one)
+    order = np.argsort(one.t_ns, kind="stable")
+    told.add(f"'{name}': {{n}} samples were out of order and put into it", int(np.sum(np.diff(one.t_ns) < 0)))
+    t = one.t_ns[order]
+    last = np.append(np.diff(t) > 0, True) if len(t) else np.empty(0, dtype=bool)
+    told.add(
+        f"'{name}': {{n}} samples have the stamp of another; the one that arrived last was kept", int(np.sum(~last))
+    )
+    return Series(one.entry, one.signal, one.at[order][last], t[last], one.values[order][last])
+
+
+def _check_command(one: Series) -> None:
+    bad = ~np.isfinite(one.values)
+    if bad.any():
+        first = int(np.argmax(bad))
+        many = f" ({int(bad.sum())} of {len(bad)} samples)" if bad.sum() > 1 else ""
+        raise RecordingError(
+            f"{one.entry.key}: signal '{one.signal.name}' is no number in sample {int(one.at[first]) + 1}{many}; a "
+            "command must be known at all times. If empty cells mean no new value: `log: {sparse: true}` in the map."
+        )
+
+
+def rows(episode: Cut, keys: RowKeys, told: Told) -> Rows | None:
+    """Return an episode as rows; None if too little is left of it, which is noted.
+
+    Raises:
+        RecordingError: If a command is not a number, or a series has no samples.
+    """
+    series = [in_order(one, told) for one in episode.series]
+    if any(not len(one.t_ns) for one in series if one.entry.role is Role.COMMAND) or not any(
+        len(one.t_ns) for one in series if one.entry.role is Role.CHANNEL
+    ):
+        told.add("{n} episodes are left out: a command, or all channels, have no samples in them", 1)
+        return None
+    times = _times(series, keys)
+    commands = [one for one in series if one.entry.role is Role.COMMAND]
+    measured = [one for one in series if one.entry.role is Role.CHANNEL and len(one.t_ns)]
+    samples = np.unique(np.concatenate([one.t_ns for one in measured]))
+    known = max((int(one.t_ns[0]) for one in commands), default=int(samples[0]))
+    if known > samples[-1]:
+        told.add("{n} episodes are left out: a command comes after the last measurement", 1)
+        return None
+    first, last = int(samples[np.searchsorted(samples, known)]), int(samples[-1])
+    kept = times[(times >= first) & (times <= last)]
+    late = (first - int(samples[0])) / NS
+    told.add("{n} episodes begin later, when every command has come once: by up to {largest} s", late > 0, late)
+    if len(kept) < FEWEST:
+        told.add(f"{{n}} episodes are left out: they have fewer than {FEWEST} rows", 1)
+        return None
+    steps = np.diff(kept)
+    if keys.at == ALL:
+        near = int(np.sum(steps < NEAR * np.median(steps)))
+        told.add(
+            "{n} rows follow the one before by less than a tenth of the usual step, as streams are stamped apart", near
+        )
+    columns = {}
+    for one in series:
+        if one.entry.role is Role.COMMAND:
+            columns[one.entry.column] = _held(one, kept, told)
+        else:
+            columns[one.entry.column] = _own(one, kept) if keys.at == ALL else _interpolated(one, kept, told)
+    return Rows(episode.number, (kept - kept[0]) / NS, columns)
+
+
+def _times(series: list[Series], keys: RowKeys) -> Integers:
+    if keys.at == ALL:
+        return np.unique(np.concatenate([one.t_ns for one in series]))
+    if keys.at == EVEN:
+        assert keys.rate_hz is not None
+        measured = [one.t_ns for one in series if one.entry.role is Role.CHANNEL and len(one.t_ns)]
+        first, last = min(t[0] for t in measured), max(t[-1] for t in measured)
+        count = int((last - first) / NS * keys.rate_hz + 1e-6) + 1
+        return first + np.round(np.arange(count) * NS / keys.rate_hz).astype(np.int64)
+    (own,) = [one for one in series if one.entry.column == keys.at]
+    return own.t_ns if len(own.t_ns) else np.zeros(1, dtype=np.int64)
+
+
+def _held(one: Series, times: Integers, told: Told) -> FloatArray:
+    at = np.searchsorted(one.t_ns, times, side="right") - 1
+    if len(one.t_ns) > FEWEST:
+        steps = np.diff(one.t_ns)
+        age = (times - one.t_ns[at]) / NS
+        usual = float(np.median(steps)) / NS
+        long = age > HELD_STEPS * usual
+        told.add(
+            f"'{one.entry.column}': no new command for more than {HELD_STEPS:g} of its usual steps before {{n}} rows; "
+            "held for up to {largest} s",
+            int(long.sum()),
+            float(age.max(initial=0.0)),
+        )
+    return one.values[at]
+
+
+def _own(one: Series, times: Integers) -> FloatArray:
+    """Return the samples at their own times, NaN between them."""
+    out = np.full(len(times), np.nan)
+    at = np.searchsorted(times, one.t_ns)
+    inside = (at < len(times)) & (times[np.minimum(at, len(times) - 1)] == one.t_ns)
+    out[at[inside]] = one.values[inside]
+    return out
+
+
+def _interpolated(one: Series, times: Integers, told: Told) -> FloatArray:
+    """Return values between samples, NaN over gaps and beyond the ends."""
+    has = np.isfinite(one.values)
+    t, values = one.t_ns[has], one.values[has]
+    if len(t) < 2:
+        return np.full(len(times), np.nan)
+    after = np.clip(np.searchsorted(t, times, side="left"), 1, len(t) - 1)
+    gap = (t[after] - t[after - 1]).astype(float)
+    exact = (times == t[after]) | (times == t[after - 1])
+    out = np.interp(times.astype(float), t.astype(float), values)
+    lost = ~exact & ((gap > GAP_STEPS * np.median(np.diff(t))) | (times < t[0]) | (times > t[-1]))
+    between = ~exact & ~lost
+    told.add(f"'{one.entry.column}': interpolated between its samples in {{n}} rows", int(between.sum()))
+    told.add(f"'{one.entry.column}': not measured near {{n}} rows, NaN there", int(lost.sum()))
+    out[lost] = np.nan
+    return out
