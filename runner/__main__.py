@@ -1,10 +1,12 @@
 """`runner COMMAND [key=value ...]`: the command line, its exit codes, and one line for every error of a user.
 
-Exit codes: 0 done, 1 a bug or a failed run of a sweep, 2 a setting or an input that can't be used, 130 interrupted.
+Exit codes: 0 done, 1 a bug or a failed run of a sweep, 2 a setting or an input that can't be used, 130 or 143
+interrupted.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import traceback
@@ -13,9 +15,12 @@ from importlib.metadata import version
 
 from runner.commands import _arguments, load
 from runner.errors import RunnerError
+from runner.interruption import exit_code, interruptible
+from runner.interruption import line as interrupted
 
 os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn; else GLFW warns where there is no display
 
+LONGEST = 2000  # characters of a line for a user
 STACK = ("runner", "mujoco", "dm-control", "hydra-core", "rerun-sdk", "numpy", "pandas")
 
 
@@ -24,20 +29,46 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     show_stack = "--traceback" in arguments or bool(os.environ.get("RUNNER_TRACEBACK"))
     try:
-        return _dispatch(_arguments.split(arguments))
+        with interruptible():
+            code = _dispatch(_arguments.split(arguments))
+        sys.stdout.flush()  # what can't be written is said here, not when Python ends
+        return code
     except RunnerError as error:
         shown, line, code = error, str(error), 2
     except KeyboardInterrupt as error:
-        shown, line, code = error, f"Interrupted. {error}", 130
+        shown, line, code = error, interrupted(error), exit_code(error)
     except BrokenPipeError:  # the reader of our output has gone
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _give_up_stdout()
         return 141
+    except OSError as error:  # files and folders are the user's: full, gone, without permission, too long a name
+        shown, line, code = error, _of_system(error), 2
+    except MemoryError as error:
+        shown, line, code = error, f"The memory does not suffice for this: {error or 'less at a time is needed'}.", 2
     except Exception as error:
         shown, line, code = error, f"runner: a bug: {type(error).__name__}: {error} (--traceback shows where)", 1
     if show_stack:
         traceback.print_exception(shown)
-    print(" ".join(line.split()), file=sys.stderr)
+    print(_shortened(" ".join(line.split())), file=sys.stderr)
     return code
+
+
+def _of_system(error: OSError) -> str:
+    """Return what the system refused, and of which file."""
+    reason = error.strerror or str(error) or type(error).__name__
+    if error.errno == errno.ENOSPC and not error.filename:
+        _give_up_stdout()
+        return f"What was to be printed can't be written: {reason}."
+    return f"{error.filename}: {reason}." if error.filename else f"The system refused something: {reason}."
+
+
+def _give_up_stdout() -> None:
+    """Let what is left to be printed go nowhere, so that Python does not try again at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _shortened(line: str) -> str:
+    """Return a line without its middle where it is too long to be read: what is allowed stands at its end."""
+    return line if len(line) <= LONGEST else f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
 
 
 def _dispatch(arguments: _arguments.Arguments) -> int:

@@ -23,6 +23,10 @@ class ResultError(RunnerError):
     """A results folder lacks something that was asked of it."""
 
 
+class LimitError(RunnerError):
+    """A file is larger than what is read: how large, and the limit."""
+
+
 class WriteError(RunnerError):
     """A file can't be written: which one, and why."""
 

@@ -1,19 +1,86 @@
-"""Progress bars for whatever takes more than a second or two; nothing at all where stdout is no terminal."""
+"""Progress bars for whatever takes more than a second or two; nothing at all where stdout is no terminal.
+
+What takes minutes says what it is at: a line that moves in a terminal, and a line now and then where there is none.
+"""
 
 from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sized
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.text import Text
 
 T = TypeVar("T")
 PATIENCE_S = 1.0  # a bar for less than this would only flicker
+EVERY_S = 10.0  # between two lines where there is no terminal
 Advance = Callable[[int], object]  # told of the steps that were taken since its last call
+
+
+class Observer(Protocol):
+    """Is told what a diagnosis is at; must be quick, and raise nothing."""
+
+    def stage(self, name: str) -> object:
+        """Take note that a stage begins, such as "searching"."""
+
+    def fitting(self, effects: Sequence[str]) -> object:
+        """Take note that these effects, none: the nominal model, are being fitted."""
+
+    def best(self, effects: Sequence[str], noises: float) -> object:
+        """Take note of the best explanation so far, and of the root mean square that it leaves, in noises."""
+
+
+class Unobserved:
+    """Takes no note of anything."""
+
+    def stage(self, name: str) -> None:
+        """Ignore it."""
+
+    def fitting(self, effects: Sequence[str]) -> None:
+        """Ignore it."""
+
+    def best(self, effects: Sequence[str], noises: float) -> None:
+        """Ignore it."""
+
+
+UNOBSERVED = Unobserved()
+
+
+class Spoken:
+    """Puts what a diagnosis is at into a line, and hands it on whenever it changes.
+
+    Args:
+        say: Is given the line.
+    """
+
+    def __init__(self, say: Callable[[str], object]) -> None:
+        self._say, self._stage, self._fitting, self._best = say, "", "", ""
+
+    def stage(self, name: str) -> None:
+        """A stage begins."""
+        self._stage, self._fitting = name, ""
+        self._changed()
+
+    def fitting(self, effects: Sequence[str]) -> None:
+        """Effects are being fitted."""
+        said = f"fitting {' + '.join(effects) or 'the nominal model'}"
+        if said != self._fitting:
+            self._fitting = said
+            self._changed()
+
+    def best(self, effects: Sequence[str], noises: float) -> None:
+        """The best so far."""
+        self._best = f"so far best {' + '.join(effects) or 'none'} ({noises:.3g} noises left)"
+        self._changed()
+
+    def _changed(self) -> None:
+        head = ", ".join(part for part in (self._stage, self._fitting) if part)
+        self._say("; ".join(part for part in (head, self._best) if part))
 
 
 def silent(_: int) -> None:
@@ -21,16 +88,72 @@ def silent(_: int) -> None:
 
 
 @contextmanager
-def progress(description: str, *, total: float | None, unit: str = "") -> Iterator[Callable[..., None]]:
+def observed(description: str) -> Iterator[Observer]:
+    """Give an observer of a diagnosis, which shows what it is at: on a terminal at once, else a line now and then."""
+    current = [""]
+
+    def say(line: str) -> None:
+        current[0] = line
+
+    with _shown(lambda: f"{description}: {current[0]}" if current[0] else description):
+        yield Spoken(say)
+
+
+@contextmanager
+def _shown(line: Callable[[], str]) -> Iterator[None]:
+    """Show a line that changes until the end, with the time that went by: after a second, or every ten."""
+    began, over = time.monotonic(), threading.Event()
+    console = Console(stderr=True)
+    moving = console.is_terminal
+    status = console.status("", refresh_per_second=4)
+
+    def text() -> str:
+        return f"{line()} ({time.monotonic() - began:.0f} s)"
+
+    def show() -> None:
+        while not over.wait(PATIENCE_S if moving else EVERY_S):
+            try:
+                if moving:
+                    status.update(Text(text(), overflow="ellipsis", no_wrap=True))
+                    status.start()
+                else:
+                    print(text(), flush=True)
+            except (OSError, ValueError):  # who read it has gone
+                return
+
+    thread = threading.Thread(target=show, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join(PATIENCE_S)
+        status.stop()
+
+
+@contextmanager
+def progress(
+    description: str, *, total: float | None, unit: str = "", minutes: bool = False
+) -> Iterator[Callable[..., None]]:
     """Give a function `advance(steps=1)` that moves a bar on; the bar shows after a second, on stderr.
 
     Args:
         description: What is being done, such as "Diagnosing".
         total: Number of steps, None if not known.
         unit: What is counted, such as "cases".
+        minutes: Whether it takes minutes, so that it says where it is now and then even where there is no terminal.
     """
     if not sys.stdout.isatty():
-        yield lambda steps=1: None
+        done = [0.0]
+
+        def count(steps: float = 1) -> None:
+            done[0] += steps
+
+        if not minutes:
+            yield count
+            return
+        with _shown(lambda: f"{description}: {done[0]:g} of {total:g} {unit}"):
+            yield count
         return
     bar = Progress(
         TextColumn("{task.description}"),

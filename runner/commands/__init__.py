@@ -33,6 +33,7 @@ class Job:
         overrides: What the user, or the sweep, set: `key -> value`, values typed as in YAML.
         number: Place in the sweep, from 0; None outside a sweep.
         experiment: The experiment that was chosen, None if there was none to choose.
+        provenance: Columns that say what makes the result: versions, commit, hashes of the config and of what is read.
     """
 
     folder: Path | None
@@ -40,6 +41,7 @@ class Job:
     overrides: Mapping[str, Any] = field(default_factory=dict)
     number: int | None = None
     experiment: str | None = None
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def about(self) -> dict[str, Any]:
@@ -73,6 +75,11 @@ class Command(Generic[C]):
             the jobs of a sweep are done one after another by `main`, and their rows are those of the
             `summary.parquet` that it leaves, if it does.
         finish: Called with the folder of a sweep when all its jobs have ended.
+        inputs: Returns a hash of each thing that a config has it read, by name: a folder that holds results of other
+            things is refused. Raises RunnerError where one can't be read.
+        again: What a user does with the same command after an interruption, "Go on with" or "Begin again with"; "": no
+            such command.
+        aside: Keys that say where and how fast, not what: results for other values of them may share a folder.
     """
 
     config: type[C]
@@ -81,6 +88,9 @@ class Command(Generic[C]):
     positional: str | None = None
     batch: Callable[[Sequence[tuple[C, Job]], int], Sequence[Mapping[str, Any] | Exception]] | None = None
     finish: Callable[[Path], None] | None = None
+    inputs: Callable[[C], Mapping[str, str]] | None = None
+    aside: tuple[str, ...] = ()
+    again: str = ""
 
 
 def names() -> tuple[str, ...]:

@@ -14,6 +14,7 @@ FLAGS = {
     "-h": "help", "--help": "help", "-m": "multirun", "--multirun": "multirun", "--config": "config",
     "--version": "version", "--traceback": "traceback",
 }  # fmt: skip
+TRUTHS = ("true", "false", "yes", "no", "on", "off", "1", "0")
 
 
 @dataclass(frozen=True)
@@ -64,15 +65,18 @@ def overrides(name: str, command: commands.Command[Any], rest: Sequence[str]) ->
         ConfigError: If a word is neither a setting nor wanted, or an option lacks its value.
     """
     found, bare = [], []
-    words = list(rest)
+    words, switches = list(rest), switches_of(command)
     while words:
         word = words.pop(0)
         if word.startswith("--"):
             key, equals, value = word[2:].partition("=")
             if not equals:
-                if not words:
+                if key.replace("-", "_") in switches and not (words and words[0].lower() in TRUTHS):
+                    value = "true"
+                elif not words:
                     raise ConfigError(f"{word}: needs a value, as in {word} VALUE or {key}=VALUE.")
-                value = words.pop(0)
+                else:
+                    value = words.pop(0)
             found.append(f"{key.replace('-', '_')}={quoted(value)}")
         elif word.startswith("-"):
             raise ConfigError(f"runner {name}: no option '{word}'. {nearest(word, FLAGS)}")
@@ -98,6 +102,11 @@ def takes_many(command: commands.Command[Any]) -> bool:
     """Tell whether the positional key of a command is a list."""
     hints = typing.get_type_hints(command.config)
     return typing.get_origin(hints.get(command.positional or "")) in (tuple, list)
+
+
+def switches_of(command: commands.Command[Any]) -> set[str]:
+    """Return the keys of a command that are true or false."""
+    return {name for name, hint in typing.get_type_hints(command.config).items() if hint is bool}
 
 
 def quoted(text: str) -> str:

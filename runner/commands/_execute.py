@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import shlex
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from filelock import lock_descriptor
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
@@ -19,12 +18,17 @@ from omegaconf import DictConfig, OmegaConf
 from runner import commands, config
 from runner.commands import Command, Job
 from runner.commands._arguments import take
+from runner.commands._belonging import belongs_to, provenance, sweep_belongs
 from runner.commands._compose import Composer, composer, without_hydra
 from runner.commands._explain import built, explain
 from runner.commands._jobs import overridden, write_config
 from runner.commands._sweep import explain_sweep, sweep, whole_chunk
 from runner.commands._trust import check_kept
 from runner.errors import ConfigError
+from runner.interruption import going_on
+from runner.storage.holding import holding
+from runner.storage.limits import check_size
+from runner.storage.run_status import check_belongs, only_begun, running
 from runner.storage.writing import write_text
 from runner.teleop.tables import SWEEP, still_held
 
@@ -56,7 +60,7 @@ def execute(name: str, overrides: Sequence[str], *, multirun: bool) -> int:
         experiment = _swept_name(hydra, overrides) or command.keeps
         with _folder(out, experiment, empty=True) as folder:
             _remember(folder, name, overrides)
-            return sweep(name, command, hydra, folder, overrides, whole_chunk(chunk))
+            return _swept(name, command, hydra, folder, overrides, whole_chunk(chunk))
 
 
 def shown(name: str, overrides: Sequence[str]) -> str:
@@ -95,12 +99,42 @@ def composed_for(hydra: Composer, overrides: Sequence[str]) -> DictConfig:
 
 def _once(name: str, command: Command[Any], hydra: Composer, composed: DictConfig, out: str | None) -> int:
     value = built(command, without_hydra(composed), hydra.groups())
+    settings = list(composed.hydra.overrides.task)
     if command.keeps is None:
-        return command.main(value, _job(None, composed)) or 0
-    with _folder(out, composed.hydra.runtime.choices.get("experiment") or command.keeps) as folder:
-        job = _job(folder, composed)
-        write_config(folder, name, composed.hydra.overrides.task, job.config)
-        return command.main(value, job) or 0
+        with going_on(_again(command, name, settings), lambda: None):
+            return command.main(value, _job(None, composed)) or 0
+    job = _job(None, composed)
+    belongs = belongs_to(name, command, value, job.config)
+    with _folder(out, job.experiment or command.keeps) as folder:
+        check_belongs(folder, belongs)
+        again = _again(command, name, [*settings, f"out={folder}"])
+        with running(folder, belongs, _say) as note, going_on(again, note.interrupted):
+            write_config(folder, name, settings, job.config)
+            job = dataclasses.replace(job, folder=folder, provenance=provenance(belongs))
+            code = command.main(value, job) or 0
+            if code:
+                note.fails(f"exit code {code}")
+            return code
+
+
+def _again(command: Command[Any], name: str, settings: Sequence[str]) -> str:
+    """Return what to do after an interruption."""
+    return f"{command.again}: {shlex.join(['runner', *name.split(), *settings])}" if command.again else ""
+
+
+def _swept(
+    name: str, command: Command[Any], hydra: Composer, folder: Path, overrides: Sequence[str], chunk: int | None
+) -> int:
+    again = f"Go on with: {shlex.join(['runner', *name.split(), f'resume={folder}'])}"
+    with running(folder, sweep_belongs(name, overrides), _say) as note, going_on(again, note.interrupted):
+        code = sweep(name, command, hydra, folder, overrides, chunk)
+        if code:
+            note.fails("some of its runs failed")
+        return code
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr)
 
 
 def _swept_name(hydra: Composer, overrides: Sequence[str]) -> str | None:
@@ -114,6 +148,24 @@ def _remember(folder: Path, name: str, overrides: Sequence[str]) -> None:
     write_text(folder / SWEEP, shlex.join([name, *overrides]) + "\n")
 
 
+def _remembered(memory: Path) -> list[str]:
+    """Return the command of a sweep and its settings.
+
+    Raises:
+        ConfigError: If the file holds no command line.
+    """
+    check_size(memory)
+    try:
+        words = shlex.split(memory.read_text(encoding="utf-8"))
+    except (ValueError, OSError) as error:
+        raise ConfigError(f"resume: '{memory}' holds no settings of a sweep ({error}).") from None
+    if not words or "\0" in "".join(words):
+        raise ConfigError(
+            f"resume: '{memory}' holds no settings of a sweep, it is {'empty' if not words else 'binary'}."
+        )
+    return words
+
+
 def _resume(
     name: str, command: Command[Any], hydra: Composer, folder: Path, overrides: Sequence[str], chunk: int | None
 ) -> int:
@@ -121,7 +173,7 @@ def _resume(
     memory = folder / SWEEP
     if not memory.is_file():
         raise ConfigError(f"resume: '{folder}' is no sweep: there is no {memory.name} in it.")
-    before, *settings = shlex.split(memory.read_text(encoding="utf-8"))
+    before, *settings = _remembered(memory)
     if before != name:
         raise ConfigError(f"resume: '{folder}' is a sweep of 'runner {before}', not of 'runner {name}'.")
     own = [o for o in overrides if not o.lstrip("+~").startswith("hydra")]
@@ -131,7 +183,8 @@ def _resume(
     with _folder(str(folder), ""):
         if still_held(folder):
             raise ConfigError(f"resume: a process of the sweep in '{folder}' is still doing runs; end it, or wait.")
-        return sweep(name, command, hydra, folder, [*(s for s in settings if s not in overrides), *overrides], chunk)
+        settings = [*(s for s in settings if s not in overrides), *overrides]
+        return _swept(name, command, hydra, folder, settings, chunk)
 
 
 @contextmanager
@@ -146,15 +199,12 @@ def _folder(out: str | None, experiment: str, *, empty: bool = False) -> Iterato
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"out: can't make the folder '{out or RESULTS}': {error.strerror}.") from error
-    handle = os.open(folder, os.O_RDONLY)  # the folder itself is held: no lock file is left among the results
-    try:
-        if not lock_descriptor(handle, blocking=False):
+    with holding(folder) as held:
+        if not held:
             raise ConfigError(f"out: another run is writing to '{folder}'; name another folder.")
-        if empty and any(folder.iterdir()):  # looked at once it is held: another may just have been at work here
+        if empty and not only_begun(folder):  # looked at once it is held: another may just have been at work here
             raise ConfigError(f"out: '{folder}' is not empty; name a new folder, or go on with resume={folder}.")
         yield folder
-    finally:
-        os.close(handle)
 
 
 def _new_folder(parent: Path) -> Path:

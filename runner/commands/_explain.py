@@ -119,6 +119,8 @@ def _composition(
 ) -> ConfigError:
     if base is None or culprit is None:
         return ConfigError(_in_file(error) or _one_line(error))
+    if culprit.is_delete():
+        return _not_taken_out(culprit.key_or_group, base, groups)
     key, value = culprit.key_or_group, culprit.get_value_string()
     if isinstance(error, MissingConfigException) and (key in groups or error.options):
         missing = (error.missing_cfg_file or value).removeprefix(f"{key}/")
@@ -136,6 +138,13 @@ def _composition(
     if node is None:
         return unknown_key(key, base, groups)
     return ConfigError(f"{key}: {refused(node, value)}")
+
+
+def _not_taken_out(key: str, base: DictConfig, groups: dict[str, tuple[str, ...]]) -> ConfigError:
+    node = node_at(base, key)
+    if node is None:
+        return unknown_key(key, base, groups)
+    return ConfigError(f"{key}: can't be taken out, it must be {describe(node)}; set it to another value.")
 
 
 EVERYWHERE = ("out", "resume")  # keys that every command takes, and that are in no config

@@ -7,6 +7,7 @@ from collections.abc import Collection, Sequence
 from rich import box
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 
 def print_table(
@@ -21,5 +22,5 @@ def print_table(
         numbers = i in right
         table.add_column(name, justify="right" if numbers else "left", no_wrap=numbers, overflow="fold")
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(Text, row))  # a target in brackets is no markup
     console.print(table, "", highlight=False)

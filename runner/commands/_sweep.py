@@ -16,7 +16,7 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -29,11 +29,13 @@ from omegaconf import DictConfig
 
 from runner import commands
 from runner.commands import Command, Job
+from runner.commands._belonging import job_provenance
 from runner.commands._compose import Composer
 from runner.commands._explain import built, explain
 from runner.commands._jobs import ConfigWriter, JobComposer
 from runner.commands._trust import read_nothing_kept
 from runner.errors import ConfigError, RunnerError
+from runner.interruption import joblib_workers
 from runner.progress import progress
 from runner.storage.writing import write_text
 from runner.teleop import tables
@@ -93,8 +95,6 @@ def sweep(
             length = chunk or _length(command, len(missing), alone=alone)
             tasks = [missing[i : i + length] for i in range(0, len(missing), length)]
             _launch(_Work(name, place, tasks, threads=0 if alone else 1), own, hydra)
-    except KeyboardInterrupt as interrupt:
-        raise KeyboardInterrupt(f"Go on with: runner {name} resume={folder}") from interrupt
     except Exception as error:
         raise explain_sweep(error, hydra, overrides) from error
     rows = tables.finish_sweep(folder)
@@ -189,10 +189,13 @@ def _launch(work: _Work, own: DictConfig, hydra: Composer) -> None:
     context = HydraContext(config_loader=hydra.loader, callbacks=cast(Any, Callback()))
     read_nothing_kept(own)
     launcher = Plugins.instance().instantiate_launcher(
-        hydra_context=context, task_function=functools.partial(_chunk, work), config=own
+        hydra_context=context, task_function=functools.partial(_ended, work), config=own
     )
+    if isinstance(settings := getattr(launcher, "joblib", None), dict):
+        settings |= joblib_workers()  # else those that wait for a task would wait for ever once this process is killed
     for returned in launcher.launch([[] for _ in work.tasks], initial_job_idx=0):
-        _ = returned.return_value  # raises what went wrong in the task itself
+        if isinstance(returned.return_value, Exception):
+            raise returned.return_value
 
 
 @contextmanager
@@ -225,6 +228,15 @@ def _watched(folder: Path) -> Iterator[Callable[[int], None]]:
     finally:
         over.set()
         watcher.join()
+
+
+def _ended(work: _Work, composed: DictConfig) -> Exception | None:
+    """Do one task, and return what went wrong in it: of what is raised, Hydra says in words of its own."""
+    try:
+        _chunk(work, composed)
+    except Exception as error:
+        return error
+    return None
 
 
 def _chunk(work: _Work, composed: DictConfig) -> None:
@@ -267,17 +279,19 @@ def _do(
         writer.write(job.results, swept.overrides, job.config)
         try:
             value = built(command, swept.values, {})
+            job = replace(job, provenance=job_provenance(writer.name, command, value, job.config))
         except Exception as error:
-            ledger.write(swept.number, [_failure(job, error)])
+            job = replace(job, provenance=job_provenance(writer.name, command, None, job.config))
+            ledger.write(swept.number, [{**_failure(job, error), **job.provenance}])
             continue
         if command.batch is None:
-            ledger.write(swept.number, _alone(command, value, job))
+            ledger.write(swept.number, [{**row, **job.provenance} for row in _alone(command, value, job)])
         else:
             ready.append((value, job))
     if command.batch is not None and ready:
         for row, (_, job) in zip(command.batch(ready, threads), ready, strict=True):
             noted = _failure(job, row) if isinstance(row, Exception) else {**job.about, **row}
-            ledger.write(job.number or 0, [noted])
+            ledger.write(job.number or 0, [{**noted, **job.provenance}])
 
 
 def _alone(command: Command[Any], value: Any, job: Job) -> list[Row]:

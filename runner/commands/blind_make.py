@@ -5,6 +5,11 @@
 nobody can change them after a diagnosis. Without `seed` one is drawn, and printed. Called again with the same words
 after an interruption, it goes on with the cases that are missing.
 
+`system` says of what: `planar_box` (the default), `pendulum`, `arm2` (two links in a vertical plane) or `slider_servo`,
+each by a physics of its own. With `purpose=tuning` half of the kinds of effects that no verdict has a word for are left
+out, the same half in every such set: what a diagnosis does with the others shows only in a set that is made to be
+scored (`purpose=sealed`, the default), which has all, and no case in common with a tuning set of the same seed.
+
     runner blind make n=200 out=blind
     runner blind run blind out=blind_verdicts
     runner blind score verdicts=blind_verdicts answers=blind.answers.json cases=blind
@@ -17,23 +22,34 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from runner.blind.checkpoint import header
-from runner.blind.make import make_cases, part_of
+from runner.blind.make import Purpose, make_cases, part_of
+from runner.blind.worlds import MAKERS
 from runner.commands import Command, Job
-from runner.errors import ConfigError, check_range, check_workers
+from runner.errors import ConfigError, check_range, check_workers, nearest
+
+PURPOSES = tuple(purpose.value for purpose in Purpose)
 
 
 @dataclass(frozen=True)
 class BlindMakeConfig:
-    """How many cases, from which seed (None: drawn), where to; `workers` at a time (None: one per core)."""
+    """How many cases of which system, from which seed (None: drawn), where to, by how many workers (None: all cores).
+
+    `purpose` tuning leaves out half of the kinds of effects that no verdict has a word for.
+    """
 
     n: int
     out: Path
+    system: str = "planar_box"
+    purpose: str = Purpose.SEALED.value
     seed: int | None = None
     answers: Path | None = None
     workers: int | None = None
 
     def __post_init__(self) -> None:
         check_range("n", self.n, 1, 100000)
+        for key, value, valid in (("system", self.system, MAKERS), ("purpose", self.purpose, PURPOSES)):
+            if value not in valid:
+                raise ConfigError(f"{key}: no '{value}'. {nearest(value, valid)}")
         if self.seed is not None:
             check_range("seed", self.seed, 0, 2**63 - 1)
         check_workers(self.workers)
@@ -51,10 +67,11 @@ def main(config: BlindMakeConfig, job: Job) -> None:
         begun = header(part_of(answers)) or {}
         # a small seed could be found again from the names that follow from it, and the answers with it
         seed, drawn = begun.get("seed", secrets.randbelow(2**63)), ", drawn"
+    maker, purpose = MAKERS[config.system], Purpose(config.purpose)
     print(f"{config.n} cases: {config.out} (seed {seed}{drawn})", flush=True)
-    made = make_cases(config.n, seed, config.out, answers, workers=config.workers)
+    made = make_cases(config.n, seed, config.out, answers, maker, purpose=purpose, workers=config.workers)
     print(f"answers: {made.answers}")
     print(f"SHA-256 of the answers: {made.sha256}")
 
 
-COMMAND = Command(config=BlindMakeConfig, main=main)
+COMMAND = Command(config=BlindMakeConfig, main=main, again="Go on with")

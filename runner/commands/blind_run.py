@@ -3,7 +3,7 @@
 `runner blind run DIR out=RESULTS` copies the cases of `runner blind make` to a temporary place under new names and
 diagnoses the copies, in worker processes that may open nothing but those, Python and this program. The hash of the
 answers, the program's version and its commit are in the results before the first diagnosis. With `out=PATH` of an
-interrupted run, cases that have a verdict there are not done again.
+interrupted run, cases that have a verdict there are not done again, unless what they hold has changed.
 """
 
 from __future__ import annotations
@@ -32,8 +32,12 @@ class BlindRunConfig:
 
 def main(config: BlindRunConfig, job: Job) -> int | None:
     """Diagnose."""
-    count, failed = blind_run(config.cases, job.results, workers=config.workers)
+    count, failed = blind_run(
+        config.cases, job.results, workers=config.workers, config_hash=job.provenance.get("config_hash")
+    )
     return say_how_many(count, failed, job.results, Console())
 
 
-COMMAND = Command(config=BlindRunConfig, main=main, keeps="blind", positional="cases")
+COMMAND = Command(
+    config=BlindRunConfig, main=main, keeps="blind", positional="cases", aside=("cases", "workers"), again="Go on with"
+)

@@ -22,8 +22,9 @@ from runner.blind.score.page import FILE, headline, write_page
 from runner.commands import Command, Job
 from runner.commands._print import print_table
 from runner.diagnosis.score import read_answers
-from runner.diagnosis.verdict import read_verdicts
+from runner.diagnosis.verdict import ALL, read_verdicts
 from runner.errors import check_workers
+from runner.storage.provenance import files_digest
 from runner.storage.writing import write_parquet
 
 FITS = "oracle.jsonl"
@@ -85,4 +86,18 @@ def _checkpoint(path: Path, digest: str) -> Checkpoint:
     return Checkpoint(path, belongs)
 
 
-COMMAND = Command(config=BlindScoreConfig, main=main, keeps="blind_score")
+def inputs(config: BlindScoreConfig) -> dict[str, str]:
+    """Return hashes of verdicts and answers; what is not there is told where it is read."""
+    verdicts = config.verdicts / ALL if config.verdicts.is_dir() else config.verdicts
+    named = {"verdicts": verdicts, "answers": config.answers}
+    return {name: files_digest([("", file)]) for name, file in named.items() if file.is_file()}
+
+
+COMMAND = Command(
+    config=BlindScoreConfig,
+    main=main,
+    keeps="blind_score",
+    inputs=inputs,
+    aside=("verdicts", "answers", "cases", "workers"),
+    again="Go on with",
+)

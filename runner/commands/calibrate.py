@@ -182,4 +182,4 @@ def _print(config: CalibrateConfig, done: Calibrated, table: Any, folder: Path) 
     console.print(f"Calibrated model: {folder / MODEL}, {folder / VALUES}", highlight=False, soft_wrap=True)
 
 
-COMMAND = Command(config=CalibrateConfig, main=main, keeps="calibrate")
+COMMAND = Command(config=CalibrateConfig, main=main, keeps="calibrate", again="Begin again with")

@@ -3,26 +3,28 @@
 `runner diagnose DIR` takes a case, or a folder of cases, which are diagnosed side by side. A single case leaves
 `report.html`, `diagnosis.rrd`, `verdict.json`, tables and the corrected model in the results folder; many leave the
 same in a folder each, and `verdicts.json` for all. With `out=PATH` of an interrupted run, cases that have a verdict
-there are not done again.
+there are not done again, unless what they hold has changed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
 
+from runner.api.case import read
+from runner.api.diagnosis import diagnose
 from runner.commands import Command, Job
-from runner.diagnosis.pipeline import diagnose
-from runner.diagnosis.verdict import ALL, FILE
+from runner.diagnosis.verdict import ALL
 from runner.errors import check_workers
-from runner.outputs.many import diagnose_many, write_all
-from runner.progress import progress
+from runner.outputs.many import check_results, collect, diagnose_many
+from runner.progress import observed
 from runner.recording import find_cases
+from runner.recording.case import content_hash
+from runner.recording.data import warnings
 from runner.report.terminal import summary
-from runner.systems.case import open_case
 
 
 @dataclass(frozen=True)
@@ -45,16 +47,24 @@ def main(config: DiagnoseConfig, job: Job) -> int | None:
     cases = find_cases(config.recording)
     console = Console()
     root = config.recording.parent if config.recording.is_file() else config.recording
-    if len(cases) == 1 and cases[0] in (config.recording, root):
-        system = open_case(cases[0])
-        with progress("Diagnosing", total=None):
-            diagnosis = diagnose(system)
-            write_all(diagnosis, job.results, report=config.report)
-        console.print(summary(diagnosis))
-        console.print(f"{job.results / ('report.html' if config.report else FILE)}", highlight=False, soft_wrap=True)
+    check_results(job.results)
+    if _is_one(config.recording, cases):
+        case = read(config.recording)
+        with observed("Diagnosing") as observer:
+            diagnosis = diagnose(case, progress=observer)
+            observer.stage("writing the report")
+            config_hash = job.provenance.get("config_hash")
+            page = diagnosis.report(job.results, figures=config.report, config_hash=config_hash)
+        console.print(summary(diagnosis.result))
+        console.print(f"{page}", highlight=False, soft_wrap=True)
         return None
     named = {case.relative_to(root).as_posix(): case for case in cases}
-    failed = diagnose_many(named, job.results, workers=config.workers, report=config.report)
+    failed = diagnose_many(
+        named, job.results, workers=config.workers, report=config.report, config_hash=job.provenance.get("config_hash")
+    )
+    for name, found in collect(job.results, named).items():
+        for note in warnings(found.get("notes", ())):
+            console.print(f"{name}: {note}", highlight=False, soft_wrap=True)
     return say_how_many(len(cases), failed, job.results, console)
 
 
@@ -66,4 +76,22 @@ def say_how_many(count: int, failed: Mapping[str, str], results: Path, console: 
     return 2 if failed else None
 
 
-COMMAND = Command(config=DiagnoseConfig, main=main, keeps="diagnose", positional="recording")
+def _is_one(path: Path, cases: Sequence[Path]) -> bool:
+    return len(cases) == 1 and cases[0] in (path, path.parent if path.is_file() else path)
+
+
+def inputs(config: DiagnoseConfig) -> dict[str, str]:
+    """Return a hash of a single recording; of many, each verdict keeps that of its own."""
+    one = _is_one(config.recording, find_cases(config.recording))
+    return {"recording": content_hash(config.recording)} if one else {}
+
+
+COMMAND = Command(
+    config=DiagnoseConfig,
+    main=main,
+    keeps="diagnose",
+    positional="recording",
+    inputs=inputs,
+    aside=("recording", "workers"),
+    again="Go on with",
+)

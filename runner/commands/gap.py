@@ -20,18 +20,22 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from runner.api.case import read
+from runner.api.corrected import Corrected
+from runner.api.gap import gap
+from runner.api.tables import GAP
 from runner.commands import Command, Job
-from runner.diagnosis.corrected import read_corrected
+from runner.diagnosis.corrected import corrected_file
 from runner.errors import ConfigError, check_range
-from runner.noise.measured import measure
 from runner.progress import progress
 from runner.recording import find_cases
-from runner.simulate.gap import HORIZONS_S, WHOLE_EPISODE, Gap, measure_gap
+from runner.recording.case import content_hash
+from runner.recording.data import warnings
+from runner.simulate.gap import HORIZONS_S, WHOLE_EPISODE, Gap
+from runner.storage.provenance import digest, files_digest
 from runner.storage.writing import write_parquet
 from runner.systems.base import AbstractSystem
-from runner.systems.case import open_case
 
-FILE = "gap.parquet"
 EPISODES_FILE = "gap_episodes.parquet"
 # so that a reader sees 5 numbers and no zeros: mm, mrad
 AT_NOISE = 1.1  # times the noise: up to here, what a model that is right leaves too
@@ -59,43 +63,46 @@ def main(config: GapConfig, job: Job) -> None:
     """Measure, print and write the gap of each case."""
     folder = job.results
     # read them all before the first is simulated: a broken one is found at once
-    systems = [open_case(path) for path in find_cases(config.recording)]
-    effects = [() if config.model is None else read_corrected(config.model, s.vocabulary) for s in systems]
+    cases = [read(path) for path in find_cases(config.recording)]
+    systems = [case.system for case in cases]
+    models = [None if config.model is None else Corrected.read(config.model, case) for case in cases]
     console = Console()
     total = sum(len(config.horizons_s) + len(s.recording.episodes) for s in systems)
     tables, episodes = [], []
     with progress("Replaying", total=total, unit="steps") as advance:
-        for system, held in zip(systems, effects, strict=True):
-            signals, path = measure(system), str(system.recording.path)
-            gap = measure_gap(system, signals, effects=held, horizons_s=config.horizons_s, advance=advance)
-            tables.append(gap.table.assign(case=path))
-            episodes.append(gap.episodes.assign(case=path))
-            if len(systems) == 1:
-                _print(system, gap, console)
+        for case, model in zip(cases, models, strict=True):
+            found = gap(case, model=model, horizons_s=config.horizons_s, advance=advance)
+            tables.append(found.table.assign(case=str(case.path)))
+            episodes.append(found.episodes.assign(case=str(case.path)))
+            if len(cases) == 1:
+                _print(case.system, found, console)
     table = _case_first(pd.concat(tables, ignore_index=True))
-    write_parquet(folder / FILE, table)
-    write_parquet(folder / EPISODES_FILE, _case_first(pd.concat(episodes, ignore_index=True)))
+    write_parquet(folder / GAP, table.assign(**job.provenance))
+    write_parquet(folder / EPISODES_FILE, _case_first(pd.concat(episodes, ignore_index=True)).assign(**job.provenance))
     if len(systems) > 1:
         _print_many(table, console)
-    console.print(f"{folder / FILE}", highlight=False, soft_wrap=True)
+        for system in systems:
+            for note in warnings(system.recording.notes):
+                console.print(f"{system.recording.path.name}: {note}", highlight=False, soft_wrap=True)
+    console.print(f"{folder / GAP}", highlight=False, soft_wrap=True)
 
 
 def _case_first(table: pd.DataFrame) -> pd.DataFrame:
     return table.loc[:, ["case", *(c for c in table.columns if c != "case")]]
 
 
-def _print(system: AbstractSystem, gap: Gap, console: Console) -> None:
+def _print(system: AbstractSystem, found: Gap, console: Console) -> None:
     recording = system.recording
     for note in recording.notes:
-        console.print(f"Note: {note}.", highlight=False)
-    horizons = list(dict.fromkeys(gap.table["horizon"]))
+        console.print(f"Note: {note}.", highlight=False, soft_wrap=True)
+    horizons = list(dict.fromkeys(found.table["horizon"]))
     table = Table(
         title=f"{recording.path}: gap, RMS = noises", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False
     )
     table.add_column("channel", no_wrap=True)
     for name in ("noise", *("episodes" if h == WHOLE_EPISODE else h for h in horizons)):
         table.add_column(name, justify="right", no_wrap=True)
-    at = {(r["starts"], r["channel"], r["horizon"]): r for r in gap.table.to_dict("records")}
+    at = {(r["starts"], r["channel"], r["horizon"]): r for r in found.table.to_dict("records")}
     for starts, alone in (("measured", False), ("measured", True), ("fitted", False)):
         table.add_row("[italic]noise alone[/]" if alone else f"[italic]starts {starts}[/]")
         for c, channel in enumerate(system.channels):
@@ -112,10 +119,10 @@ def _print(system: AbstractSystem, gap: Gap, console: Console) -> None:
     _print_whole(table, console)
     console.print(
         "Starts measured: compare with what noise alone makes of it. Starts fitted: 1 for a perfect model."
-        + (" ~: noise estimated." if not gap.table["stated"].to_numpy().all() else ""),
+        + (" ~: noise estimated." if not found.table["stated"].to_numpy().all() else ""),
         highlight=False,
     )
-    console.print(_in_short(gap, len(recording.episodes)), highlight=False, soft_wrap=True)
+    console.print(_in_short(found, len(recording.episodes)), highlight=False, soft_wrap=True)
 
 
 def _print_whole(table: Table, console: Console) -> None:
@@ -124,9 +131,9 @@ def _print_whole(table: Table, console: Console) -> None:
     Console(width=max(console.width, needed)).print(table, soft_wrap=True)
 
 
-def _in_short(gap: Gap, episodes: int) -> str:
+def _in_short(found: Gap, episodes: int) -> str:
     """Say in a sentence which channels stand out over whole episodes."""
-    rows = gap.table.loc[lambda t: (t["starts"] == "fitted") & (t["horizon"] == WHOLE_EPISODE)].to_dict("records")
+    rows = found.table.loc[lambda t: (t["starts"] == "fitted") & (t["horizon"] == WHOLE_EPISODE)].to_dict("records")
     over = sorted((r for r in rows if r["noises"] > AT_NOISE), key=lambda r: -r["noises"])
     where = f"In short, over all {episodes} episodes from fitted starts: "
     if not over:
@@ -155,4 +162,22 @@ def _print_many(rows: pd.DataFrame, console: Console) -> None:
         console.print("~: noise estimated.", highlight=False)
 
 
-COMMAND = Command(config=GapConfig, main=main, keeps="gap", positional="recording")
+def inputs(config: GapConfig) -> dict[str, str]:
+    """Return hashes of the recordings, and of the model."""
+    cases = find_cases(config.recording)
+    one = cases[0] if len(cases) > 1 or config.recording.is_dir() else config.recording
+    hashes = {"recording": digest([content_hash(c) for c in cases]) if len(cases) > 1 else content_hash(one)}
+    if config.model is not None:
+        hashes["model"] = files_digest([("", corrected_file(config.model))])
+    return hashes
+
+
+COMMAND = Command(
+    config=GapConfig,
+    main=main,
+    keeps="gap",
+    positional="recording",
+    inputs=inputs,
+    aside=("recording", "model"),
+    again="Begin again with",
+)

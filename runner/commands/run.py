@@ -2,8 +2,9 @@
 
 Both cubes get the same forces. At every update the local cube receives the remote's position, rotation, linear and
 angular velocity, the estimator compares the two, and the local cube takes over the remote's state. The results folder
-holds the resolved config, `versions.yaml`, `frames.parquet` with a frame for every update (`log.frames=steps`: and
-`steps.parquet` with one for every physics step), `run.rrd` for the Rerun viewer, and `summary.parquet` with one row.
+holds the resolved config, `run.yaml` (how far it has come, and what the results belong to), `versions.yaml`,
+`frames.parquet` with a frame for every update (`log.frames=steps`: and `steps.parquet` with one for every physics
+step), `run.rrd` for the Rerun viewer, and `summary.parquet` with one row.
 
     runner                                        the published experiment
     runner run start.mass_kg=0.5 estimator=guard
@@ -13,11 +14,9 @@ holds the resolved config, `versions.yaml`, `frames.parquet` with a frame for ev
 
 from __future__ import annotations
 
-import platform
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,9 @@ from rich.table import Table
 from runner.commands import Command, Job
 from runner.errors import ConfigError
 from runner.estimation import averaged  # noqa: F401
+from runner.physics.forces import CsvForces
 from runner.progress import progress
+from runner.storage.provenance import files_digest, versions
 from runner.storage.writing import write_yaml
 
 # the studies must be registered
@@ -48,9 +49,7 @@ from runner.teleop.experiment import Experiment
 from runner.teleop.frames import RunResult, Status
 from runner.teleop.loop import run
 from runner.teleop.sinks import LogConfig, RrdSink, combine
-from runner.teleop.tables import summary_row, write_summary
-
-PACKAGES = ("runner", "mujoco", "dm-control", "numba", "numpy", "pandas", "pyarrow", "rerun-sdk", "hydra-core")
+from runner.teleop.tables import SUMMARY, summary_row, write_summary
 
 SWEEP_RRD = "sweep.rrd"
 WIDTH = 120  # of printed tables
@@ -67,13 +66,14 @@ class RunConfig(Experiment):
 def main(config: RunConfig, job: Job) -> int | None:
     """Run, write, and print the row."""
     folder = job.results
+    (folder / SUMMARY).unlink(missing_ok=True)  # of the same settings, and yet not of this run
     write_versions(folder)
     if config.study is not None:
         _studied(config.study, config, job)
         return None
     with progress("Running", total=config.steps, unit="steps") as advance:
         result = run(config, advance)
-    row = {**job.about, **_logged(result, config, job)}
+    row = {**job.about, **_logged(result, config, job), **job.provenance}
     write_summary([row], folder)
     _print(result, row, folder)
     return None if result.status is Status.done else 1
@@ -95,9 +95,11 @@ def batch(jobs: Sequence[tuple[RunConfig, Job]], threads: int) -> list[dict[str,
 
 def _studied(study: AbstractStudy, config: RunConfig, job: Job) -> None:
     """Make the table of a study, write and print it."""
-    rows = [{**job.about, "status": Status.done.value, **row} for row in study.rows(config, job.results)]
+    rows = [
+        {**job.about, "status": Status.done.value, **row, **job.provenance} for row in study.rows(config, job.results)
+    ]
     write_summary(rows, job.results)
-    table = pd.DataFrame(rows).drop(columns=["experiment", "status"], errors="ignore")
+    table = pd.DataFrame(rows).drop(columns=["experiment", "status", *job.provenance], errors="ignore")
     text = table.to_string(index=False, na_rep="", float_format=lambda x: f"{x:.4g}", line_width=WIDTH)
     console = Console()
     console.print(text, highlight=False, soft_wrap=True)
@@ -124,21 +126,9 @@ def finish(folder: Path) -> None:
         print(f"Look at it: rerun {folder / SWEEP_RRD}")
 
 
-def versions() -> dict[str, str]:
-    """Return the versions that a result depends on."""
-    return {"python": platform.python_version(), "machine": platform.platform()} | {p: _version(p) for p in PACKAGES}
-
-
-def _version(package: str) -> str:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return "not installed"  # run from a checkout
-
-
 def write_versions(folder: Path) -> None:
     """Write `versions.yaml`."""
-    write_yaml(folder / "versions.yaml", versions())
+    write_yaml(folder / "versions.yaml", dict(versions()))
 
 
 def _print(result: RunResult, row: Mapping[str, Any], folder: Path) -> None:
@@ -171,4 +161,11 @@ def _seconds(value: float) -> str:
     return f"{value:.2f} s" if value == value else "never"
 
 
-COMMAND = Command(config=RunConfig, main=main, keeps="run", batch=batch, finish=finish)
+def inputs(config: RunConfig) -> dict[str, str]:
+    """Return a hash of the file of forces, if there is one."""
+    return {"forces": files_digest([("", Path(config.forces.path))])} if isinstance(config.forces, CsvForces) else {}
+
+
+COMMAND = Command(
+    config=RunConfig, main=main, keeps="run", batch=batch, finish=finish, inputs=inputs, again="Begin again with"
+)

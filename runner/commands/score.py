@@ -15,7 +15,8 @@ from runner.blind.score import words
 from runner.commands import Command, Job
 from runner.commands._print import print_table
 from runner.diagnosis.score import read_answers, score
-from runner.diagnosis.verdict import read_verdicts
+from runner.diagnosis.verdict import ALL, read_verdicts
+from runner.storage.provenance import files_digest
 from runner.storage.writing import write_parquet
 
 
@@ -41,4 +42,13 @@ def main(config: ScoreConfig, job: Job) -> None:
         write_parquet(job.results / f"score_{name}.parquet", getattr(result, name))
 
 
-COMMAND = Command(config=ScoreConfig, main=main, keeps="score")
+def inputs(config: ScoreConfig) -> dict[str, str]:
+    """Return hashes of the two files; what is not there is told where it is read."""
+    verdicts = config.verdicts / ALL if config.verdicts.is_dir() else config.verdicts
+    named = {"verdicts": verdicts, "answers": config.answers}
+    return {name: files_digest([("", file)]) for name, file in named.items() if file.is_file()}
+
+
+COMMAND = Command(
+    config=ScoreConfig, main=main, keeps="score", inputs=inputs, aside=("verdicts", "answers"), again="Begin again with"
+)

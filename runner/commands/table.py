@@ -1,19 +1,22 @@
-"""Collect any number of run folders into one table, a row for each run.
+"""Collect any number of results folders into one table: runs, verdicts or gaps.
 
-`runner table PATH...` takes run folders, sweep folders, or folders of these. `--format csv`, `markdown` and `parquet`
-give the table in full; `text` is for reading. `out=FILE` writes it there, in the format of the file's ending unless a
-format is given.
+`runner table PATH...` takes run folders, sweep folders, or folders of these: a row for each run. Where there is no run,
+it takes what `runner diagnose` left, a row for each number of each explanation, or what `runner gap` left. `--format
+csv`, `markdown` and `parquet` give the table in full; `text` is for reading. `out=FILE` writes it there, in the format
+of the file's ending unless a format is given.
 """
 
 from __future__ import annotations
 
 import shutil
+import sys
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
 import pandas as pd
 
+from runner.api.tables import read_table
 from runner.commands import Command, Job
 from runner.errors import ConfigError
 from runner.storage.writing import write_parquet, write_text
@@ -57,7 +60,9 @@ class TableConfig:
 
 def main(config: TableConfig, job: Job) -> None:
     """Print the table, or write it."""
-    table = tables.collect(config.paths)
+    table = read_table(*config.paths)
+    for folder, status in tables.unfinished(config.paths):
+        print(f"{folder}: {status.value}; go on with: runner run resume={folder}", file=sys.stderr)
     if config.out is None:
         print(written(table, config.chosen))
         return

@@ -2,7 +2,7 @@
 
 One class serves three uses: planted in a simulated reality, fitted by the diagnosis, and left in the corrected model.
 Its fields are physical values in SI units (and, in a mechanism, the `target` that it changes). Where it acts is told by
-the methods of its kind of system: `runner.effects.planar_box.base`, `runner.effects.mechanism.base`.
+the methods of its kind of system, which has a base class of its own in a package below this one.
 
 Everything about an effect stands in its one file: the class, its parameters with unit and prior, how it is put in
 words, what to change and how to check it by hand, and what it is confounded with, and why.
@@ -141,13 +141,3 @@ class AbstractEffect(ABC):
 
 
 Effects = tuple[AbstractEffect, ...]
-
-
-def always_confounded() -> set[frozenset[str]]:
-    """Return the pairs of names, without targets, that no recording tells apart, of all kinds of systems loaded."""
-    classes, todo = [], [AbstractEffect]
-    while todo:
-        found = todo.pop().__subclasses__()
-        classes += found
-        todo += found
-    return {frozenset((c.name, o.name)) for c in classes for o in c.confounded}

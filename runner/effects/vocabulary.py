@@ -6,7 +6,7 @@ fits, compares and names. Several candidates may share a name: variants of one e
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -83,8 +83,3 @@ class Vocabulary:
             for c in (*self.candidates, *self.outside)
             if c.effect is type(effect) and c.target == getattr(effect, "target", None)
         )
-
-
-def unbound(classes: Sequence[type[AbstractEffect]]) -> tuple[Candidate, ...]:
-    """Return effects without targets as candidates."""
-    return tuple(Candidate(cls) for cls in classes)

@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from runner.estimation.belief import UNKNOWNS, Belief, times
+from runner.estimation.belief import Belief, times
 from runner.estimation.copies import STATE
+from runner.levenberg_marquardt import damped
 
 _STRIDE, _FARTHEST = 1.5, 4.0  # of the parameters: the longest step, and how far from the prior, in its deviations
 
@@ -47,7 +48,7 @@ def solved(belief: Belief, damping: np.ndarray | None = None) -> Belief:
     """Return the belief with the estimate of the linear model; `damping` (N,) shortens the way from the point."""
     normal = belief.normal
     if damping is not None:
-        normal = normal + np.einsum("n,nii->ni", damping, normal)[..., None] * np.eye(UNKNOWNS)
+        normal = damped(normal, damping)
     scale = np.sqrt(np.einsum("nii->ni", normal))
     step = np.linalg.solve(normal / scale[:, :, None] / scale[:, None, :], (_downhill(belief) / scale)[..., None])
     return replace(belief, z=belief.point + step[..., 0] / scale)

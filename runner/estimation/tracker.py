@@ -45,9 +45,11 @@ from runner.estimation.linearised import (
     solved,
     unexplained,
 )
+from runner.levenberg_marquardt import Attempt, Schedule, descend
 
 VAGUE = 100.0  # so many times the noise of the first measurement the start state may be off
 _AT_REST = 0.01  # of the loss: so little is not worth a step
+_DAMPING = Schedule(0.0, least_refused=1e-3, most=1e3)
 _AHEAD = 1.2  # the history must have grown by this factor before it is gone through again
 _FAR, _SOON = 9.0, 1.05  # by this one where the estimate is three standard deviations from the point
 
@@ -230,18 +232,15 @@ class Tracker:
 
     def _descended(self, belief: Belief) -> Belief:
         """Return the belief linearised anew until its estimate comes to rest, or nothing is gained."""
-        damping = np.zeros(len(belief.mean))
-        lanes = np.arange(len(belief.mean))
-        for _ in range(15):
-            if not len(lanes):
-                break
-            old = lanes_of(belief, lanes)
-            trial = self._gone_through(old, shortened(old, solved(old, damping[lanes]).z))
-            gained = loss_at_point(trial) < loss_at_point(old)
-            damping[lanes] = np.where(gained, damping[lanes] / 10, np.maximum(damping[lanes] * 20, 1e-3))
-            belief = with_lanes(belief, lanes[gained], lanes_of(trial, np.flatnonzero(gained)))
-            lanes = lanes[np.where(gained, expected_gain(trial) > _AT_REST, damping[lanes] < 1e3)]
-        return belief
+        return descend(self._attempt, belief, _DAMPING, iterations=15, blocks=len(belief.mean))
+
+    def _attempt(self, _: int, belief: Belief, lanes: np.ndarray, damping: np.ndarray) -> Attempt[Belief]:
+        """Linearise lanes anew at the end of a damped step; one that gains nothing stays where it is."""
+        old = lanes_of(belief, lanes)
+        trial = self._gone_through(old, shortened(old, solved(old, damping).z))
+        gained = loss_at_point(trial) < loss_at_point(old)
+        belief = with_lanes(belief, lanes[gained], lanes_of(trial, np.flatnonzero(gained)))
+        return Attempt(belief, gained, ~gained, rests=gained & (expected_gain(trial) <= _AT_REST))
 
     def _losses(self, belief: Belief, points: np.ndarray) -> np.ndarray:
         """Return the loss at points (N, c, 11), (N, c), without linearising there."""

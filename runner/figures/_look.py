@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -115,11 +114,3 @@ def percent(value: float) -> str:
 def within(error: float) -> str:
     """Return how near a value is, as the end of a sentence."""
     return "to the last digit" if abs(error) < 2.3e-16 else f"within {percent(abs(error))}"
-
-
-def label_lines(
-    ax: Axes, xs: Sequence[float], ys: Sequence[float], texts: Sequence[str], colours: Sequence[Any]
-) -> None:
-    """Write each line's name at its end."""
-    for x, y, text, colour in zip(xs, ys, texts, colours, strict=True):
-        ax.annotate(text, (x, y), xytext=(4, 0), textcoords="offset points", va="center", color=colour, fontsize=9)

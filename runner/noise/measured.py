@@ -12,7 +12,8 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from runner.noise.model import Found, NoiseModel, estimate
-from runner.systems.base import AbstractSystem, Span
+from runner.recording import Span
+from runner.systems.base import AbstractSystem
 
 OUTLIER_SIGMAS = 6.0
 MATERIAL = 0.05  # a noise level that moved by this share, or a colour by twice as much, is another one
@@ -59,6 +60,19 @@ class Measured:
         hung = {i: max(self.hung[s.episode] - s.begin, 0) for i, s in enumerate(spans) if s.episode in self.hung}
         return replace(self, spans=inside, values=values, valid=valid, hung=hung)
 
+    def joined(self, whole: Measured) -> Measured:
+        """Return whole episodes with the noise that their parts have shown, and what of the parts does not count.
+
+        Args:
+            whole: The same recording, uncut.
+        """
+        valid, hung = [v.copy() for v in whole.valid], dict[int, int]()
+        for i, s in enumerate(self.spans):
+            valid[s.episode][s.begin : s.end] = self.valid[i]
+            if i in self.hung:
+                hung[s.episode] = min(hung.get(s.episode, s.end), s.begin + self.hung[i])
+        return replace(whole, sigma=self.sigma, noise_model=self.noise_model, valid=tuple(valid), hung=hung)
+
     def without(self, hung: Mapping[int, int]) -> Measured:
         """Return the same less what hangs on a breakaway, from such a sample of an episode on."""
         earliest = {e: min(hung.get(e, s), self.hung.get(e, s)) for e, s in {**self.hung, **hung}.items()}
@@ -81,7 +95,7 @@ def measure(system: AbstractSystem) -> Measured:
     groups = _groups(system)
     white = np.array([_white([v[:, columns] for v in values]) for columns in groups])
     rests = [r for r in rests if np.isfinite(r).all()]
-    sigma, noise_model = _noise(rests, _step_s(system), groups, stated, white)
+    sigma, noise_model = _noise(rests, _step_s(system), groups, stated, white, _rounding_noise(values, groups))
     spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
     valid = tuple(_inliers(v, sigma) for v in values)
     return Measured(spans, values, sigma, noise_model, valid, np.isfinite(stated))
@@ -106,7 +120,8 @@ def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.n
         stretches.append(np.nan_to_num(filled)[: measured.hung.get(e, len(filled))])
     groups = _groups(system)
     otherwise = measured.sigma[[columns[0] for columns in groups]]
-    sigma, noise_model = _noise(stretches, _step_s(system), groups, system.stated_noise(), otherwise)
+    rounding = _rounding_noise(system.values(), groups)
+    sigma, noise_model = _noise(stretches, _step_s(system), groups, system.stated_noise(), otherwise, rounding)
     valid = list(measured.valid)
     for e, residual in residuals.items():
         valid[e] = np.isfinite(measured.values[e]) & _inliers(residual, sigma)
@@ -137,16 +152,30 @@ def _noise(
     groups: Sequence[Sequence[int]],
     stated: np.ndarray,
     otherwise: np.ndarray,
+    rounding: np.ndarray,
 ) -> tuple[np.ndarray, NoiseModel]:
-    """Return the noise of each channel, (C,), and its colour; `otherwise` per group where too little is there."""
+    """Return the noise of each channel, (C,), and its colour.
+
+    `otherwise` per group where too little is there, and `rounding` where nothing is stated and less was found.
+    """
     known = stated[[columns[0] for columns in groups]]
     found = estimate([[s[:, c] for s in stretches] for c in groups], step_s, known)
     if found is None:
         found = Found(np.where(np.isfinite(known), known, otherwise), 0.0, 0.0)
     sigma = np.empty(len(stated))
-    for c, level in zip(groups, found.level, strict=True):
-        sigma[c] = level
+    for c, level, told, least in zip(groups, found.level, known, rounding, strict=True):
+        sigma[c] = level if np.isfinite(told) else max(level, least)
     return sigma, NoiseModel(np.full(len(stated), found.share), np.full(len(stated), found.memory))
+
+
+def _rounding_noise(values: Sequence[np.ndarray], groups: Sequence[Sequence[int]]) -> np.ndarray:
+    """Return what rounding alone leaves of noise in each group, (K,): a sensor that counts may show none at rest."""
+    out = np.zeros(len(groups))
+    for k, columns in enumerate(groups):
+        moves = np.abs(np.concatenate([np.diff(v[:, columns], axis=0).ravel() for v in values]))
+        moves = moves[moves > 0]
+        out[k] = float(moves.min()) / np.sqrt(12.0) if len(moves) else 0.0
+    return out
 
 
 def _white(values: Sequence[np.ndarray]) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -13,21 +14,36 @@ from pathlib import Path
 from typing import Any
 
 from runner.diagnosis.corrected import write_corrected
-from runner.diagnosis.pipeline import Diagnosis, diagnose
+from runner.diagnosis.pipeline import diagnose
+from runner.diagnosis.result import Diagnosis
 from runner.diagnosis.verdict import ALL, FILE, verdict
-from runner.errors import RunnerError
+from runner.errors import ConfigError, ResultError, RunnerError, WriteError
+from runner.interruption import kill_workers, shielded, worker_of
 from runner.progress import progress
+from runner.recording.case import TABLES, content_hash
 from runner.report import words
 from runner.report.html import write_html
 from runner.report.record import write_rrd
+from runner.storage.provenance import program
 from runner.storage.reading import read_json
 from runner.storage.writing import replacing, write_json, write_parquet
 from runner.systems.case import open_case
 
+# what a diagnosis may leave beside its verdict; corrected model and closure are always written anew
+LEFT = ("where_*.parquet", "report.html", "diagnosis.rrd")
 
-def write_all(diagnosis: Diagnosis, folder: Path, *, report: bool) -> None:
-    """Write what a diagnosis leaves; `verdict.json` last, as the sign that all is there."""
+
+def write_all(diagnosis: Diagnosis, folder: Path, *, report: bool, provenance: Mapping[str, Any]) -> None:
+    """Write what a diagnosis leaves; `verdict.json` last, as the sign that all is there.
+
+    Args:
+        diagnosis: What was found.
+        folder: Where to; made if it is not there. What another diagnosis left in it is taken away first.
+        report: Whether to write more than the verdict and the corrected model.
+        provenance: What made it and what it belongs to, see `made_from`.
+    """
     folder.mkdir(parents=True, exist_ok=True)
+    _clear(folder)
     write_parquet(folder / "closure.parquet", diagnosis.closure.table)
     write_parquet(folder / "closure_regimes.parquet", diagnosis.closure.regimes)
     write_corrected(folder, diagnosis.effects, diagnosis.system)
@@ -43,7 +59,51 @@ def write_all(diagnosis: Diagnosis, folder: Path, *, report: bool) -> None:
             write_parquet(folder / f"where_{name}.parquet", table)
         write_html(diagnosis, folder / "report.html")
         write_rrd(diagnosis, folder / "diagnosis.rrd")
-    write_json(folder / FILE, {"sentence": words.verdict(diagnosis), **verdict(diagnosis)})
+    content = {"sentence": words.verdict(diagnosis), **verdict(diagnosis), "provenance": dict(provenance)}
+    write_json(folder / FILE, content)
+
+
+def check_results(folder: Path) -> None:
+    """Refuse a folder that holds a recording: its model would be written over.
+
+    Raises:
+        ConfigError: Naming the folder.
+    """
+    if any((folder / name).exists() for name in TABLES):
+        raise ConfigError(f"out: '{folder}' holds a recording, and its model would be written over; name another.")
+
+
+def made_from(case: Path, program: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what stands in a verdict of what made it: the program, and a hash of what the case held.
+
+    Raises:
+        RecordingError: If the case can't be read.
+    """
+    return {**program, "recording_hash": content_hash(case)}
+
+
+def has_verdict(folder: Path, case: Path) -> bool:
+    """Tell whether a folder holds the verdict of a case as it is now.
+
+    Raises:
+        ResultError: If the verdict can't be read.
+        RecordingError: If the case can't be read.
+    """
+    if not (folder / FILE).exists():
+        return False
+    content = read_json(folder / FILE)
+    provenance = content.get("provenance") if isinstance(content, dict) else None
+    return isinstance(provenance, dict) and provenance.get("recording_hash") == content_hash(case)
+
+
+def _clear(folder: Path) -> None:
+    """Take away what a diagnosis left, the verdict first; what was not made by one stays."""
+    named = [folder / FILE, *(f for pattern in LEFT for f in folder.glob(pattern))]
+    try:
+        for file in named:
+            file.unlink(missing_ok=True)
+    except OSError as error:
+        raise WriteError(f"{folder}: can't be written: {error.strerror}.") from error
 
 
 @dataclass(frozen=True)
@@ -68,8 +128,11 @@ def diagnose_many(
     workers: int | None = None,
     report: bool = True,
     secluded: Seclusion | None = None,
+    config_hash: str | None = None,
 ) -> dict[str, str]:
     """Diagnose cases that have no verdict in the results yet, and keep `verdicts.json` of all up to date.
+
+    A verdict is of a case if it was made from what the case holds now; others are made anew.
 
     Args:
         cases: Where each lies, by the name that it has in the results.
@@ -77,18 +140,26 @@ def diagnose_many(
         workers: So many at a time; None: one per core.
         report: Whether to write more than the verdict and the corrected model, and to look for advice.
         secluded: How workers are kept from everything but their cases; None: they are not.
+        config_hash: Of the settings, for the verdicts.
 
     Returns:
         What was wrong with each case that could not be diagnosed, by name.
+
+    Raises:
+        ResultError: If there are verdicts of cases that are not among these, or one can't be read.
     """
-    todo = [name for name in cases if not (results / name / FILE).exists()]
+    _check_others(results, cases)
+    todo = [name for name, case in cases.items() if not has_verdict(results / name, case)]
+    for name in todo:
+        (results / name / FILE).unlink(missing_ok=True)
+    made_with = {**program(), "config_hash": config_hash}
     count = min(workers or len(os.sched_getaffinity(0)), max(len(todo), 1))
     root = results if secluded is None else secluded.folder
     target = {name: root / (name if secluded is None else cases[name].name) for name in todo}
     failed: dict[str, str] = {}
-    with progress("Diagnosing", total=len(cases), unit="cases") as advance:
+    with progress("Diagnosing", total=len(cases), unit="cases", minutes=True) as advance:
         advance(len(cases) - len(todo))
-        for name, problem in _run({n: (cases[n], target[n]) for n in todo}, count, report, secluded):
+        for name, problem in _run({n: (cases[n], target[n]) for n in todo}, count, report, secluded, made_with):
             if problem is not None:
                 failed[name] = problem
             elif secluded is not None:
@@ -105,8 +176,20 @@ def collect(results: Path, names: Iterable[str]) -> dict[str, Any]:
     return {name: read_json(file) for name, file in files.items() if file.exists()}
 
 
+def _check_others(results: Path, cases: Iterable[str]) -> None:
+    """Refuse a folder that holds verdicts of other cases."""
+    there = {file.parent.relative_to(results).as_posix() for file in results.rglob(FILE)}
+    if others := sorted(there - set(cases)):
+        more = f" and {len(others) - 1} more" if len(others) > 1 else ""
+        raise ResultError(f"out: '{results}' holds verdicts of other cases ('{others[0]}'{more}); name another folder.")
+
+
 def _run(
-    tasks: Mapping[str, tuple[Path, Path]], workers: int, report: bool, secluded: Seclusion | None
+    tasks: Mapping[str, tuple[Path, Path]],
+    workers: int,
+    report: bool,
+    secluded: Seclusion | None,
+    made_with: Mapping[str, Any],
 ) -> Iterator[tuple[str, str | None]]:
     """Yield each case with what was wrong with it, as they end.
 
@@ -114,12 +197,13 @@ def _run(
     a time, and one that is killed again by itself is given up.
     """
     # fresh processes: MuJoCo's threads and a fork don't go together
-    begin, arguments = (None, ()) if secluded is None else (secluded.begin, secluded.arguments)
+    begin = pickle.dumps((_begin, (made_with, secluded)))
     left = dict(tasks)
     while left:
-        pool = ProcessPoolExecutor(workers, get_context("spawn"), begin, arguments)
+        pool = ProcessPoolExecutor(workers, get_context("spawn"), worker_of, (os.getpid(), begin))
         try:
-            jobs = {pool.submit(_one, case, folder, report): name for name, (case, folder) in left.items()}
+            with shielded():
+                jobs = {pool.submit(_one, case, folder, report): name for name, (case, folder) in left.items()}
             broken = False
             for job in as_completed(jobs):
                 if isinstance(job.exception(), BrokenProcessPool):
@@ -127,6 +211,9 @@ def _run(
                     continue
                 del left[jobs[job]]
                 yield jobs[job], job.result()
+        except KeyboardInterrupt:
+            kill_workers()  # what they are at is begun anew on going on
+            raise
         finally:
             pool.shutdown(cancel_futures=True)  # what waits is not begun after an interruption
         if broken and workers == 1:
@@ -136,10 +223,22 @@ def _run(
         workers = 1
 
 
+_MADE_WITH: dict[str, Any] = {}  # in a worker: the program; git can't be asked from behind a fence
+
+
+def _begin(made_with: Mapping[str, Any], secluded: Seclusion | None) -> None:
+    """Begin a worker."""
+    _MADE_WITH.update(made_with)
+    if secluded is not None:
+        secluded.begin(*secluded.arguments)
+
+
 def _one(path: Path, folder: Path, report: bool) -> str | None:
     """Diagnose a case in a process of its own; return what was wrong with it, if anything."""
     try:
-        write_all(diagnose(open_case(path), threads=1, advise=report), folder, report=report)
+        provenance = made_from(path, _MADE_WITH)  # before it is read: what changes meanwhile is found on going on
+        diagnosis = diagnose(open_case(path), threads=1, advise=report)
+        write_all(diagnosis, folder, report=report, provenance=provenance)
     except RunnerError as error:
         return str(error)
     except Exception as error:  # one case that breaks must not take the others' verdicts with it

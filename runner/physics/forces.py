@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from runner.config import registered
 from runner.errors import ConfigError, check_range, check_vector
+from runner.storage.csv_text import CsvError, number, read_csv
 
 Vector = tuple[float, float, float]
 
@@ -359,39 +361,39 @@ def _read_csv(path: Path) -> list[Push]:
     if not path.is_file():
         raise ConfigError(f"path: no file '{path}'.")
     try:
-        table = pd.read_csv(path, skipinitialspace=True, dtype=str, keep_default_na=False)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise ConfigError(f"path: '{path}' is no CSV file: {str(error).splitlines()[0]}") from error
-    names = [str(c).strip() for c in table.columns]
+        table = read_csv(path)
+    except CsvError as error:
+        raise ConfigError(f"path: '{path}' is no CSV file: {error}") from None
+    names = table.header
     wrong = [c for c in names if c not in CSV_COLUMNS] or [c for c in CSV_REQUIRED if c not in names]
     if wrong:
         raise ConfigError(
             f"path: '{path}', line 1: column '{wrong[0]}' is {'unknown' if wrong[0] in names else 'missing'}; "
             f"allowed: {', '.join(CSV_COLUMNS)}, of which {', '.join(CSV_REQUIRED)} must be there."
         )
-    table.columns = names
-    values = np.empty((len(table), len(CSV_COLUMNS)))
-    for j, name in enumerate(CSV_COLUMNS):
-        values[:, j] = _numbers(path, table[name].tolist(), name) if name in names else 0.0
+    if twice := [c for c in names if names.count(c) > 1]:
+        raise ConfigError(f"path: '{path}', line 1: column '{twice[0]}' is there more than once.")
+    values = np.zeros((len(table.lines), len(CSV_COLUMNS)))
+    for name, column in zip(names, table.columns, strict=False):  # no columns where there are no rows
+        values[:, CSV_COLUMNS.index(name)] = _numbers(path, column, name, table.lines)
     if len(values) < 2:
         raise ConfigError(f"path: '{path}': needs at least two rows, the last of which ends the sequence.")
-    late = np.flatnonzero(np.diff(values[:, 0]) <= 0)
-    if len(late):
-        i = int(late[0]) + 1
-        raise ConfigError(
-            f"path: '{path}', line {i + 2}: t must grow from row to row, got {values[i, 0]:g} s after "
-            f"{values[i - 1, 0]:g} s."
-        )
+    for line, before, now in zip(table.lines[1:], values[:-1, 0], values[1:, 0], strict=True):
+        if now <= before:
+            raise ConfigError(
+                f"path: '{path}', line {line}: t must grow from row to row, got {now:g} s after {before:g} s."
+            )
     if values[0, 0] < 0:
-        raise ConfigError(f"path: '{path}', line 2: t must not be negative, got {values[0, 0]:g} s.")
+        raise ConfigError(f"path: '{path}', line {table.lines[0]}: t must not be negative, got {values[0, 0]:g} s.")
     rows = [tuple(map(float, row)) for row in values]
     return [Push(a[0], b[0], (a[1], a[2], a[3]), (a[4], a[5], a[6])) for a, b in pairwise(rows)]
 
 
-def _numbers(path: Path, column: list[str], name: str) -> np.ndarray:
-    numbers = np.asarray(pd.to_numeric(pd.Series(column), errors="coerce"), dtype=np.float64)
-    bad = np.flatnonzero(~np.isfinite(numbers))
-    if len(bad):
-        i = int(bad[0])
-        raise ConfigError(f"path: '{path}', line {i + 2}: {name} must be a finite number, got '{column[i]}'.")
-    return numbers
+def _numbers(path: Path, column: Sequence[str], name: str, lines: Sequence[int]) -> np.ndarray:
+    out = np.full(len(column), np.nan)
+    for i, text in enumerate(column):
+        with suppress(ValueError):
+            out[i] = number(text)
+        if not np.isfinite(out[i]):
+            raise ConfigError(f"path: '{path}', line {lines[i]}: {name} must be a finite number, got '{text}'.")
+    return out

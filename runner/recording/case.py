@@ -9,15 +9,19 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from runner.arrays import FloatArray
 from runner.errors import RecordingError
 from runner.recording import nominal as nominal_file
 from runner.recording.checks import check_finite, check_times, check_yaw, episode_spans, unit_quaternions
-from runner.recording.data import Episode, Float, Form, Nominal, Recording
+from runner.recording.data import Episode, Form, Nominal, Recording
+from runner.recording.plausible import check_motion, note_motion
 from runner.recording.table import FORCE, POINT, POSE, TWIST, Table, read_table
 from runner.recording.units import check_units
+from runner.storage.provenance import files_digest
 from runner.storage.writing import replacing
 
 TABLES = ("recording.parquet", "recording.csv")
+MODEL_FILES = (".xml", ".mjcf", ".obj", ".stl", ".msh", ".png", ".hf", ".bin", ".skn", ".ktx")
 
 
 def find_cases(path: str | Path) -> list[Path]:
@@ -40,6 +44,22 @@ def find_cases(path: str | Path) -> list[Path]:
     if not cases:
         raise RecordingError(f"{path}: no case in it or below it; a case is a folder with {' or '.join(TABLES)}.")
     return cases
+
+
+def content_hash(path: str | Path) -> str:
+    """Return a hash of what a case holds: its table, `nominal.yaml`, and in the model form the files of the model.
+
+    Args:
+        path: The folder, or a table in it.
+
+    Raises:
+        RecordingError: If there is no table, or a file can't be read.
+    """
+    table, _ = table_file(Path(path))
+    folder = table.parent
+    models = (f for f in folder.rglob("*") if f.suffix.lower() in MODEL_FILES and f.is_file())
+    files = [table, *(f for f in (folder / nominal_file.FILE,) if f.is_file()), *sorted(models)]
+    return files_digest((f.relative_to(folder).as_posix(), f) for f in files)
 
 
 def read_case(path: str | Path, *, nominal: Nominal | None = None) -> Recording:
@@ -68,7 +88,11 @@ def read_case(path: str | Path, *, nominal: Nominal | None = None) -> Recording:
         pose = table.stack(POSE[form])
     else:
         pose = np.hstack([table.stack(POSE[form][:3]), unit_quaternions(table, spans)])
+    if form is Form.PLANAR:
+        check_motion(table, spans, nominal)
     check_units(table, spans, nominal, form)
+    if form is Form.PLANAR:
+        note_motion(table, spans, nominal)
     twist, force, point = table.stack(TWIST[form]), _force(table, form), _point(table)
     episodes = tuple(
         Episode(int(table["episode"][s.start]), table["t"][s], pose[s], twist[s], force[s], point[s]) for s in spans
@@ -142,13 +166,13 @@ def _near_folder(path: Path) -> str:
     return f" Did you mean '{folder / close[0]}'?" if close else ""
 
 
-def _force(table: Table, form: Form) -> Float:
+def _force(table: Table, form: Form) -> FloatArray:
     if form is Form.PLANAR:
         return np.stack([table["fx"], table["fy"], np.zeros(len(table))], axis=1)
     return table.stack(FORCE) if "fx" in table else np.full((len(table), 3), np.nan)
 
 
-def _point(table: Table) -> Float:
+def _point(table: Table) -> FloatArray:
     if "px" not in table:
         return np.full((len(table), 3), np.nan)
     height = table["pz"] if "pz" in table else np.where(np.isnan(table["px"]), np.nan, 0.0)

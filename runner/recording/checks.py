@@ -6,7 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from runner.recording.data import Float, Form, Nominal
+from runner.arrays import FloatArray
+from runner.recording.data import Form, Nominal
 from runner.recording.table import FORCE, OPTIONAL, POINT, POSE, QUATERNION, TWIST, UNITS, Table
 
 GRID_STEPS = 0.05  # a sample may be off the even grid by this share of a step (rounded times)
@@ -87,7 +88,7 @@ def episode_spans(table: Table) -> list[slice]:
     return spans
 
 
-def rising_steps(table: Table, span: slice) -> Float:
+def rising_steps(table: Table, span: slice) -> FloatArray:
     """Return the times from one sample of an episode to the next, (T - 1,).
 
     Raises:
@@ -133,7 +134,7 @@ def _gap(ratio: float) -> str:
     return f" ({samples} missing: fill in or split the episode)" if lost >= 1 and abs(ratio - lost - 1) < 0.2 else ""
 
 
-def _check_rates(table: Table, spans: list[slice], rates_hz: Float, nominal: Nominal) -> None:
+def _check_rates(table: Table, spans: list[slice], rates_hz: FloatArray, nominal: Nominal) -> None:
     usual = float(np.median(rates_hz))
     for span, rate in zip(spans, rates_hz, strict=True):
         n = span.stop - span.start
@@ -175,7 +176,7 @@ def check_yaw(table: Table, spans: list[slice]) -> None:
                 )
 
 
-def unit_quaternions(table: Table, spans: list[slice]) -> Float:
+def unit_quaternions(table: Table, spans: list[slice]) -> FloatArray:
     """Return qw, qx, qy, qz at unit length and without sign flips within an episode, shape (N, 4); NaN stays.
 
     Raises:

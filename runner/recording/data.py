@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from runner.arrays import FloatArray
 from runner.errors import RecordingError
 
-Float = NDArray[np.float64]
+WARNING = "warning: "  # a note begins with it where something is wrong and yet something may follow
 
 
-class Contact(StrEnum):
+class Support(StrEnum):
     """What carries the box: its whole base, or its corners."""
 
     PATCH = "patch"
@@ -93,7 +95,7 @@ class Nominal:
     friction: float
     gravity_m_s2: float
     rate_hz: float
-    contact: Contact = Contact.PATCH
+    contact: Support = Support.PATCH
     noise: Noise = Noise()
     com_m: tuple[float, float, float] | None = None
     inertia_kg_m2: float | tuple[float, float, float] | None = None
@@ -147,11 +149,11 @@ class Episode:
     """
 
     index: int
-    t_s: Float
-    pose: Float
-    twist: Float
-    force_n: Float
-    point_m: Float
+    t_s: FloatArray
+    pose: FloatArray
+    twist: FloatArray
+    force_n: FloatArray
+    point_m: FloatArray
 
     def __post_init__(self) -> None:
         for name in ("t_s", "pose", "twist", "force_n", "point_m"):
@@ -218,7 +220,12 @@ class Span:
     end: int
 
 
-def frozen_array(values: ArrayLike) -> Float:
+def warnings(notes: Iterable[str]) -> list[str]:
+    """Return those notes that say that something is wrong with a recording."""
+    return [note for note in notes if note.startswith(WARNING)]
+
+
+def frozen_array(values: ArrayLike) -> FloatArray:
     """Return a private copy that can't be written to."""
     copy = np.array(values, dtype=np.float64)
     copy.setflags(write=False)

@@ -16,15 +16,18 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from runner.arrays import FloatArray
 from runner.errors import RecordingError, nearest
 from runner.recording.case import table_file
 from runner.recording.checks import episode_spans, rising_steps
-from runner.recording.data import Float, frozen_array
+from runner.recording.data import frozen_array
 from runner.recording.model_form_mapping import ChannelSource, ModelMapping, read_mapping
 from runner.recording.model_form_mjcf import read_mjcf
+from runner.recording.model_form_plausible import note_channels
 from runner.recording.nominal import FILE, load_mapping
 from runner.recording.raw_table import RawTable, numbers, read_raw
 from runner.recording.table import Table
+from runner.storage.limits import check_shape
 
 SLOWEST_S = 1.0  # a mechanism that is sampled less often than once a second: the times are in another unit
 TURNS = 5  # a joint that goes round more often without a range: worth a note
@@ -46,12 +49,12 @@ class MechanismEpisode:
     """
 
     index: int
-    t_s: Float
-    values: Float
-    commands: Float
-    forces_n: Float
-    points_m: Float
-    orientations: Mapping[str, Float]
+    t_s: FloatArray
+    values: FloatArray
+    commands: FloatArray
+    forces_n: FloatArray
+    points_m: FloatArray
+    orientations: Mapping[str, FloatArray]
 
     def __post_init__(self) -> None:
         for name in ("t_s", "values", "commands", "forces_n", "points_m"):
@@ -182,6 +185,7 @@ def read_model_case(path: str | Path) -> MechanismRecording:
         for s, n in zip(mapping.sources, np.isnan(values).sum(axis=0), strict=True)
         if n
     ]
+    notes += note_channels(table, spans, mapping)
     commands = table.stack(mapping.commands) if mapping.commands else np.zeros((len(table), 0))
     forces = _triples(table, [f.force for f in mapping.forces])
     points = _triples(table, [f.point for f in mapping.forces])
@@ -227,6 +231,7 @@ def _table(file: Path, raw: RawTable, mapping: ModelMapping, notes: list[str]) -
         raise RecordingError(f"{file}: missing column '{missing[0]}'; {by}. {nearest(missing[0], header)}")
     if not raw.count:
         raise RecordingError(f"{file}: has no rows; at least three samples of one episode are needed.")
+    check_shape(file, raw.count, len(wanted))
     columns = {name: numbers(file, name, raw, mapping.units.get(name, "")) for name in wanted}
     extra = tuple(name for name in header if name not in wanted and not name.startswith("__index_level_"))
     if extra:
@@ -273,7 +278,7 @@ def _check_angles(table: Table, mapping: ModelMapping, model: mujoco.MjModel) ->
     return notes
 
 
-def _degrees(values: Float, limits: tuple[float, float]) -> bool:
+def _degrees(values: FloatArray, limits: tuple[float, float]) -> bool:
     """Whether values lie far outside of limits, and as degrees within."""
     low, high = limits
     width = high - low
@@ -283,7 +288,7 @@ def _degrees(values: Float, limits: tuple[float, float]) -> bool:
     return bool(outside > 2 * width and inside)
 
 
-def _orientation(table: Table, columns: Sequence[str]) -> Float:
+def _orientation(table: Table, columns: Sequence[str]) -> FloatArray:
     """Return unit quaternions, (N, 4), NaN where one of the numbers is."""
     q = table.stack(columns)
     q = np.where(np.asarray(np.isnan(q).any(axis=1))[:, None], np.nan, q)
@@ -299,7 +304,7 @@ def _orientation(table: Table, columns: Sequence[str]) -> Float:
     return q / length[:, None]
 
 
-def _values(table: Table, mapping: ModelMapping, orientations: Mapping[str, Float]) -> Float:
+def _values(table: Table, mapping: ModelMapping, orientations: Mapping[str, FloatArray]) -> FloatArray:
     """Return all channels, (N, C); of an orientation 0, as its residual is a turn away from what was measured."""
     columns = []
     for source in mapping.sources:
@@ -310,7 +315,7 @@ def _values(table: Table, mapping: ModelMapping, orientations: Mapping[str, Floa
     return np.stack(columns, axis=1)
 
 
-def _triples(table: Table, columns: Sequence[Sequence[str]]) -> Float:
+def _triples(table: Table, columns: Sequence[Sequence[str]]) -> FloatArray:
     """Return triples of columns, (N, F, 3); where none are named, zeros."""
     stacked = [table.stack(names) if names else np.zeros((len(table), 3)) for names in columns]
     return np.stack(stacked, axis=1) if stacked else np.zeros((len(table), 0, 3))

@@ -6,6 +6,7 @@ code; both are refused before anything is compiled.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,8 +15,13 @@ from xml.etree import ElementTree
 import mujoco
 
 from runner.errors import RecordingError
+from runner.storage.limits import check_size
 
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
+COPYING, COUNTS = ("replicate", "composite", "flexcomp"), ("count", "cellcount")
+COPIES, DEPTH = 10_000, 200
+MOST = 1_000_000_000  # bytes, or elements of what is counted
+POWERS = {letter: 1024.0**k for k, letter in enumerate("KMGTPE", 1)}
 
 
 @contextmanager
@@ -38,7 +44,7 @@ def read_mjcf(path: Path) -> mujoco.MjSpec:
     Raises:
         RecordingError: If it can't be read, does not compile, needs a plugin or refers to a file outside of its folder.
     """
-    _check(path, path.parent.resolve(), ())
+    _check(path, path.parent.resolve(), set())
     try:
         with quiet():
             spec = mujoco.MjSpec.from_file(str(path))
@@ -55,6 +61,25 @@ def read_mjcf(path: Path) -> mujoco.MjSpec:
     return spec
 
 
+def referenced_files(path: Path) -> tuple[str, ...]:
+    """Return the files that an MJCF names and that are there, relative to its folder, without the MJCF itself.
+
+    Raises:
+        RecordingError: If it can't be read, or refers to a file outside of its folder.
+    """
+    folder, named = path.parent.resolve(), []
+    _check(path, folder, set(), named)
+    directories = [value for name, value in named if name in DIRECTORIES]
+    found = {}
+    for name, value in named:
+        if name not in DIRECTORIES:
+            for directory in ("", *directories):
+                inside = Path(directory) / value
+                if (folder / inside).is_file():
+                    found[inside.as_posix()] = None
+    return tuple(found)
+
+
 def _names(kind: str, number: int) -> Iterator[str]:
     """Yield names for what has none."""
     name = f"{kind}{number}"
@@ -63,10 +88,12 @@ def _names(kind: str, number: int) -> Iterator[str]:
         name += "_"
 
 
-def _check(path: Path, folder: Path, above: tuple[Path, ...]) -> None:
-    """Refuse what a file, or a file that it includes, must not refer to."""
-    if path in above:
-        raise RecordingError(f"{path}: includes itself.")
+def _check(path: Path, folder: Path, read: set[Path], named: list[tuple[str, str]] | None = None) -> None:
+    """Refuse what a file, or one that it includes, must not refer to or ask for; add to `named` what names files."""
+    if path in read:
+        raise RecordingError(f"{path}: is included more than once, or includes itself.")
+    read.add(path)
+    check_size(path)
     try:
         text = path.read_text(encoding="utf-8-sig")
         if "<!DOCTYPE" in text or "<!ENTITY" in text:
@@ -76,6 +103,7 @@ def _check(path: Path, folder: Path, above: tuple[Path, ...]) -> None:
         raise RecordingError(f"{path}: can't be read: {error}.") from None
     except ElementTree.ParseError as error:
         raise RecordingError(f"{path}: is not valid XML: {error}.") from None
+    _check_counts(path, root)
     for element in root.iter():
         tag = str(element.tag)
         if tag in ("extension", "plugin") or "plugin" in element.attrib:
@@ -83,9 +111,48 @@ def _check(path: Path, folder: Path, above: tuple[Path, ...]) -> None:
         for name, value in element.attrib.items():
             if name in DIRECTORIES or name.startswith("file"):
                 inside = _inside(path, folder, f"<{tag} {name}>", value)
+                if named is not None:
+                    named.append((name, value))
+                if inside.is_file():
+                    check_size(inside)
                 # MuJoCo looks for included files in the folder of the first file
                 if tag == "include" and inside.is_file():
-                    _check(inside, folder, (*above, path))
+                    _check(inside, folder, read, named)
+
+
+def _check_counts(path: Path, root: ElementTree.Element) -> None:
+    """Refuse elements that stand for more copies than a mechanism has parts, and more memory than it needs."""
+    todo = [(root, 1.0, 1)]
+    while todo:
+        element, copies, depth = todo.pop()
+        tag = str(element.tag)
+        if tag in COPYING:
+            copies *= math.prod(_whole(element.get(name, "1")) for name in COUNTS)
+        if copies > COPIES:
+            raise RecordingError(f"{path}: <{tag}> makes {copies:,.0f} copies, allowed: {COPIES:,} in all.")
+        if depth > DEPTH:
+            raise RecordingError(f"{path}: <{tag}> is nested deeper than {DEPTH} levels.")
+        for name, value in element.attrib.items() if tag == "size" else ():
+            if _amount(value) > MOST:
+                raise RecordingError(f"{path}: <size {name}> sets aside {value}, allowed: at most {MOST:,}.")
+        todo += [(child, copies, depth + 1) for child in element]
+
+
+def _amount(text: str) -> float:
+    """Return a number with MuJoCo's suffix (`2G`), 0 for what is none: MuJoCo refuses that."""
+    power = POWERS.get(text.strip()[-1:].upper(), 1.0)
+    try:
+        return float(text.strip().rstrip("KMGTPEkmgtpe")) * power
+    except ValueError:
+        return 0.0
+
+
+def _whole(text: str) -> float:
+    """Return the product of numbers, 1 for what is none: MuJoCo refuses that."""
+    try:
+        return math.prod(max(float(part), 1.0) for part in text.split())
+    except ValueError:
+        return 1.0
 
 
 def _inside(path: Path, folder: Path, where: str, value: str) -> Path:

@@ -21,13 +21,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-import yaml
 from pydantic import BaseModel, BeforeValidator, Field, ValidationError
 
 from runner.errors import RecordingError, nearest
-from runner.recording.data import Contact, Noise, Nominal
+from runner.recording.data import Noise, Nominal, Support
 from runner.storage.checked import dotted, must, refusal, refused
 from runner.storage.writing import write_yaml
+from runner.storage.yaml_text import YamlError, read_yaml
 
 FILE = "nominal.yaml"
 NOISE = {"position": "position_m", "yaw": "yaw_rad", "velocity": "velocity_m_s", "rate": "rate_rad_s"}
@@ -77,7 +77,7 @@ class _Believed(BaseModel, extra="forbid"):
     friction: _Pure
     gravity: Annotated[_Number, must("be a finite number in m/s2")]
     rate_hz: Annotated[_Number, must("be a finite number in Hz")]
-    contact: Contact = Contact.PATCH
+    contact: Support = Support.PATCH
     noise: Annotated[_Noise, must(f"be null or hold {', '.join(map(repr, NOISE))}")] = _Noise()
     com: Annotated[list[_Metres], _several("m", 2, 3)] | None = None
     inertia: Annotated[list[_Moment], _several("kg m2", 1, 3)] | None = None
@@ -125,17 +125,6 @@ def write_nominal(nominal: Nominal, path: str | Path) -> None:
     write_yaml(Path(path), content)
 
 
-class _Loader(yaml.SafeLoader):
-    """Safe YAML that refuses a key given twice, of which plain YAML silently takes the last."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for k, (key_node, _) in enumerate(node.value):
-            if keys[k] in keys[:k]:
-                raise yaml.MarkedYAMLError(problem=f"key '{keys[k]}' is given twice", problem_mark=key_node.start_mark)
-        return super().construct_mapping(node, deep=deep)
-
-
 def load_mapping(path: Path, needed: Iterable[str]) -> Mapping:
     """Return the mapping of a YAML file, whatever its keys; those that are needed are named where there is none.
 
@@ -145,15 +134,9 @@ def load_mapping(path: Path, needed: Iterable[str]) -> Mapping:
     if not path.is_file():
         raise RecordingError(f"{path}: no such file; a case needs a {FILE} with {_listed(needed)}.")
     try:
-        content = yaml.load(path.read_text(encoding="utf-8-sig"), _Loader)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        place = f" line {mark.line + 1}, column {mark.column + 1}:" if mark else ""
-        raise RecordingError(f"{path}:{place} not valid YAML: {error.problem}.") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path}: not valid YAML: {' '.join(str(error).split())}.") from None
-    except OSError as error:
-        raise RecordingError(f"{path}: can't be read: {error.strerror}.") from None
+        content = read_yaml(path)
+    except YamlError as error:
+        raise RecordingError(f"{path}:{error}") from None
     if content is None:
         raise RecordingError(f"{path}: is empty; it needs {_listed(needed)}.")
     if not isinstance(content, Mapping):

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import re
+import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,17 +11,22 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from runner.arrays import FloatArray
 from runner.errors import RecordingError
-from runner.recording.data import Float
+from runner.storage.csv_text import CsvError, number, read_csv
+from runner.storage.limits import check_bytes, check_shape, check_size
 
 
 @dataclass(frozen=True)
 class RawTable:
-    """What stands in a file: the names of its columns, the columns, how many rows, and (text) the line of each."""
+    """What stands in a file: the names of its columns, how many rows, and (text) the columns and the line of each row.
+
+    The columns of a Parquet file are read when they are asked for: others may hold anything.
+    """
 
     header: list[str]
-    columns: list[pa.ChunkedArray | tuple[str, ...]]
     count: int
+    columns: list[tuple[str, ...]] | None
     lines: list[int] | None
 
 
@@ -31,11 +35,12 @@ def read_raw(path: Path) -> RawTable:
 
     Raises:
         RecordingError: If the file can't be read, or a line of it has more or fewer values than there are columns.
+        LimitError: If it holds more than is read.
     """
     return _csv(path) if path.suffix == ".csv" else _parquet(path)
 
 
-def numbers(path: Path, name: str, raw: RawTable, unit: str = "") -> Float:
+def numbers(path: Path, name: str, raw: RawTable, unit: str = "") -> FloatArray:
     """Return a column as numbers; what is empty or null is NaN.
 
     Args:
@@ -47,11 +52,11 @@ def numbers(path: Path, name: str, raw: RawTable, unit: str = "") -> Float:
     Raises:
         RecordingError: If a value is no number: file, row, column, value.
     """
-    column = raw.columns[raw.header.index(name)]
     within = f" in {unit}" if unit else ""
-    if isinstance(column, tuple):
+    if raw.columns is not None:
+        column = raw.columns[raw.header.index(name)] if raw.columns else ()
         return _from_text(path, name, column, raw.lines, within)
-    return _from_arrow(path, name, column, within)
+    return _from_parquet(path, name, within)
 
 
 def row_place(row: int, lines: list[int] | None) -> str:
@@ -60,44 +65,38 @@ def row_place(row: int, lines: list[int] | None) -> str:
 
 
 def _parquet(path: Path) -> RawTable:
+    check_size(path)
     try:
         with pq.ParquetFile(path) as file:
-            content = file.read()
+            names, rows = list(file.schema_arrow.names), file.metadata.num_rows
+            groups = range(file.metadata.num_row_groups)
+            held = sum(file.metadata.row_group(g).total_byte_size for g in groups)
     except (pa.ArrowException, OSError) as error:
         raise RecordingError(f"{path}: can't be read as Parquet: {' '.join(str(error).split())}") from None
-    return RawTable(list(content.column_names), list(content.columns), content.num_rows, None)
+    check_shape(path, rows, 1)
+    check_bytes(path, held)
+    return RawTable(names, rows, None, None)
 
 
 def _csv(path: Path) -> RawTable:
     """Blank lines are skipped."""
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file, strict=True)
-            header = [name.strip() for name in next(reader, [])]
-            numbered = [(reader.line_num, row) for row in reader if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise RecordingError(f"{path}: can't be read as CSV: {error}.") from None
-    if not header:
-        raise RecordingError(f"{path}: is empty; the first line must name the columns.")
-    if len(header) == 1 and re.search(r"[;\t|]", header[0]):
-        raise RecordingError(f"{path}: columns must be separated by commas, got {header[0][:40]!r}.")
-    lines = [line for line, _ in numbered]
-    for k, (_, row) in enumerate(numbered):
-        if len(row) != len(header):
-            text = f"has {len(row)} values, the header names {len(header)} columns"
-            raise RecordingError(f"{path}: {row_place(k, lines)}: {text}.")
-    return RawTable(header, list(zip(*(row for _, row in numbered), strict=True)), len(lines), lines)
+        text = read_csv(path)
+    except CsvError as error:
+        raise RecordingError(f"{path}: {error}") from None
+    return RawTable(text.header, len(text.lines), text.columns, text.lines)
 
 
-def _from_text(path: Path, name: str, values: Sequence[str], lines: list[int] | None, within: str) -> Float:
+def _from_text(path: Path, name: str, values: Sequence[str], lines: list[int] | None, within: str) -> FloatArray:
     """Return numbers; an empty cell is NaN."""
     try:
-        return np.array([value.strip() or "nan" for value in values], dtype=np.float64)
+        if not any("_" in value for value in values):
+            return np.array([value.strip() or "nan" for value in values], dtype=np.float64)
     except ValueError:
         pass
     for row, value in enumerate(values):
         try:
-            float(value.strip() or "nan")
+            number(value)
         except ValueError:
             raise RecordingError(
                 f"{path}: {row_place(row, lines)}: column '{name}' must be a number{within}, got {value!r}."
@@ -105,15 +104,52 @@ def _from_text(path: Path, name: str, values: Sequence[str], lines: list[int] | 
     raise AssertionError("NumPy and Python disagree on what a number is")
 
 
-def _from_arrow(path: Path, name: str, column: pa.ChunkedArray, within: str) -> Float:
+def _from_parquet(path: Path, name: str, within: str) -> FloatArray:
     """Return numbers; null is NaN. Text is taken if all of it is numbers."""
-    if pa.types.is_dictionary(column.type):
-        column = column.cast(column.type.value_type)
-    kind = column.type
-    if pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind):
-        return _from_text(path, name, [value or "" for value in column.to_pylist()], None, within)
-    if pa.types.is_null(kind):
+    try:
+        schema = pq.read_schema(path)
+        kind = schema.field(schema.names.index(name)).type
+        if not _may_be_numbers(kind):
+            raise RecordingError(f"{path}: column '{name}' must be numbers{within}, it holds {kind}.")
+        # text as a dictionary: a page of a few bytes can stand for a long text in every row
+        with pq.ParquetFile(path, read_dictionary=[name]) as file:
+            column = file.read([name], use_threads=False).column(0)
+    except (pa.ArrowException, OSError) as error:
+        raise RecordingError(f"{path}: can't be read as Parquet: {' '.join(str(error).split())}") from None
+    if pa.types.is_null(column.type):
         return np.full(len(column), np.nan)
-    if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
-        raise RecordingError(f"{path}: column '{name}' must be numbers{within}, it holds {kind}.")
+    if pa.types.is_dictionary(column.type):
+        parts, first = [], 0
+        for part in column.chunks:
+            parts.append(_from_dictionary(path, name, part, first, within))
+            first += len(part)
+        return np.concatenate(parts) if parts else np.empty(0)
     return np.array(column.cast(pa.float64(), safe=False).to_numpy(), dtype=np.float64)
+
+
+def _from_dictionary(path: Path, name: str, part: pa.DictionaryArray, first: int, within: str) -> FloatArray:
+    """Return numbers of an array that names each distinct value once; null is NaN."""
+    places = np.asarray(part.indices.fill_null(-1), dtype=np.int64)
+    values = np.full(len(part.dictionary) + 1, np.nan)  # the last is null's
+    wrong: dict[int, object] = {}
+    for k, value in enumerate(part.dictionary.to_pylist()):
+        try:
+            values[k] = number(value) if isinstance(value, str) else np.nan if value is None else float(value)
+        except ValueError:
+            wrong[k] = value
+    for row, place in enumerate(places if wrong else ()):
+        if place in wrong:
+            where, got = row_place(first + row, None), reprlib.repr(wrong[place])
+            raise RecordingError(f"{path}: {where}: column '{name}' must be a number{within}, got {got}.")
+    return values[places]
+
+
+def _may_be_numbers(kind: pa.DataType) -> bool:
+    if pa.types.is_dictionary(kind):
+        kind = kind.value_type
+    plain = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
+    return plain or pa.types.is_null(kind) or _is_text(kind)
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    return pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind)

@@ -19,9 +19,11 @@ from pathlib import Path
 
 import numpy as np
 
+from runner.arrays import FloatArray
 from runner.errors import RecordingError
-from runner.recording.data import Float, Form
+from runner.recording.data import Form
 from runner.recording.raw_table import numbers, read_raw, row_place
+from runner.storage.limits import check_shape
 
 METRES, SPEEDS, RATES = ("x", "y", "z"), ("vx", "vy", "vz"), ("wx", "wy", "wz")
 QUATERNION, FORCE, POINT = ("qw", "qx", "qy", "qz"), ("fx", "fy", "fz"), ("px", "py", "pz")
@@ -55,7 +57,7 @@ class Table:
     """
 
     path: Path
-    columns: Mapping[str, Float]
+    columns: Mapping[str, FloatArray]
     lines: list[int] | None = None
     extra: tuple[str, ...] = ()
     notes: list[str] = field(default_factory=list)
@@ -66,10 +68,10 @@ class Table:
     def __contains__(self, name: object) -> bool:
         return name in self.columns
 
-    def __getitem__(self, name: str) -> Float:
+    def __getitem__(self, name: str) -> FloatArray:
         return self.columns[name]
 
-    def stack(self, names: Iterable[str]) -> Float:
+    def stack(self, names: Iterable[str]) -> FloatArray:
         """Return the named columns side by side, shape (N, K)."""
         return np.stack([self.columns[name] for name in names], axis=1)
 
@@ -97,6 +99,7 @@ def read_table(path: Path) -> tuple[Table, Form]:
     if not raw.count:
         raise RecordingError(f"{path}: has no rows; at least three samples of one episode are needed.")
     names = [name for name in (*REQUIRED[form], *OPTIONAL[form]) if name in header]
+    check_shape(path, raw.count, len(names))
     columns = {name: numbers(path, name, raw, UNITS.get(name, "")) for name in names}
     extra = tuple(name for name in header if name not in names and not name.startswith("__index_level_"))
     notes = [f"not part of the {form} form and not used: {', '.join(map(repr, extra))}"] if extra else []

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from runner.recording.data import Float, Form, Nominal
+from runner.arrays import FloatArray
+from runner.recording.data import Form, Nominal
 from runner.recording.table import METRES, POINT, POSE, QUATERNION, RATES, SPEEDS, TWIST, Table
 
 TRAVEL_HALF_SIZES = 1e3
@@ -91,7 +92,7 @@ def _check_sizes(table: Table, spans: list[slice], nominal: Nominal, form: Form)
             )
 
 
-def _peak(values: Float) -> tuple[int, float]:
+def _peak(values: FloatArray) -> tuple[int, float]:
     """Return where the largest magnitude is, and how large; NaN counts as 0."""
     sizes = np.nan_to_num(np.abs(values))
     row = int(np.argmax(sizes))
@@ -122,7 +123,7 @@ def _check_poses_against_velocities(table: Table, spans: list[slice], nominal: N
     _judge(table, _agreement(turned, rates), _agreement(turned_body, rates), names, ANGLE_UNITS, LEAST_RAD)
 
 
-def _check_quaternion_meaning(table: Table, parts: list[dict[str, Float]], step_s: float) -> None:
+def _check_quaternion_meaning(table: Table, parts: list[dict[str, FloatArray]], step_s: float) -> None:
     """Refuse quaternions that follow the rates only when read in another order or direction."""
 
     def unexplained(order: tuple[str, ...], sign: float) -> float:
@@ -143,7 +144,9 @@ def _check_quaternion_meaning(table: Table, parts: list[dict[str, Float]], step_
             raise table.error(f"columns 'qw', 'qx', 'qy', 'qz' agree with 'wx', 'wy', 'wz' if they {text}.")
 
 
-def _paths(part: dict[str, Float], form: Form, step_s: float) -> tuple[Float, Float, Float, Float, Float, Float]:
+def _paths(
+    part: dict[str, FloatArray], form: Form, step_s: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return way in world and body axes, integral of velocity, and the same of turning; each of shape (T - 1, 3)."""
     zero = np.zeros_like(part["x"])
     where, speeds, rates = (
@@ -162,19 +165,19 @@ def _paths(part: dict[str, Float], form: Form, step_s: float) -> tuple[Float, Fl
     return way, way_body, way_due, angle, angle_body, angle_due
 
 
-def _means(values: Float) -> Float:
+def _means(values: FloatArray) -> FloatArray:
     """Return the mean of each two neighbours (trapezoid rule)."""
     return (values[1:] + values[:-1]) / 2
 
 
-def _orientation(part: dict[str, Float], form: Form) -> scipy.spatial.transform.Rotation:
+def _orientation(part: dict[str, FloatArray], form: Form) -> scipy.spatial.transform.Rotation:
     if form is Form.PLANAR:
         return scipy.spatial.transform.Rotation.from_rotvec(part["yaw"][:, None] * [0.0, 0.0, 1.0])
     qw, qx, qy, qz = (part[name] for name in QUATERNION)
     return scipy.spatial.transform.Rotation.from_quat(np.stack([qx, qy, qz, qw], axis=1))
 
 
-def _agreement(moved: Sequence[Float], integrals: Sequence[Float]) -> _Agreement | None:
+def _agreement(moved: Sequence[FloatArray], integrals: Sequence[FloatArray]) -> _Agreement | None:
     """Return how displacement follows the integral of velocity, each less its mean over the episode."""
     d = np.concatenate([(m - m.mean(axis=0)).ravel() for m in moved])
     i = np.concatenate([(m - m.mean(axis=0)).ravel() for m in integrals])
@@ -247,13 +250,13 @@ def _check_dynamics(table: Table, spans: list[slice], nominal: Nominal) -> None:
             raise table.error(f"{text}; {unit}.")
 
 
-def _changes(values: Float, block: int) -> Float:
+def _changes(values: FloatArray, block: int) -> FloatArray:
     """Return the changes between the means of successive blocks."""
     count = len(values) // block
     return np.diff(values[: count * block].reshape(count, block).mean(axis=1))
 
 
-def _pairs(values: Float, block: int) -> Float:
+def _pairs(values: FloatArray, block: int) -> FloatArray:
     """Return the means over each two successive blocks."""
     count = len(values) // block
     means = values[: count * block].reshape(count, block).mean(axis=1)

@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from runner.effects.wording import DEGREES, change, length, number
 from runner.simulate.gap import measure_gap
-from runner.systems.base import Channel
+from runner.systems.channels import Channel
 
 if TYPE_CHECKING:
-    from runner.diagnosis.pipeline import Diagnosis
+    from runner.diagnosis.result import Diagnosis
 
 HORIZONS_S = (0.1, 0.5, 1.0, 2.0)
 # the unit that a small amount is shown in, and what one SI unit is of it; any other unit is shown as it is

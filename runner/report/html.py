@@ -19,7 +19,7 @@ from runner.report.statement import NONE, Statement, caveats, state
 from runner.storage.writing import write_text
 
 if TYPE_CHECKING:
-    from runner.diagnosis.pipeline import Diagnosis, Ranked
+    from runner.diagnosis.result import Diagnosis, Ranked
 
 FILE = "report.html"
 TEMPLATE = "template.html.j2"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from runner.diagnosis.pipeline import Diagnosis
+    from runner.diagnosis.result import Diagnosis
     from runner.localise.where import Where
     from runner.systems.base import AbstractSystem
 

@@ -6,11 +6,13 @@ from collections.abc import Sequence
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
 
 from runner.report.before_after import Miss, small
 from runner.report.figures import BAND, FAINT, GREY, INK, ORANGE, STYLE, new, svg
 from runner.report.motions import Paths, autocorrelation
-from runner.systems.base import AbstractSystem, Channel
+from runner.systems.base import AbstractSystem
+from runner.systems.channels import Channel
 
 MOST = 12  # channels of a trajectory: those that are missed most
 DEGREE_UNITS = {"rad": "°", "rad/s": "°/s"}
@@ -105,20 +107,24 @@ def bars(found: Sequence[Miss], name: str, *, colour: str = ORANGE) -> str:
     """Return the misses before and after in multiples of the noise, one row per channel."""
     with mpl.rc_context(STYLE):
         figure = new(4.4, 0.62 + 0.24 * len(found), left=1.1, top=0.08)
-        ax = figure.add_subplot()
-        y = np.arange(len(found))
-        before, after = (np.array([getattr(m, k) / m.noise for m in found]) for k in ("before", "after"))
-        ax.hlines(y, after, before, color=FAINT, lw=3)
-        ax.plot(before, y, "o", color=GREY, ms=7)
-        ax.plot(after, y, "o", color=colour, ms=7)
-        ax.axvline(1, color=INK, lw=0.9, ls=(0, (1, 2)))
-        ax.set_xscale("log")
-        ax.xaxis.set_major_formatter(lambda v, _: f"{v:g}")
-        ax.xaxis.set_minor_formatter(lambda v, _: f"{v:g}" if str(v)[0] in "25" else "")
-        ax.set_yticks(y, [m.channel.label for m in found])
-        ax.invert_yaxis()
-        ax.set_xlabel("missed, in noise levels (dotted: the noise)")
+        draw_bars(figure.add_subplot(), found, colour=colour)
         return svg(figure, name, "Misses before and after in noise levels, per channel")
+
+
+def draw_bars(ax: Axes, found: Sequence[Miss], *, colour: str = ORANGE) -> None:
+    """Draw the misses before and after in multiples of the noise, one row per channel."""
+    y = np.arange(len(found))
+    before, after = (np.array([getattr(m, k) / m.noise for m in found]) for k in ("before", "after"))
+    ax.hlines(y, after, before, color=FAINT, lw=3)
+    ax.plot(before, y, "o", color=GREY, ms=7)
+    ax.plot(after, y, "o", color=colour, ms=7)
+    ax.axvline(1, color=INK, lw=0.9, ls=(0, (1, 2)))
+    ax.set_xscale("log")
+    ax.xaxis.set_major_formatter(lambda v, _: f"{v:g}")
+    ax.xaxis.set_minor_formatter(lambda v, _: f"{v:g}" if str(v)[0] in "25" else "")
+    ax.set_yticks(y, [m.channel.label for m in found])
+    ax.invert_yaxis()
+    ax.set_xlabel("missed, in noise levels (dotted: the noise)")
 
 
 def whiteness(

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from runner.localise.where import Where, localise
-from runner.systems.base import Run
+from runner.systems.simulator import Run
 
 if TYPE_CHECKING:
-    from runner.diagnosis.pipeline import Diagnosis
+    from runner.diagnosis.result import Diagnosis
 
 
 @dataclass(frozen=True)
@@ -36,17 +36,25 @@ class Paths:
 
 
 def replay(diagnosis: Diagnosis) -> list[Paths]:
-    """Simulate every episode with and without the effects found, in the order of the recording."""
-    simulator = diagnosis.system.simulator()
+    """Simulate every episode with and without the effects found, in the order of the recording.
+
+    Where stretches are parts of an episode, their motions follow one another; NaN in between.
+    """
+    simulator = diagnosis.system.simulator().parts(diagnosis.stretches)
     out = []
     for e, episode in enumerate(diagnosis.recording.episodes):
-        if e not in diagnosis.nominal_starts or e not in diagnosis.corrected_starts:
+        before = np.full(diagnosis.measured.values[e].shape, np.nan)
+        after = before.copy()
+        for i, span in enumerate(diagnosis.stretches):
+            if span.episode != e or i not in diagnosis.nominal_starts or i not in diagnosis.corrected_starts:
+                continue
+            runs = [
+                Run((), np.asarray(diagnosis.nominal_starts[i], float)),
+                Run(tuple(diagnosis.effects), np.asarray(diagnosis.corrected_starts[i], float)),
+            ]
+            before[span.begin : span.end], after[span.begin : span.end] = simulator.predict(i, runs)
+        if np.isnan(before).all():
             continue
-        runs = [
-            Run((), np.asarray(diagnosis.nominal_starts[e], float)),
-            Run(tuple(diagnosis.effects), np.asarray(diagnosis.corrected_starts[e], float)),
-        ]
-        before, after = simulator.predict(e, runs)
         measured = np.where(diagnosis.measured.valid[e], diagnosis.measured.values[e], np.nan)
         t_s = np.asarray(episode.t_s) - episode.t_s[0]
         out.append(Paths(e, e in diagnosis.held_out, t_s, measured, before, after))
@@ -70,7 +78,13 @@ def where_after(diagnosis: Diagnosis) -> Where | None:
     """Return where the corrected model still misses; None: nothing was corrected, or nobody asked where."""
     if not diagnosis.effects or diagnosis.where is None:
         return None
-    return localise(diagnosis.system, diagnosis.measured, diagnosis.corrected_starts, tuple(diagnosis.effects))
+    return localise(
+        diagnosis.system,
+        diagnosis.measured,
+        diagnosis.corrected_starts,
+        tuple(diagnosis.effects),
+        stretches=diagnosis.stretches,
+    )
 
 
 def autocorrelation(residual: np.ndarray, most: int) -> tuple[np.ndarray, int]:

@@ -19,11 +19,11 @@ from runner.report.missing_force import missing_force
 from runner.report.motions import Paths, replay, whole
 from runner.report.record_layout import COLOURS, COMMAND, FORCE, INK, TRAIL_S, Eye, blueprint, drawn_channels, models
 from runner.report.statement import NONE, state
-from runner.systems.base import DrawnBody, Shape
+from runner.systems.drawing import DrawnBody, Shape
 from runner.viewer.rrd import written
 
 if TYPE_CHECKING:
-    from runner.diagnosis.pipeline import Diagnosis
+    from runner.diagnosis.result import Diagnosis
 
 FILE = "diagnosis.rrd"
 PAUSE_S = 1.0  # between two episodes on the timeline

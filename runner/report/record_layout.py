@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import rerun.blueprint as rrb
 
-from runner.systems.base import AbstractSystem, Channel
+from runner.systems.base import AbstractSystem
+from runner.systems.channels import Channel
 
 if TYPE_CHECKING:
-    from runner.diagnosis.pipeline import Diagnosis
+    from runner.diagnosis.result import Diagnosis
 
 TRAIL_S = 4.0  # how much of the way is seen behind a body
 PAPER, INK = (247, 247, 245), (60, 62, 66)

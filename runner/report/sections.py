@@ -22,7 +22,7 @@ from runner.report.statement import Statement
 from runner.report.suspects import suspects
 
 if TYPE_CHECKING:
-    from runner.diagnosis.pipeline import Diagnosis
+    from runner.diagnosis.result import Diagnosis
     from runner.localise.where import Where
 
 WHITE_AT = 0.01  # significance below which residuals are called structured

@@ -15,14 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from runner.diagnosis.pipeline import Diagnosis, Ranked
+    from runner.diagnosis.result import Diagnosis, Ranked
 
 NONE, UNKNOWN = "none", "unknown"
 HALF = 0.5  # an explanation less likely than that is not an answer
 OVER = 0.05  # squared noises that the nominal model leaves: less is not worth a word
 NOISE_LEFT = 0.99  # of what can be closed: the rest is as good as noise
 TRACE = 0.25  # of the noise's mean square: 12 % in the root of it is as good as noise
-LEFT_NOTE = "The best explanation leaves "  # what a diagnosis's own note of what is left begins with
 
 
 class Kind(Enum):
@@ -156,6 +155,5 @@ def _known(value: float | None) -> float | None:
 
 
 def caveats(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Return what a reader should know before believing the figures; what is left is the statement's alone to say."""
-    notes = dict.fromkeys((*diagnosis.notes, *diagnosis.recording.notes))
-    return tuple(n for n in notes if not n.startswith(LEFT_NOTE))
+    """Return what a reader should know before believing the figures."""
+    return tuple(dict.fromkeys((*diagnosis.notes, *diagnosis.recording.notes)))

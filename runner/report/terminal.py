@@ -16,7 +16,7 @@ from runner.report.before_after import of_whole_episodes
 from runner.report.statement import NONE, caveats, state
 
 if TYPE_CHECKING:
-    from runner.diagnosis.pipeline import Diagnosis
+    from runner.diagnosis.result import Diagnosis
 
 SHOWN = 5
 

@@ -17,7 +17,7 @@ from runner.report.statement import NOISE_LEFT, NONE, OVER, UNKNOWN, Kind, Left,
 from runner.report.suspects import suspects
 
 if TYPE_CHECKING:
-    from runner.diagnosis.pipeline import Diagnosis, Ranked
+    from runner.diagnosis.result import Diagnosis, Ranked
     from runner.systems.base import AbstractSystem
 
 Numbers = Mapping[str, float]

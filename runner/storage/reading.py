@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from runner.errors import ResultError
+from runner.storage.limits import check_size
 
 
 def read_json(path: Path, *, otherwise: str | None = None) -> Any:
@@ -14,7 +15,9 @@ def read_json(path: Path, *, otherwise: str | None = None) -> Any:
 
     Raises:
         ResultError: If it can't be read.
+        LimitError: If it is too large.
     """
+    check_size(path)
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -23,3 +26,5 @@ def read_json(path: Path, *, otherwise: str | None = None) -> Any:
         raise ResultError(f"{path}: can't be read: {error.strerror}.") from None
     except ValueError as error:
         raise ResultError(f"{path}: not JSON ({error}).") from None
+    except RecursionError:
+        raise ResultError(f"{path}: not JSON that can be read: it is nested too deep.") from None

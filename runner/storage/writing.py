@@ -20,6 +20,8 @@ import yaml
 
 from runner.errors import WriteError
 
+STEM = 200  # characters of a name that are kept beside its place: the whole may have 255 bytes
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
@@ -30,8 +32,9 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         WriteError: If it can't be written: the disk is full, the folder is not there or may not be written to.
     """
-    part = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
+    part = path.with_name(f".{path.stem[:STEM]}.{secrets.token_hex(4)}{path.suffix}")
     try:
+        _check_replaceable(path)
         yield part
         with part.open("rb") as file:
             os.fsync(file.fileno())
@@ -41,6 +44,14 @@ def replacing(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             part.unlink()
+
+
+def _check_replaceable(path: Path) -> None:
+    """Refuse to put a file into the place of something else, of a device above all."""
+    if path.is_dir():
+        raise WriteError(f"{path}: can't be written: is a folder; name a file in it.")
+    if path.exists() and not path.is_file():
+        raise WriteError(f"{path}: can't be written: is no regular file.")
 
 
 def write_text(path: Path, text: str) -> None:

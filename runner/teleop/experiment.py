@@ -15,7 +15,7 @@ import numpy as np
 from dm_control import mjcf
 from dm_control.rl.control import PhysicsError
 
-from runner.config import registered, snake_case
+from runner.config import registered, snake_case, with_key
 from runner.effects.planar_box import EFFECTS, PlanarEffect, Target
 from runner.errors import ConfigError, check_range, check_vector
 from runner.physics import dry_friction, player
@@ -28,6 +28,7 @@ from runner.teleop.link import LinkConfig, update_steps
 from runner.teleop.parameters import truths
 
 REMOTE = "remote"
+STEPS = 5_000_000  # of a run: some hours at the usual 2 ms, and 2 GB of commands
 
 for _classes in EFFECTS.values():
     for _class in _classes:
@@ -109,12 +110,25 @@ class Experiment:
         if REMOTE in self.estimator:
             raise ConfigError(f"estimator: '{REMOTE}' is the name of the remote cube, choose another.")
         update_steps(self.link, self.scene.timestep_s, 0)
+        try:
+            _ = self.local  # checks what the start has of the remote
+        except ConfigError as error:
+            raise ConfigError(with_key("start", str(error))) from None
+        self._check_length()
         for name, effect in self.remote.effects.items():
             if effect.of_sensor:
                 raise ConfigError(
                     f"remote.effects.{name}: '{effect.name}' changes a measurement after the fact, which a closed "
                     "loop can't do; link.delay_s makes states arrive late."
                 )
+
+    def _check_length(self) -> None:
+        """Refuse a run whose commands alone would not fit into memory."""
+        step_s, steps = self.scene.timestep_s, self.sequence.duration_s / self.scene.timestep_s
+        if not steps <= STEPS:
+            raise ConfigError(
+                f"forces: last {steps * step_s:g} s, {steps:,.0f} steps of {step_s:g} s; a run may have {STEPS:,}."
+            )
 
     @property
     def steps(self) -> int:

@@ -23,12 +23,14 @@ import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
 from runner.errors import ResultError, RunnerError, WriteError
+from runner.storage import run_status
 from runner.storage.writing import replacing
 from runner.teleop.frames import RunResult, Truth
 
 SUMMARY = "summary.parquet"
 SWEEP = "sweep.txt"  # marks the folder of a sweep, and says what it was made with
 ROWS = "rows"
+OF_RUN = "run"  # the command whose results are rows
 WITHIN = {"1pct": 1e-2, "0p1pct": 1e-3, "0p01pct": 1e-4}
 
 
@@ -229,7 +231,7 @@ def collect(paths: Iterable[Path]) -> pd.DataFrame:
     """Return one table of all runs in these folders, and in the folders within them, in the order of their names.
 
     A column `run` says which folder a row is from. A sweep that is under way, or was stopped, gives the rows of the
-    runs that have ended.
+    runs that have ended; a run by itself that has left no row gives one with its status, `running` or `killed`.
 
     Raises:
         ResultError: If a path does not exist or no run has ended there.
@@ -245,6 +247,14 @@ def collect(paths: Iterable[Path]) -> pd.DataFrame:
     return pd.concat([table for table in tables if len(table)], ignore_index=True)
 
 
+def unfinished(paths: Iterable[Path]) -> list[tuple[Path, run_status.Status]]:
+    """Return the sweeps in these folders that were stopped before their end, and how."""
+    stopped = (run_status.Status.killed, run_status.Status.interrupted)
+    sweeps = dict.fromkeys(f for path in paths for f in _folders(path) if (f / SWEEP).is_file())
+    found = ((folder, run_status.status_of(folder)) for folder in sweeps)
+    return [(folder, status) for folder, status in found if status and status in stopped and not still_held(folder)]
+
+
 def _folders(path: Path) -> list[Path]:
     """Return the folders of single runs and of sweeps; what lies within a sweep is part of its table."""
     if path.name == SUMMARY:
@@ -253,8 +263,18 @@ def _folders(path: Path) -> list[Path]:
         return [path]
     sweeps = {file.parent for file in path.rglob(SWEEP)}
     alone = {file.parent for file in path.rglob(SUMMARY)}
+    alone |= {file.parent for file in path.rglob(run_status.FILE) if _begun(file.parent) is not None}
     outer = {folder for folder in sweeps | alone if not sweeps.intersection(folder.parents)}
     return sorted(outer, key=_natural)
+
+
+def _begun(folder: Path) -> dict[str, Any] | None:
+    """Return the row of a run that has left none: how far it has come; None for what is not a run."""
+    noted = run_status.begun(folder)
+    status = run_status.status_of(folder)
+    if noted.get("command") != OF_RUN or status in (None, run_status.Status.done):
+        return None
+    return {"status": status.value, "reason": str(noted.get("reason") or "")}
 
 
 def _natural(path: Path) -> list[tuple[bool, int, str]]:
@@ -271,6 +291,8 @@ def _read(folder: Path) -> pd.DataFrame:
         table = _whole(pa.table({name: _column([row.get(name) for row in rows]) for name in names}))
         table.insert(0, "run", [str(sweep / str(row["job"])) for row in rows])
         return table
+    if not (folder / SUMMARY).is_file() and (row := _begun(folder)) is not None:
+        return pd.DataFrame([{"run": str(folder), **row}])
     try:
         table = _whole(pq.read_table(folder / SUMMARY))
     except (OSError, ValueError) as error:

@@ -19,6 +19,7 @@ from runner.errors import check_range
 
 DAMPING_RATIO = 0.05  # of the link against the drive, as of metal gears and belts
 FRICTION_SHARE = 0.6  # of the joint's friction that sits at the drive
+RIGID = 1e15  # N m/rad or N/m, beyond any machine: stiffer is not told from no elasticity at all
 
 
 @effect
@@ -37,7 +38,7 @@ class Compliance(MechanismEffect):
 
     def __post_init__(self) -> None:
         if self.stiffness != math.inf:
-            check_range("compliance.stiffness", self.stiffness, 0.0, 1e15, unit="N m/rad", lower_open=True)
+            check_range("compliance.stiffness", self.stiffness, 0.0, RIGID, unit="N m/rad", lower_open=True)
         object.__setattr__(self, "structural", math.isfinite(self.stiffness))  # what is rigid needs nothing built
 
     @property
@@ -72,7 +73,7 @@ class Compliance(MechanismEffect):
 
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:
-        return cls(str(context.target), 1.0 / float(x[0]) if x[0] > 0 else math.inf)
+        return cls(str(context.target), 1.0 / float(x[0]) if x[0] > 1.0 / RIGID else math.inf)
 
     @classmethod
     def starts(cls, context: Scope) -> np.ndarray:

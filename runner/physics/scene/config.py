@@ -54,6 +54,9 @@ class SceneConfig:
             )
 
 
+LEAST_MASS = 1e-14  # ten times mjMINVAL, below which MuJoCo takes a mass for none
+
+
 @dataclass(frozen=True)
 class BodyConfig:
     """One box. `com_m` is relative to the geometric centre; `inertia_kg_m2` is diagonal, about the CoM, in body axes.
@@ -77,6 +80,11 @@ class BodyConfig:
             check_range(f"com_m[{i}]", com, -half, half, unit="m (inside the body)")
         if self.inertia_kg_m2 is not None:
             check_inertia("inertia_kg_m2", self.inertia_kg_m2)
+        if not min(self.mass_kg, *self.inertia) > LEAST_MASS:
+            raise ConfigError(
+                f"mass_kg: {self.mass_kg:g} kg makes the smallest inertia {min(self.inertia):.3g} kg m2; MuJoCo takes "
+                f"masses and inertias above {LEAST_MASS:g}."
+            )
 
     @property
     def inertia(self) -> tuple[float, float, float]:

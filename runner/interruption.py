@@ -1,0 +1,166 @@
+"""Ctrl-C and SIGTERM: one line within two seconds that says how to go on, and no process that is left behind.
+
+A signal raises `KeyboardInterrupt` in the main thread, as Python does it, once; a second one does not disturb what is
+put in order then. Where the main thread is deep in compiled code and does not come back in time, a thread that was
+woken by the signal itself ends the process in its place. Workers take no notice of Ctrl-C, which reaches all processes
+of a terminal, and are killed by the kernel when their parent ends, however it ends.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import pickle
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from multiprocessing import active_children
+from types import FrameType
+from typing import Any
+
+PATIENCE_S = 1.0  # for the main thread to come back; the line is there within two seconds
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+PR_SET_PDEATHSIG = 1
+QUIET_TRACKER = "ignore:resource_tracker:UserWarning"  # it unlinks what an ended process left: the line says enough
+
+_go_on = ""
+_at_end: list[Callable[[], object]] = []
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM: ends what is under way as Ctrl-C does."""
+
+
+@contextmanager
+def going_on(words: str, at_end: Callable[[], object]) -> Iterator[None]:
+    """Say meanwhile how to go on after an interruption.
+
+    Args:
+        words: The command to go on with; "": none.
+        at_end: Called where the main thread could not be waited for; must be quick.
+    """
+    global _go_on
+    before, _go_on = _go_on, words or _go_on
+    _at_end.append(at_end)
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        if words and not error.args:
+            error.args = (words,)
+        raise
+    finally:
+        _go_on = before
+        _at_end.remove(at_end)
+
+
+def line(words: object) -> str:
+    """Return the line of an interruption."""
+    return f"Interrupted. {words}".strip()
+
+
+def exit_code(error: KeyboardInterrupt) -> int:
+    """Return the exit code that a shell expects: 128 and the signal's number."""
+    return 128 + (signal.SIGTERM if isinstance(error, Terminated) else signal.SIGINT)
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Take signals as this module's docstring says; elsewhere than in the main thread nothing is changed."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    over = threading.Event()
+    read, write = socket.socketpair()
+    write.setblocking(False)
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    sys.warnoptions.append(QUIET_TRACKER)  # handed to Python's resource tracker, which starts with the first workers
+    threading.Thread(target=_watch, args=(read, over), daemon=True).start()
+    woken = signal.set_wakeup_fd(write.fileno(), warn_on_full_buffer=False)
+    for number in SIGNALS:
+        signal.signal(number, _stop)
+    try:
+        yield
+    finally:
+        over.set()
+        sys.warnoptions.remove(QUIET_TRACKER)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        signal.set_wakeup_fd(woken)
+        write.close()
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    """Raise once; what is put in order then is not disturbed."""
+    for other in SIGNALS:
+        signal.signal(other, signal.SIG_IGN)
+    raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
+
+
+def _watch(read: socket.socket, over: threading.Event) -> None:
+    """Wait for the number of a signal, which the signal itself sends, and then for the main thread, but not long."""
+    number = 0
+    while number not in SIGNALS:
+        sent = read.recv(1)
+        if not sent:
+            read.close()
+            return
+        number = sent[0]
+    if over.wait(PATIENCE_S):
+        return
+    kill_workers()
+    for call in _at_end:
+        with suppress(Exception):
+            call()
+    with suppress(OSError, ValueError):
+        os.write(sys.stderr.fileno(), (line(_go_on) + "\n").encode())
+    os._exit(128 + number)
+
+
+def kill_workers() -> None:
+    """End the processes that this one has started for its work; what they had not finished is done on going on."""
+    for child in active_children():
+        child.kill()
+
+
+@contextmanager
+def shielded() -> Iterator[None]:
+    """Start processes that Ctrl-C does not reach, from their first instruction: they inherit what is blocked here."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def joblib_workers() -> dict[str, Any]:
+    """Return joblib's settings for workers that end with this process."""
+    return {"initializer": end_with_parent, "initargs": (os.getpid(),)}
+
+
+def worker_of(parent: int, begin: bytes) -> None:
+    """Begin a worker: see to its end before anything of size is imported, which takes seconds.
+
+    Args:
+        parent: Process id of the parent.
+        begin: A function and its arguments, pickled by the parent: only to be unpickled imports what they are of.
+    """
+    end_with_parent(parent)
+    function, arguments = pickle.loads(begin)
+    function(*arguments)
+
+
+def end_with_parent(parent: int) -> None:
+    """Have the kernel kill this process when its parent ends; to be called first in a worker.
+
+    Args:
+        parent: Process id of the parent. A process whose parent is another one, as of a cluster, is left alone.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if sys.platform != "linux":
+        return
+    ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent:  # it ended before it could be asked for
+        os._exit(1)
