@@ -15,7 +15,7 @@ run: $(STAMP)  ## The published experiment; other commands: make run ARGS="gap e
 	@$(BIN)/python -m runner $(ARGS)
 
 test: $(STAMP) check  ## Style, types, tests
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(ARGS)
 
 check: $(STAMP)
 	@$(BIN)/ruff check .
@@ -33,7 +33,7 @@ $(STAMP): pyproject.toml constraints.txt
 			echo "Building .venv with $$($$python --version) from constraints.txt ..." && \
 			$$python -m venv --clear .venv && \
 			$(BIN)/pip install --quiet --constraint constraints.txt setuptools hatchling editables && \
-			$(BIN)/pip install --quiet --constraint constraints.txt --no-build-isolation --editable '.[test,cluster]' && \
+			$(BIN)/pip install --quiet --constraint constraints.txt --no-build-isolation --editable '.[test,cluster,import]' && \
 			$(BIN)/pip check --quiet && touch $(STAMP) && exit 0; \
 			exit 1; \
 		fi; \

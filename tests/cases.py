@@ -11,10 +11,10 @@ import numpy as np
 from runner.inference.least_squares import Fitter
 from runner.noise.measured import measure
 from runner.recording import Episode, Form, Noise, Nominal, Recording
-from runner.systems.base import Run
 from runner.systems.planar_box.simulator import BASE_POINTS, Simulator
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.planar_box.windows import Effects
+from runner.systems.simulator import Run
 
 RATE_HZ = 60.0
 NOISE = Noise(0.002, 0.003, 0.01, 0.015)

@@ -1,9 +1,9 @@
 """Golden verdicts: every number of a set of diagnoses, as it was when they were last agreed upon.
 
 `make golden` diagnoses them all and says what differs; `make golden ARGS=--refresh` writes them anew, which is a change
-of its own. The cases are the examples, a set that the blind test makes from a fixed seed, and, where they lie beside
-the project, the practice cases. Numbers may differ by rounding (the order of sums in linear algebra depends on the
-machine), not by more.
+of its own. The cases are the examples, small ones that are diagnosed within seconds, a set that the blind test makes
+from a fixed seed, and, where they lie beside the project, the practice cases. Numbers may differ by rounding (the order
+of sums in linear algebra depends on the machine), not by more.
 """
 
 from __future__ import annotations
@@ -18,22 +18,40 @@ from pathlib import Path
 from typing import Any
 
 from runner.blind.make import make_cases
+from runner.blind.planar_box.case import PlanarBoxMaker
+from runner.effects.planar_box import DeadBand, ViscousDrag
 from runner.outputs.many import diagnose_many
+from runner.recording import write_case
+from tests.cases import made
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / "tests" / "golden.json"
 PRACTICE = ROOT.parent / "shared" / "practice"
 SEED, MADE = 18, 8
+# one effect that a verdict may name and one that it may not, each in so many episodes
+SMALL = {"small_viscous_drag": (ViscousDrag(1.0), 3), "small_dead_band": (DeadBand(0.6), 4)}
 RTOL = 1e-6  # rounding is amplified by searches that take hundreds of steps
 FAINT = 1e-6  # a probability below is none, however many digits it has
 
 
+def quick(folder: Path) -> dict[str, Path]:
+    """Return the cases by name whose making takes no time: examples, and small ones that are made in a folder."""
+    for name, (effect, episodes) in SMALL.items():
+        recording, _ = made((effect,), seed=4, episodes=episodes, seconds=3.0)
+        write_case(recording, folder / "small" / name)
+    return found_in(ROOT / "examples" / "cases", folder / "small")
+
+
 def cases(folder: Path) -> dict[str, Path]:
-    """Return the cases by name; those that are made are made in a folder."""
-    make_cases(MADE, SEED, folder / "made", folder / "answers.json")
-    found = [*(ROOT / "examples" / "cases").iterdir(), *(folder / "made").iterdir()]
-    found += PRACTICE.iterdir() if PRACTICE.is_dir() else []
-    return {p.name: p for p in sorted(found) if (p / "nominal.yaml").is_file()}
+    """Return all cases by name; those that are made are made in a folder."""
+    make_cases(MADE, SEED, folder / "made", folder / "answers.json", PlanarBoxMaker())
+    return dict(sorted((quick(folder) | found_in(folder / "made", PRACTICE)).items()))
+
+
+def found_in(*folders: Path) -> dict[str, Path]:
+    """Return the cases in folders by name, as far as those are there."""
+    every = [p for folder in folders if folder.is_dir() for p in folder.iterdir()]
+    return {p.name: p for p in sorted(every) if (p / "nominal.yaml").is_file()}
 
 
 def differences(found: Any, golden: Any, at: str = "") -> Iterator[str]:
@@ -61,7 +79,9 @@ def diagnosed(chosen: dict[str, Path], folder: Path) -> dict[str, Any]:
     failed = diagnose_many(chosen, folder)
     if failed:
         raise SystemExit("\n".join(f"{name}: {problem}" for name, problem in failed.items()))
-    return json.loads((folder / "verdicts.json").read_text(encoding="utf-8"))
+    found = json.loads((folder / "verdicts.json").read_text(encoding="utf-8"))
+    # versions and hashes of what was diagnosed are none of what a verdict says
+    return {name: {k: v for k, v in verdict.items() if k != "provenance"} for name, verdict in found.items()}
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -15,24 +15,28 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from runner.blind import make, plants
-from runner.blind.excite import FAMILIES, Drive, draw_episodes
-from runner.blind.make import BANDS, CasePlan, Mix, Reality, case_set, find_size, make_case, make_cases, plan_cases
-from runner.blind.physics import World, simulate, simulate_all
+from runner.blind import make
+from runner.blind.make import BANDS, CasePlan, Mix, find_size, make_cases, plan_cases
+from runner.blind.planar_box import plants
+from runner.blind.planar_box.case import PlanarBoxMaker
+from runner.blind.planar_box.excite import FAMILIES, Drive, draw_episodes
+from runner.blind.planar_box.physics import World, simulate, simulate_all
+from runner.blind.planar_box.reality import Reality
 from runner.errors import ConfigError, ResultError
 from runner.recording import read_case
 
 CUBE = World(half_size=(0.5, 0.5, 0.5), mass=3.0, friction=0.3)
-PLAIN = Reality(
+BOX = PlanarBoxMaker()
+PLAIN = PlanarBoxMaker(Reality(
     texture=(0.0, 0.0), wrong_size=(0.0, 0.0), coloured=0.0, outliers=0.0, noise_unknown=0.0, noise_partly=0.0,
     heights=0.0, boxes=0.0, corners=0.0,
-)  # fmt: skip
+))  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> make.MadeCases:
     folder = tmp_path_factory.mktemp("blind")
-    return make_cases(6, 3, folder / "cases", folder / "answers.json", workers=2)
+    return make_cases(6, 3, folder / "cases", folder / "answers.json", BOX, workers=2)
 
 
 def unplanted(world: World = CUBE, seed: int = 0) -> plants.UnplantedCase:
@@ -81,24 +85,24 @@ def test_every_case_is_read_without_complaint(made: make.MadeCases) -> None:
 
 def test_the_same_seed_makes_the_same_case_and_another_seed_another(tmp_path: Path) -> None:
     plan = CasePlan("single", (("friction", "moderate"),), (5, 2, 0))
-    a, b = (make_case(plan, Reality(), tmp_path / name) for name in "ab")
-    assert a[1] == b[1]
+    a, b = (BOX.make(plan, tmp_path / name) for name in "ab")
+    assert a == b
     left, right = (pd.read_parquet(tmp_path / name / "recording.parquet") for name in "ab")
     pd.testing.assert_frame_equal(left, right)
-    other = make_case(replace(plan, seed=(6, 2, 0)), Reality(), tmp_path / "c")
-    assert other[1]["made"]["starts"] != a[1]["made"]["starts"]
+    other = BOX.make(replace(plan, seed=(6, 2, 0)), tmp_path / "c")
+    assert other["made"]["starts"] != a["made"]["starts"]
 
 
 @pytest.mark.parametrize("severity", ["subtle", "strong"])
 def test_a_severity_is_met_by_the_ratio_to_the_noise(severity: str, tmp_path: Path) -> None:
-    _, answer = make_case(CasePlan("single", (("viscous_drag", severity),), (1, 2, 3)), PLAIN, tmp_path / "case")
+    answer = PLAIN.make(CasePlan("single", (("viscous_drag", severity),), (1, 2, 3)), tmp_path / "case")
     low, high = BANDS[severity]
     assert answer["effects"][0]["severity"] == severity
     assert 0.97 * low <= answer["error_ratio"] <= 1.03 * high
 
 
 def test_a_null_case_without_mismatch_has_the_ratio_one(tmp_path: Path) -> None:
-    _, answer = make_case(CasePlan("null", (), (1, 2, 4)), PLAIN, tmp_path / "case")
+    answer = PLAIN.make(CasePlan("null", (), (1, 2, 4)), tmp_path / "case")
     assert answer["effects"] == []
     assert answer["accept"] == ["none"]
     assert answer["error_ratio"] == pytest.approx(1.0, abs=0.03)
@@ -106,7 +110,7 @@ def test_a_null_case_without_mismatch_has_the_ratio_one(tmp_path: Path) -> None:
 
 
 def test_the_mismatch_is_real_and_below_its_limit(tmp_path: Path) -> None:
-    _, answer = make_case(CasePlan("null", (), (1, 2, 5)), Reality(), tmp_path / "case")
+    answer = BOX.make(CasePlan("null", (), (1, 2, 5)), tmp_path / "case")
     assert 0.02 < answer["made"]["mismatch_ratio"] < 1.2 * Reality().mismatch_limit
     assert answer["made"]["mismatch"]["texture"] > 0.0
     assert answer["made"]["mismatch"]["half_size"] != 0.0
@@ -137,7 +141,7 @@ def test_the_true_values_are_those_of_the_world() -> None:
 
 
 def test_sets_are_balanced_over_effects_and_severities() -> None:
-    plans = plan_cases(240, 1, Mix())
+    plans = plan_cases(240, 1, Mix(), BOX)
     singles = [j.wanted[0] for j in plans if j.kind == "single"]
     counts = pd.Series([name for name, _ in singles]).value_counts()
     assert set(counts.index) == set(plants.VOCABULARY)
@@ -196,30 +200,31 @@ def test_pushes_at_a_height_do_not_tip_the_box() -> None:
         assert lever.max() <= 0.76 * 0.5 * CUBE.mass * CUBE.gravity
 
 
-def test_an_interrupted_set_is_taken_up_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_set_is_taken_up_again(tmp_path: Path) -> None:
     """Cases that were made are kept with their answers, the rest is made; other settings are refused."""
     mix, whole = Mix(singles=0.0, pairs=0.0, nulls=1.0, unknowns=0.0), tmp_path / "whole"
-    with_all = make_cases(3, 5, whole / "cases", whole / "answers.json", mix=mix, workers=1)
+    with_all = make_cases(3, 5, whole / "cases", whole / "answers.json", BOX, mix=mix, workers=1)
     count = []
 
-    def interrupted(plan: CasePlan, reality: Reality, folder: Path) -> tuple[str, dict]:
+    def interrupted(plan: CasePlan, folder: Path) -> dict:
         count.append(folder.name)
         if len(count) == 3:
             (folder / "nominal.yaml").parent.mkdir(parents=True)
             (folder / "nominal.yaml").write_text("half_size:")  # begun, not done
             raise KeyboardInterrupt
-        return make_case(plan, reality, folder)
+        return BOX.make(plan, folder)
 
     part = tmp_path / "part"
     arguments = (3, 5, part / "cases", part / "answers.json")
-    monkeypatch.setattr(case_set, "make_case", interrupted)
+    broken = PlanarBoxMaker()
+    object.__setattr__(broken, "make", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        make_cases(*arguments, mix=mix, workers=1)
+        make_cases(*arguments, broken, mix=mix, workers=1)
     assert not (part / "answers.json").exists()
     assert not (part / "cases" / make.HASH_FILE).exists()
     with pytest.raises(ResultError, match="seed 5 instead of 6"):
-        make_cases(3, 6, *arguments[2:], mix=mix, workers=1)
-    again = make_cases(*arguments, mix=mix, workers=1)
+        make_cases(3, 6, *arguments[2:], BOX, mix=mix, workers=1)
+    again = make_cases(*arguments, broken, mix=mix, workers=1)
     assert count[3:] == [count[2]]
     assert again.sha256 == with_all.sha256
     for file in whole.rglob("*.*"):
@@ -231,12 +236,12 @@ def test_an_interrupted_set_is_taken_up_again(tmp_path: Path, monkeypatch: pytes
 def test_a_folder_in_use_and_answers_inside_are_refused(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(ConfigError, match=r"blind\.out: the folder .* is not empty"):
-        make_cases(1, 0, tmp_path, tmp_path.parent / "answers.json")
+        make_cases(1, 0, tmp_path, tmp_path.parent / "answers.json", BOX)
     with pytest.raises(ConfigError, match=r"blind\.answers: must lie outside"):
-        make_cases(1, 0, tmp_path / "new", tmp_path / "new" / "answers.json")
+        make_cases(1, 0, tmp_path / "new", tmp_path / "new" / "answers.json", BOX)
     with pytest.raises(ConfigError, match=r"blind\.out: '.*file' is a file"):
-        make_cases(1, 0, tmp_path / "file", tmp_path.parent / "answers.json")
+        make_cases(1, 0, tmp_path / "file", tmp_path.parent / "answers.json", BOX)
     with pytest.raises(ConfigError, match=r"blind\.out: '.*' can't be made"):
-        make_cases(1, 0, tmp_path / "file" / "below", tmp_path.parent / "answers.json")
+        make_cases(1, 0, tmp_path / "file" / "below", tmp_path.parent / "answers.json", BOX)
     with pytest.raises(ConfigError, match="Did you mean 'friction'"):
         plants.draw("fricton", unplanted(), np.random.default_rng(0))

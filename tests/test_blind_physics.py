@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from runner.blind import physics
-from runner.blind.physics import IntegrationError, PlannedEpisode, World, base_load, carried_out, simulate
+from runner.blind.planar_box import physics
+from runner.blind.planar_box.physics import IntegrationError, PlannedEpisode, World, base_load, carried_out, simulate
 from runner.errors import ConfigError
 
 G = 9.81
@@ -354,7 +354,7 @@ def test_the_physics_shares_nothing_with_what_the_diagnosis_fits_with() -> None:
         tree = ast.parse(file.read_text())
         names |= {n.module or "" for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
         names |= {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
-    names = {name for name in names if not f"{name}.".startswith("runner.blind.physics.")}
+    names = {name for name in names if not f"{name}.".startswith("runner.blind.planar_box.physics.")}
     allowed = {
         "__future__",
         "math",

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from cases import made
+from rich.console import Console
 from scipy.stats import binomtest
 
 from runner.__main__ import main
@@ -23,6 +24,7 @@ from runner.blind.score import Bar, blind_score, check_hash, if_calibrated, of_o
 from runner.blind.score.figures import draw
 from runner.blind.score.page import headline
 from runner.blind.score.words import notes, outcome
+from runner.commands._print import print_table
 from runner.diagnosis.score import calibration_error, is_right, share
 from runner.effects.planar_box import AnisotropicFriction, AxisFriction, Mass, ViscousDrag, ViscousFilm
 from runner.effects.vocabulary import Candidate
@@ -314,6 +316,12 @@ def test_what_is_printed_and_kept(run: Path, capsys: pytest.CaptureFixture[str],
     assert {p.name for p in (run / "out" / "figures").glob("*.png")} >= {"bars.png", "confusion.png", "places.png"}
     assert len(pd.read_parquet(run / "out" / "score_cases.parquet")) == 32
     assert set(pd.read_parquet(run / "out" / "score_bars.parquet")["name"]) >= {"subtle: first"}
+
+
+def test_targets_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    """A name in brackets is part of the name, in the terminal too."""
+    print_table(Console(), "Named", (("planted",), [("joint_friction[elbow]",)]))
+    assert "joint_friction[elbow]" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

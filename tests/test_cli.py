@@ -121,7 +121,7 @@ def test_run_keeps_config_and_results(cli: Cli, tmp_path: Path) -> None:
     code, out, err = cli("demo", "experiment=heavy", "load=[brick]")
     assert (code, out, err) == (0, "pulled\n", "")
     (folder,) = (tmp_path / "results/heavy").iterdir()
-    assert sorted(p.name for p in folder.iterdir()) == ["config.yaml", "result.txt"]
+    assert sorted(p.name for p in folder.iterdir()) == ["config.yaml", "result.txt", "run.yaml"]
     text = (folder / "config.yaml").read_text()
     assert text.startswith("# runner demo experiment=heavy 'load=[brick]'\n")
     assert "mass_kg: 50.0" in text
@@ -219,7 +219,15 @@ def test_sweep_runs_every_combination(cli: Cli, tmp_path: Path) -> None:
         for pull, force in (("steady", 1.0), ("rising_slowly", 2.0))
         for seed in (1, 2)
     ]
-    assert sorted(p.name for p in (tmp_path / "s").iterdir()) == ["0", "1", "2", "3", "summary.parquet", "sweep.txt"]
+    assert sorted(p.name for p in (tmp_path / "s").iterdir()) == [
+        "0",
+        "1",
+        "2",
+        "3",
+        "run.yaml",
+        "summary.parquet",
+        "sweep.txt",
+    ]
     code, _, err = cli("demo", "-m", "seed=1,2", "out=s")
     assert code == 2
     assert "out: 's' is not empty" in err
@@ -290,7 +298,9 @@ def test_killed_sweep_resumes_to_the_same_result(demo_files: Path, tmp_path: Pat
 
 def _assert_same_sweeps(one: Path, other: Path) -> None:
     """The folders of two sweeps hold the same, byte for byte."""
-    files = [p.relative_to(one) for p in sorted(one.rglob("*")) if p.is_file() and p.name != "sweep.txt"]
+    files = [
+        p.relative_to(one) for p in sorted(one.rglob("*")) if p.is_file() and p.name not in ("sweep.txt", "run.yaml")
+    ]
     assert {p.name for p in files} >= {"summary.parquet", "config.yaml", "result.txt"}
     for file in files:
         assert (one / file).read_bytes() == (other / file).read_bytes(), file
@@ -341,8 +351,9 @@ def test_every_option_of_every_group_is_usable() -> None:
 
 
 def readme_lines() -> list[str]:
-    """Return the command lines of the README that stand in a block of shell code, without their comments."""
-    blocks = re.findall(r"```sh\n(.*?)```", (CONF_FOLDER.parent / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    """Return the command lines of the README and of the page on commands, in blocks of shell code, without comments."""
+    pages = [(CONF_FOLDER.parent / name).read_text(encoding="utf-8") for name in ("README.md", "docs/commands.md")]
+    blocks = [block for page in pages for block in re.findall(r"```sh\n(.*?)```", page, re.DOTALL)]
     return [
         line.partition("#")[0].strip() for block in blocks for line in block.splitlines() if line.startswith("runner")
     ]

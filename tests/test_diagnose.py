@@ -10,8 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from runner.diagnosis.attempt import split
 from runner.diagnosis.next_experiment import best_experiment
-from runner.diagnosis.pipeline import Diagnosis, diagnose, not_none, split, strained
+from runner.diagnosis.pipeline import diagnose
+from runner.diagnosis.ranking import not_none, strained
+from runner.diagnosis.result import Diagnosis
 from runner.diagnosis.score import read_answers, score
 from runner.diagnosis.verdict import read_verdicts, verdict
 from runner.effects import planar_box as fx
@@ -211,14 +214,14 @@ def test_a_hair_s_breadth_is_no_effect() -> None:
 
 def test_a_dead_band_is_unknown_and_is_said() -> None:
     """It is not taken for the heavier body or the weaker push that it nearly is; a weaker push is not taken for it."""
-    lost = diagnose(PlanarBox(recorded((fx.DeadBand(0.6),), episodes=8)), threads=1, advise=False)
+    lost = diagnose(PlanarBox(recorded((fx.DeadBand(0.6),), episodes=4)), threads=1, advise=False)
     assert lost.ranked[0].effects == ("unknown",)
     assert lost.abstain
     said = next(n for n in lost.notes if "dead band" in n)
     assert float(said.rstrip(".").split()[-1]) == pytest.approx(0.6, abs=0.1)
     assert all("unknown" not in r.effects for r in lost.ranked[1:])
     assert sum(r.probability for r in lost.ranked) == pytest.approx(1.0)
-    weaker = diagnose(PlanarBox(recorded((fx.ActuatorGain(0.95),), episodes=8)), threads=1, advise=False)
+    weaker = diagnose(PlanarBox(recorded((fx.ActuatorGain(0.95),), episodes=4)), threads=1, advise=False)
     assert {weaker.ranked[0].effects, *weaker.ranked[0].equivalent} >= {("mass",), ("actuator_gain",)}
     assert not weaker.abstain
     assert not any("dead band" in n for n in weaker.notes)

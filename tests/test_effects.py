@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runner.blind.physics import PlannedEpisode, World, simulate
+from runner.blind.planar_box.physics import PlannedEpisode, World, simulate
 from runner.effects import planar_box as fx
 from runner.effects.planar_box.base import Motion, ahead, late
 from runner.effects.vocabulary import Candidate
@@ -16,8 +16,8 @@ from runner.inference.least_squares import NONE, Explanation
 from runner.inference.multiple_shooting import begun
 from runner.physics.dry_friction import base_points
 from runner.recording import Episode, Form, Noise, Nominal, Recording
-from runner.systems.base import Run
 from runner.systems.planar_box.simulator import Simulator
+from runner.systems.simulator import Run
 from tests.cases import fitter_of
 
 HALF, MASS, MU, RATE = (0.3, 0.3, 0.3), 2.0, 0.25, 60.0

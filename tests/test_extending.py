@@ -57,6 +57,7 @@ class OneSidedGain(PlanarEffect):
     def phrase(cls, of: Values, beliefs: Beliefs, target: str | None = None) -> Phrase:
         return Phrase("the pusher is weaker to the left", of.show("share"), "Weaken it there.", "Push a scale.")
 '''
+HELD = 25  # samples that a command of the pendulum is held
 # sixteen lines of MJCF: a lever of 0.4 m, and a motor
 PENDULUM = """<mujoco model="pendulum">
   <option timestep="0.001" integrator="implicitfast" gravity="0 0 -9.81"/>
@@ -100,7 +101,7 @@ def one_sided_gain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[
 
 def test_a_new_effect_is_one_file(one_sided_gain: type) -> None:
     """Registered by its class alone, it is planted, fitted, named and put into words."""
-    recording, _ = made((one_sided_gain(0.8),), seed=4, episodes=4, seconds=4.0)
+    recording, _ = made((one_sided_gain(0.8),), seed=4, episodes=3, seconds=3.0)
     found = diagnose(PlanarBox(recording), threads=1, advise=False)
     assert found.ranked[0].effects == ("one_sided_gain",)
     value, error = (v["one_sided_gain"]["share"] for v in (found.ranked[0].parameters, found.ranked[0].errors))
@@ -117,18 +118,22 @@ def pendulum_case(folder: Path, *, damping_n_m_s: float) -> Path:
     inertia, weight = 0.01 + 1.5 * 0.4**2, 1.5 * 9.81 * 0.4
     tables = []
     for episode in range(5):
-        u = 3.0 * np.repeat(rng.uniform(-1, 1, 13), 25)[: len(t)]
+        u = 3.0 * np.repeat(rng.uniform(-1, 1, 13), HELD)[: len(t)]
         state, rows = np.array([rng.uniform(-1, 1), 0.0]), []
-        for k in range(len(t)):
-            rows.append(state)
-            state = solve_ivp(
-                lambda _, y, u=u[k]: [y[1], (u - damping_n_m_s * y[1] - weight * np.sin(y[0])) / inertia],
-                (0.0, 0.01),
+        for begin in range(0, len(t) - 1, HELD):
+            held = t[begin : begin + HELD + 1]
+            moved = solve_ivp(
+                lambda _, y, u=u[begin]: [y[1], (u - damping_n_m_s * y[1] - weight * np.sin(y[0])) / inertia],
+                (held[0], held[-1]),
                 state,
+                t_eval=held,
                 rtol=1e-9,
                 atol=1e-10,
-            ).y[:, -1]
-        q, dq = np.array(rows).T + rng.normal(size=(2, len(t))) * [[0.001], [0.01]]
+                method="DOP853",
+            ).y.T
+            rows.append(moved[:HELD])
+            state = moved[-1]
+        q, dq = np.vstack([*rows, state]).T + rng.normal(size=(2, len(t))) * [[0.001], [0.01]]
         tables.append(pd.DataFrame({"episode": episode, "t": t, "u": u, "q": q, "dq": dq}))
     pd.concat(tables).to_parquet(folder / "recording.parquet", index=False)
     return folder

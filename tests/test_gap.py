@@ -33,11 +33,12 @@ from runner.noise.measured import measure
 from runner.recording import write_case
 from runner.simulate.gap import WHOLE_EPISODE, measure_gap
 from runner.simulate.shooting import windows_of
-from runner.systems.base import Run, Windows
 from runner.systems.planar_box.model_file import MODEL
 from runner.systems.planar_box.simulator import OBJECT, Simulator
 from runner.systems.planar_box.system import PlanarBox, vocabulary
 from runner.systems.planar_box.windows import Effects
+from runner.systems.simulator import Run
+from runner.systems.windows import Windows
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "cases"
 

@@ -16,11 +16,11 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 # a layer imports only from those above it; a package counts as one
 LAYERS = (
-    "errors",
-    "storage",
+    "arrays errors",
+    "interruption storage levenberg_marquardt",
     "config progress viewer",
     "physics recording",
-    "effects",
+    "effects importing",
     "systems teleop",
     "noise",
     "simulate",
@@ -30,6 +30,7 @@ LAYERS = (
     "diagnosis",
     "report",
     "outputs",
+    "api",
     "blind",
     "commands",
     "__main__",

@@ -10,8 +10,8 @@ from runner.effects.planar_box import ActuatorDelay, FrictionPatch, Inertia, Win
 from runner.errors import RecordingError
 from runner.localise.where import Where, localise
 from runner.noise.measured import measure
+from runner.recording import Span
 from runner.simulate.shooting import windows_of
-from runner.systems.base import Span
 from runner.systems.planar_box.initial import PlanarStart
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.planar_box.windows import Effects

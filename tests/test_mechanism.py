@@ -13,10 +13,12 @@ import pytest
 from runner.effects.base import Parameter, Vector
 from runner.effects.mechanism import Command, MechanismEffect, Reading, Scope
 from runner.errors import ResultError
-from runner.systems.base import Run, Span, Windows
+from runner.recording import Span
 from runner.systems.mechanism import MechanismSystem, model_file
 from runner.systems.mechanism.held import step_means
 from runner.systems.mechanism.scope import raw_signals
+from runner.systems.simulator import Run
+from runner.systems.windows import Windows
 from tests.mechanism_cases import ARM, BODY, joint_channels, slide_case, system_of, write_case
 
 PRACTICE = Path("/work/shared/practice_joints")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from runner.systems.base import Run
 from runner.systems.mechanism import MechanismSystem
+from runner.systems.simulator import Run
 from tests.mechanism_cases import ARM, MOTOR, PENDULUM, joint_channels, slide_case, system_of, write_case
 
 SERVO = '<position name="drive" joint="slide" kp="200" kv="20"/>'

@@ -15,13 +15,13 @@ from runner.effects.vocabulary import Candidate
 from runner.inference.breakaway import hanging
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.multiple_shooting import carried, explains, look
-from runner.inference.search import WarmStart
+from runner.inference.warm_start import WarmStart
 from runner.noise.measured import measure
 from runner.recording import Episode, Form, Recording, Span
-from runner.systems.base import Run
 from runner.systems.planar_box.simulator import Simulator, context_of
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.planar_box.windows import Effects
+from runner.systems.simulator import Run
 from tests.cases import NOMINAL, RATE_HZ, fitter_of, measured_as
 
 FRICTION_N = 0.3 * 3.0 * 9.81

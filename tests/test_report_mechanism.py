@@ -13,7 +13,8 @@ import pandas as pd
 import pytest
 import rerun as rr
 
-from runner.localise.where import closure_by_regime, localise
+from runner.localise.regimes import closure_by_regime
+from runner.localise.where import localise
 from runner.noise.measured import measure
 from runner.report import html, words
 from runner.report.motions import replay
@@ -88,9 +89,9 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Any:
     )
     return SimpleNamespace(
         case="arm", system=system, recording=system.recording, ranked=(top, unknown), gap_closed=0.95,
-        effects=effects, fitted=(0, 1), held_out=(2,), measured=measured, nominal_starts=starts,
-        corrected_starts=starts, where=where, rivals=(), excess=0.01, nominal_excess=400.0, seconds=1.0,
-        simulated_s=9.0, next_push=None, notes=(),
+        effects=effects, fitted=(0, 1), held_out=(2,), measured=measured, stretches=system.stretches(),
+        nominal_starts=starts, corrected_starts=starts, where=where, rivals=(), excess=0.01, nominal_excess=400.0,
+        seconds=1.0, simulated_s=9.0, next_push=None, notes=(),
         closure=SimpleNamespace(
             table=pd.DataFrame(rows), regimes=closure_by_regime(system, measured, (2,), effects, where.window_s),
             gap_closed=0.95, gap_closed_low=0.94, gap_closed_high=0.96, closable_closed=0.999,

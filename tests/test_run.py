@@ -22,7 +22,7 @@ def test_the_published_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert "final relative error" in out
     assert f"rerun {tmp_path}/paper/run.rrd" in out
     folder = tmp_path / "paper"
-    names = {"config.yaml", "versions.yaml", "frames.parquet", "run.rrd", "summary.parquet"}
+    names = {"config.yaml", "versions.yaml", "run.yaml", "frames.parquet", "run.rrd", "summary.parquet"}
     assert names <= {p.name for p in folder.iterdir()}
     (row,) = pd.read_parquet(folder / "summary.parquet").to_dict("records")
     assert (row["mass_true_kg"], row["mass_start_kg"], row["status"]) == (3.0, 1.0, "done")

@@ -64,12 +64,6 @@ def made(
         errors={}, gap_closed=gap_closed if effects == ("unknown",) else None,
     )  # fmt: skip
     rows = [{"channel": c.name, "before": 9.0, "after": after, "noise": 1.0} for c in SYSTEM.channels]
-    # as a diagnosis notes it
-    notes = (
-        (f"The best explanation leaves {100 * excess:.0f} % more than the noise: something else is at work too.",)
-        if excess > 0.06
-        else ()
-    )
     return SimpleNamespace(
         case="made", system=SYSTEM, recording=SYSTEM.recording, ranked=(other, top), gap_closed=gap_closed,
         effects=() if effects == ("none",) else ("made",), held_out=(1,), excess=excess, nominal_excess=nominal_excess,
@@ -77,7 +71,7 @@ def made(
             table=pd.DataFrame(rows), gap_closed_low=gap_closed - 0.01, gap_closed_high=gap_closed + 0.01,
             closable_closed=closable,
         ),
-        where=None, rivals=(), next_push=None, notes=(*notes, "A caveat."),
+        where=None, rivals=(), next_push=None, notes=("A caveat.",),
     )  # fmt: skip
 
 

@@ -1,0 +1,265 @@
+"""The Python API: quick to import, tables of everything, arrays as cases, errors in one line."""
+
+from __future__ import annotations
+
+import gc
+import inspect
+import io
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pandas as pd
+import pytest
+
+import runner
+from runner.__main__ import main
+from runner.diagnosis.verdict import FILE
+from runner.recording.model_form import read_model_case
+from runner.storage.reading import read_json
+
+FRICTION_NM = 0.15
+LEVER = """<mujoco><option timestep="0.001"/><worldbody><body name="lever">
+<joint name="hinge" axis="0 -1 0" damping="0.05"/><inertial pos="0 0 -0.3" mass="1" diaginertia="0.01 0.01 0.01"/>
+<site name="imu"/></body></worldbody><actuator><motor name="drive" joint="hinge"/></actuator>
+<sensor><jointpos name="encoder" joint="hinge"/></sensor></mujoco>"""
+
+
+def swung(friction_nm: float) -> dict[str, np.ndarray]:
+    """Return a lever that was swung four times, by plain MuJoCo, with noise."""
+    model = mujoco.MjModel.from_xml_string(
+        LEVER.replace('damping="0.05"', f'damping="0.05" frictionloss="{friction_nm}"')
+    )
+    data, rng, rows = mujoco.MjData(model), np.random.default_rng(0), []
+    for episode in range(4):
+        mujoco.mj_resetData(model, data)
+        for k in range(301):
+            data.ctrl[0] = 2.0 * np.sin(2 * np.pi * (0.4 + 0.2 * episode) * k * 0.01 + episode)
+            rows.append((episode, 0.01 * k, data.ctrl[0], data.qpos[0], data.qvel[0]))
+            mujoco.mj_step(model, data, nstep=10)
+    names = ["episode", "t", "u", "q", "dq"]
+    table = dict(zip(names, np.array(rows).T, strict=True))
+    table["q"] += 1e-3 * rng.standard_normal(len(rows))
+    table["dq"] += 1e-2 * rng.standard_normal(len(rows))
+    return table
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("model") / "lever.xml"
+    path.write_text(LEVER)
+    return path
+
+
+def lever(model: Path, friction_nm: float = FRICTION_NM, folder: Path | None = None) -> runner.Case:
+    table = swung(friction_nm)
+    return runner.case_from_arrays(
+        model,
+        t=table["t"],
+        commands={"u_drive": table["u"]},
+        channels={"q_hinge": table["q"], "dq_hinge": table["dq"]},
+        episodes=table["episode"],
+        folder=folder,
+    )
+
+
+@pytest.fixture(scope="module")
+def told() -> list[str]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def found(model: Path, told: list[str]) -> runner.CaseDiagnosis:
+    return runner.diagnose(lever(model), threads=1, progress=told.append)
+
+
+def test_importing_it_imports_nothing_else() -> None:
+    """Not even what everything stands on, until it is used."""
+    heavy = "mujoco", "numba", "matplotlib", "numpy", "pandas", "rich", "rerun", "runner.api"
+    code = f"import sys, runner; dir(runner); print([m for m in {heavy!r} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("[]\n", "")
+
+
+def test_reading_a_case_is_quiet() -> None:
+    """No warning of a missing display, and no line: what is to be said is in the result."""
+    left = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL")}
+    case = Path(__file__).parents[1] / "examples/cases/nothing_differs"
+    code = f"import runner; runner.gap(runner.read({str(case)!r})); print('done')"
+    done = subprocess.run([sys.executable, "-c", code], env=left, capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("done\n", "")
+
+
+def test_names_are_there_typed_and_described() -> None:
+    """Every name of `__all__` can be used, says what it is, and states the type of everything that it takes."""
+    assert set(runner.__all__) <= set(dir(runner))
+    for name in runner.__all__:
+        value = getattr(runner, name)
+        assert inspect.getdoc(value)
+        if inspect.isfunction(value):
+            signature = inspect.signature(value)
+            assert signature.return_annotation is not inspect.Signature.empty
+            assert all(p.annotation is not inspect.Parameter.empty for p in signature.parameters.values())
+    with pytest.raises(AttributeError, match="no attribute 'diagnos'"):
+        runner.diagnos  # noqa: B018
+
+
+def test_friction_is_found_in_arrays(found: runner.CaseDiagnosis) -> None:
+    """Dry friction that plain MuJoCo had and the MJCF lacks; the value within four standard errors."""
+    assert found.effects == ("joint_friction[hinge]",)
+    assert found.probability > 0.9
+    assert next(iter(found.ranked["effects"])) == "joint_friction[hinge]"
+    assert found.ranked["probability"].to_numpy().sum() == pytest.approx(1.0)
+    assert {"none", "unknown"} <= set(found.ranked["effects"])
+    (row,) = found.table().query("effects == 'joint_friction[hinge]'").to_dict("records")
+    assert abs(row["value"] - FRICTION_NM) < 4 * row["standard_error"]
+    assert list(found.corrected.values["value"]) == [row["value"]]
+    assert list(found.closure["channel"]) == ["q_hinge", "dq_hinge"]
+    assert (found.closure["after"].to_numpy() < 0.1 * found.closure["before"].to_numpy()).all()
+    assert found.where.sentence
+    assert {"share", "q"} <= set(found.where.cells)
+
+
+def test_it_says_what_it_is_at(found: runner.CaseDiagnosis, told: list[str]) -> None:
+    """Noise, search, check, place, advice; the effects that are fitted, and the best so far."""
+    stages = list(dict.fromkeys(re.split("[,;]", line)[0] for line in told))
+    assert stages[:4] == [
+        "measuring the noise",
+        "searching",
+        "checking on the episodes left out",
+        "telling where the gap lies",
+    ]
+    assert any("fitting joint_friction[hinge]" in line for line in told)
+    assert "so far best joint_friction[hinge]" in told[-1]
+
+
+def test_corrected_model_closes_the_gap(found: runner.CaseDiagnosis, tmp_path: Path) -> None:
+    """As an object, and as the files that it was saved to, in plain MuJoCo too."""
+    before, after = (runner.gap(found.case, model=m).table for m in (None, found.corrected))
+    assert after["noises"].to_numpy().max() < 0.2 * before["noises"].to_numpy().max()
+    found.corrected.save(tmp_path / "corrected")
+    again = runner.gap(found.case, model=tmp_path / "corrected").table
+    pd.testing.assert_frame_equal(again, after, rtol=1e-9)
+    friction = mujoco.MjModel.from_xml_path(str(tmp_path / "corrected/model.xml")).dof_frictionloss[0]
+    assert friction == pytest.approx(found.corrected.values["value"].to_numpy()[0])
+
+
+def test_report_is_that_of_the_command(
+    found: runner.CaseDiagnosis, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The same files, whose table is the same again, from `runner table` too."""
+    assert found.report(tmp_path / "out") == tmp_path / "out/report.html"
+    assert {"report.html", "diagnosis.rrd", "verdict.json", "corrected.yaml", "model.xml"} <= {
+        p.name for p in (tmp_path / "out").iterdir()
+    }
+    assert read_json(tmp_path / "out" / FILE)["ranked"][0]["effects"] == ["joint_friction[hinge]"]
+    written, own = runner.read_table(tmp_path / "out"), found.table()
+    assert set(written["case"]) == {str(tmp_path / "out")}
+    pd.testing.assert_frame_equal(written.drop(columns="case"), own.drop(columns="case"))
+    assert main(["table", str(tmp_path / "out"), "--format", "csv"]) == 0
+    pd.testing.assert_frame_equal(pd.read_csv(io.StringIO(capsys.readouterr().out), keep_default_na=True), written)
+    (tmp_path / "out/verdict.json").write_text('{"ranked": []}')
+    with pytest.raises(runner.RunnerError, match=r"verdict\.json: `ranked` must be a list of explanations"):
+        runner.read_table(tmp_path / "out")
+
+
+def test_figure_and_page_for_notebooks(found: runner.CaseDiagnosis, tmp_path: Path) -> None:
+    """The figure has two drawings; the pages hold the verdict and no tag of anybody's name."""
+    figure = found.plot()
+    assert [ax.get_xlabel() for ax in figure.axes] == ["probability", "missed, in noise levels (dotted: the noise)"]
+    figure.savefig(tmp_path / "plot.png")
+    assert (tmp_path / "plot.png").stat().st_size > 5000
+    assert "more dry friction than in the model" in found._repr_html_()
+    for thing in (found.case, found.corrected, found.where, runner.gap(found.case)):
+        assert "<table" in thing._repr_html_()
+
+
+def test_case_of_arrays_is_a_case_on_disk(model: Path, tmp_path: Path) -> None:
+    """What is read back are the numbers that were given; a case without a folder lasts as long as it is used."""
+    table = swung(0.0)
+    kept = lever(model, 0.0, tmp_path / "kept")
+    recording = read_model_case(tmp_path / "kept")
+    assert [len(e) for e in recording.episodes] == [301] * 4
+    np.testing.assert_array_equal(np.concatenate([e.values[:, 0] for e in recording.episodes]), table["q"])
+    np.testing.assert_array_equal(np.concatenate([e.commands[:, 0] for e in recording.episodes]), table["u"])
+    np.testing.assert_array_equal(kept.data["dq_hinge"], table["dq"])
+    assert list(kept.episodes["samples"]) == [301] * 4
+    assert "joint_friction[hinge]" in set(kept.effects["effect"])
+    passing = lever(model, 0.0)
+    path = passing.path
+    assert path.name == "lever"
+    assert path.is_dir()
+    del passing
+    gc.collect()
+    assert not path.exists()
+
+
+def test_orientations_forces_and_sensors(tmp_path: Path) -> None:
+    """Arrays of several columns: an orientation, a force on a body, one number of a sensor."""
+    (tmp_path / "free.xml").write_text(
+        '<mujoco><worldbody><body name="cup"><freejoint/><geom size=".1"/><site name="imu"/></body></worldbody>'
+        '<sensor><gyro name="gyro" site="imu"/></sensor></mujoco>'
+    )
+    t = np.arange(50) * 0.01
+    case = runner.case_from_arrays(
+        tmp_path / "free.xml",
+        t=t,
+        channels={"pose": np.tile([1.0, 0, 0, 0], (50, 1)), "x": 0 * t, "spin": 0 * t},
+        sources={
+            "pose": {"body": "cup", "quantity": "orientation"},
+            "x": {"body": "cup", "quantity": "position", "axis": "x"},
+            "spin": {"sensor": "gyro", "index": 2},
+        },
+        forces=[{"body": "cup", "force": np.zeros((50, 3)), "point": np.zeros((50, 3))}],
+        noise={"x": 1e-3},
+    )
+    assert list(case.channels["channel"]) == ["pose.x", "pose.y", "pose.z", "x", "spin"]
+    assert case.channels["noise"].to_numpy()[3] == 1e-3
+
+
+T = np.arange(10) * 0.01
+REFUSED = {
+    "no such model": ({"model": "nowhere.xml"}, r"model: no file 'nowhere\.xml'\."),
+    "length": ({"channels": {"q_hinge": T[1:]}}, r"'q_hinge': must have shape \(10,\), as long as t, got \(9,\)\."),
+    "text": ({"channels": {"q_hinge": ["a"] * 10}}, "'q_hinge': must be numbers"),
+    "name": ({"channels": {"q_hing": T}}, "channels: 'q_hing' does not say what it measures.*Did you mean 'q_hinge'"),
+    "command": ({"commands": {"u_driv": T}}, "commands: 'u_driv' is no actuator.*Valid: 'drive'"),
+    "source": ({"sources": {"q": {"joint": "hinge"}}}, "sources: 'q' is neither a channel nor a command"),
+    "joint": ({"sources": {"q_hinge": {"joint": "hing", "quantity": "position"}}}, "no joint 'hing' in the model"),
+    "time": ({"t": T[::-1]}, "row 2"),
+    "episodes": ({"episodes": T}, "column 'episode'"),
+    "twice": (
+        {"commands": {"drive": T}, "channels": {"drive": T}, "sources": {"drive": {}}},
+        "'drive': is there twice",
+    ),
+    "noise": ({"noise": {"q_hinge": -1.0}}, r"noise\.q_hinge: must be a finite number > 0"),
+    "start": ({"start": "sit"}, "start: unknown 'sit'"),
+}
+
+
+@pytest.mark.parametrize("wrong", REFUSED)
+def test_wrong_arrays_are_one_line(wrong: str, model: Path) -> None:
+    """Which array, what was wrong, what is allowed; no folder that is gone is named."""
+    arguments, message = REFUSED[wrong]
+    given = {"model": model, "t": T, "channels": {"q_hinge": 0.1 * T}} | arguments
+    with pytest.raises(runner.RunnerError, match=message) as error:
+        runner.case_from_arrays(**given)
+    assert "\n" not in str(error.value)
+    assert "/tmp/runner_" not in str(error.value)
+
+
+def test_folders_that_hold_something_are_left_alone(model: Path, found: runner.CaseDiagnosis, tmp_path: Path) -> None:
+    """A case is not written over anything, a report not over a case."""
+    lever(model, 0.0, tmp_path / "kept")
+    with pytest.raises(runner.RunnerError, match="is not empty; name a new one"):
+        lever(model, 0.0, tmp_path / "kept")
+    with pytest.raises(runner.RunnerError, match="holds a recording"):
+        found.report(tmp_path / "kept")
+    with pytest.raises(runner.RunnerError, match="no folder 'nowhere'"):
+        runner.read_table("nowhere")
+    with pytest.raises(runner.RunnerError, match="no such folder"):
+        runner.read(tmp_path / "nowhere")

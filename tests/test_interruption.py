@@ -1,0 +1,216 @@
+"""Ctrl-C, SIGTERM and SIGKILL: a line within two seconds that says how to go on, and no process that is left."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from runner.diagnosis.verdict import FILE
+from runner.storage.run_status import Status, status_of
+from runner.teleop import tables
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = ROOT / "examples" / "cases"
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+WITHIN_S = 2.0
+PATIENCE_S = 120.0
+
+
+def begin(cwd: Path, *arguments: str) -> subprocess.Popen[str]:
+    """Begin a command in a group of processes of its own, as a terminal does."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "runner", *arguments], cwd=cwd, env=ENVIRONMENT, start_new_session=True, text=True,
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+    )  # fmt: skip
+
+
+def family(process: subprocess.Popen[str]) -> set[int]:
+    """Return the processes of the group that work: those of Python's own that only watch are left out."""
+    found = set()
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        try:
+            command = (entry / "cmdline").read_bytes()
+            state, _, group, *_ = (entry / "stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(group) == process.pid and state != "Z" and b"resource_tracker" not in command:
+            found.add(int(entry.name))
+    return found
+
+
+def wait_until(true: Callable[[], bool], process: subprocess.Popen[str] | None = None) -> float:
+    """Wait, and return how long that took."""
+    start = time.monotonic()
+    while not true():
+        assert time.monotonic() - start < PATIENCE_S
+        assert process is None or process.poll() is None, process.communicate()[1]
+        time.sleep(0.02)
+    return time.monotonic() - start
+
+
+def stopped(process: subprocess.Popen[str], number: int, *, all_of_them: bool) -> str:
+    """Send a signal, to the whole group as a terminal does or to the one process, and return what is said of it."""
+    start = time.monotonic()
+    if all_of_them:
+        os.killpg(process.pid, number)
+    else:
+        process.send_signal(number)
+    _, err = process.communicate(timeout=PATIENCE_S)
+    assert time.monotonic() - start < WITHIN_S
+    wait_until(lambda: not family(process))
+    assert time.monotonic() - start < WITHIN_S
+    assert process.returncode == 128 + number
+    assert err.count("\n") == 1, err
+    return err.strip()
+
+
+def begun_anew(line: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Do what the line says."""
+    command = line.partition(" with: ")[2]
+    assert command.startswith("runner ")
+    return subprocess.run(
+        [sys.executable, "-m", *shlex.split(command)], cwd=cwd, env=ENVIRONMENT, capture_output=True, text=True,
+        timeout=600, check=False,
+    )  # fmt: skip
+
+
+SIGNALS = pytest.mark.parametrize(
+    ("number", "all_of_them"), [(signal.SIGINT, True), (signal.SIGTERM, False)], ids=["ctrl-c", "sigterm"]
+)
+
+
+@SIGNALS
+def test_a_run(number: int, all_of_them: bool, tmp_path: Path) -> None:
+    """A single run says how to begin again, and `run.yaml` that it was interrupted."""
+    process = begin(tmp_path, "forces.pushes=3000", "log.rrd=off", "out=r")
+    wait_until((tmp_path / "r/versions.yaml").exists, process)
+    time.sleep(1.0)
+    line = stopped(process, number, all_of_them=all_of_them)
+    assert line == "Interrupted. Begin again with: runner run forces.pushes=3000 log.rrd=off out=r"
+    assert status_of(tmp_path / "r") is Status.interrupted
+
+
+@SIGNALS
+@pytest.mark.parametrize("launcher", [(), ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2")], ids=["one", "joblib"])
+def test_a_sweep(number: int, all_of_them: bool, launcher: tuple[str, ...], tmp_path: Path) -> None:
+    """A sweep in one process and in two: what has ended is kept, the command goes on with the rest."""
+    sweep = [
+        "-m",
+        "seed=range(0,150)",
+        "forces.pushes=6",
+        "link=poor",
+        "follow=unaware",
+        "log.rrd=off",
+        "out=s",
+        "chunk=5",
+    ]
+    process = begin(tmp_path, *sweep, *launcher)
+    wait_until(lambda: tables.count_rows(tmp_path / "s") > 5, process)
+    line = stopped(process, number, all_of_them=all_of_them)
+    assert line == "Interrupted. Go on with: runner run resume=s"
+    assert status_of(tmp_path / "s") is Status.interrupted
+    assert not tables.still_held(tmp_path / "s")
+    ended = len(tables.sweep_rows(tmp_path / "s"))
+    assert 5 < ended < 150
+    assert tables.unfinished([tmp_path]) == [(tmp_path / "s", Status.interrupted)]
+    if not launcher:
+        assert begun_anew(line, tmp_path).stdout == "150 runs in s\n"
+        assert status_of(tmp_path / "s") is Status.done
+
+
+def many(folder: Path, count: int) -> Path:
+    """Return a folder of so many cases."""
+    for k in range(count):
+        shutil.copytree(EXAMPLES / "slippery_floor", folder / f"c{k}")
+    return folder
+
+
+@SIGNALS
+def test_diagnoses(number: int, all_of_them: bool, tmp_path: Path) -> None:
+    """Cases side by side: the workers end with it, and the command names the folder that it made by itself."""
+    many(tmp_path / "cases", 4)
+    process = begin(tmp_path, "diagnose", "cases", "workers=2", "report=false")
+    wait_until(lambda: len(family(process)) >= 3, process)
+    time.sleep(6.0)
+    line = stopped(process, number, all_of_them=all_of_them)
+    (folder,) = (tmp_path / "results/diagnose").iterdir()
+    assert line == (
+        "Interrupted. Go on with: runner diagnose recording=cases workers=2 report=false "
+        f"out={folder.relative_to(tmp_path)}"
+    )
+    assert status_of(folder) is Status.interrupted
+
+
+def test_a_diagnosis_goes_on(tmp_path: Path) -> None:
+    """What was diagnosed before the interruption is kept; the command that was named does the rest."""
+    many(tmp_path / "cases", 2)
+    process = begin(tmp_path, "diagnose", "cases", "workers=1", "report=false", "out=d")
+    wait_until((tmp_path / "d/c0" / FILE).exists, process)
+    line = stopped(process, signal.SIGTERM, all_of_them=False)
+    first = (tmp_path / "d/c0" / FILE).read_bytes()
+    assert not (tmp_path / "d/c1" / FILE).exists()
+    done = begun_anew(line, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "d/c0" / FILE).read_bytes() == first
+    assert set(json.loads((tmp_path / "d/verdicts.json").read_text())) == {"c0", "c1"}
+
+
+@SIGNALS
+def test_a_single_diagnosis(number: int, all_of_them: bool, tmp_path: Path) -> None:
+    """Deep in compiled code, where Python comes back late."""
+    process = begin(tmp_path, "diagnose", str(EXAMPLES / "slippery_floor"), "report=false", "out=d")
+    wait_until((tmp_path / "d/config.yaml").exists, process)
+    time.sleep(5.0)
+    line = stopped(process, number, all_of_them=all_of_them)
+    assert line.startswith("Interrupted. Go on with: runner diagnose recording=")
+    assert status_of(tmp_path / "d") is Status.interrupted
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("diagnose", "cases", "workers=2", "report=false", "out=o"),
+        ("-m", "seed=range(0,4000)", "log.rrd=off", "out=o", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2"),
+        ("blind", "make", "n=40", "out=o", "workers=2", "seed=1"),
+    ],
+    ids=["diagnose", "sweep", "blind make"],
+)
+def test_workers_end_with_their_parent(command: tuple[str, ...], tmp_path: Path) -> None:
+    """SIGKILL leaves the parent no time for anything; the kernel ends its workers."""
+    many(tmp_path / "cases", 4)
+    process = begin(tmp_path, *command)
+    wait_until(lambda: len(family(process)) >= 3, process)
+    time.sleep(4.0)
+    assert len(family(process)) >= 3
+    process.kill()
+    assert wait_until(lambda: not family(process)) < WITHIN_S
+    process.communicate()
+    if "blind" not in command:
+        assert status_of(tmp_path / "o") is Status.killed
+
+
+def test_the_one_line_is_the_only_one() -> None:
+    """Where the main thread does not come back, Python's resource tracker has nothing to add to the line."""
+    left = (
+        "import os; from multiprocessing import get_context; from runner.interruption import interruptible\n"
+        "with interruptible():\n"
+        "    lock = get_context('spawn').Lock()\n"
+        "    os._exit(143)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", left], env=ENVIRONMENT, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 143
+    assert done.stderr == ""

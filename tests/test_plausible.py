@@ -1,0 +1,231 @@
+"""A recording that can't be is refused or warned of, from its motion and forces alone; a sound one is not."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from runner.__main__ import main
+from runner.errors import RecordingError
+from runner.recording import read_case
+from runner.recording.kinematics import lone_samples
+from runner.recording.model_form import read_model_case
+
+EXAMPLES = Path(__file__).parents[1] / "examples" / "cases"
+Edit = Callable[[pd.DataFrame], pd.DataFrame]
+
+
+def scaled(factor: float, *names: str) -> Edit:
+    """Return an edit that multiplies columns."""
+    return lambda f: f.assign(**{n: f[n] * factor for n in names})
+
+
+def exchanged(*pairs: tuple[str, str]) -> Edit:
+    """Return an edit that exchanges columns."""
+    return lambda f: f.assign(**{a: f[b] for a, b in pairs}, **{b: f[a] for a, b in pairs})
+
+
+def constant(*names: str) -> Edit:
+    """Return an edit that holds columns at their first value."""
+    return lambda f: f.assign(**{n: f[n].iloc[0] for n in names})
+
+
+def zero(*names: str) -> Edit:
+    """Return an edit that sets columns to zero."""
+    return lambda f: f.assign(**dict.fromkeys(names, 0.0))
+
+
+def spike(name: str, by: float, row: int = 700) -> Edit:
+    """Return an edit that moves one sample."""
+    return lambda f: f.assign(**{name: f[name] + by * (np.arange(len(f)) == row)})
+
+
+MEASURED = ("x", "y", "yaw", "vx", "vy", "wz")
+REFUSED: dict[str, tuple[Edit, str]] = {
+    "pose held": (
+        constant("x", "y", "yaw"),
+        "column 'x' never changes, while 'vx' says that it moves: a dead",
+    ),
+    "y held": (constant("y"), "column 'y' never changes, while 'vy' says that it moves"),
+    "vx dead": (zero("vx"), "column 'vx' never changes, while 'x' does: a dead channel?"),
+    "all zero": (zero(*MEASURED, "fx", "fy", "px", "py"), "nothing was measured: 'x', 'vx', .* never change"),
+    "measured zero": (zero(*MEASURED), "nothing was measured"),
+    "pose and velocity": (
+        exchanged(("x", "vx"), ("y", "vy"), ("yaw", "wz")),
+        "'x', 'y' and 'vx', 'vy' seem to be exchanged",
+    ),
+    "x and y": (exchanged(("x", "y")), "'x' follows 'vy' and 'y' follows 'vx': two of these columns are exchanged"),
+    "vx and vy": (exchanged(("vx", "vy")), "'x' follows 'vy' and 'y' follows 'vx'"),
+    "y mirrored": (scaled(-1, "y"), "'y' and 'vy' have opposite signs: one of them is mirrored"),
+}
+WARNED: dict[str, tuple[Edit, str]] = {
+    "forces x1000": (scaled(1000, "fx", "fy"), r"the motion needs 0\.001\d* times the forces 'fx', 'fy'"),
+    "forces /1000": (scaled(0.001, "fx", "fy"), r"the motion needs 1\.?\d*e\+03 times the forces"),
+    "forces reversed": (scaled(-1, "fx", "fy"), "the body accelerates against the forces 'fx', 'fy'"),
+    "forces turned": (
+        lambda f: f.assign(fx=-f["fy"], fy=f["fx"]),
+        r"the body accelerates at -(89|9\d) degrees to the forces",
+    ),
+    "fy reversed": (scaled(-1, "fy"), "the motion mirrors the forces: one axis of 'fx', 'fy' has the wrong sign"),
+    "fx and fy": (exchanged(("fx", "fy")), "the motion mirrors the forces: .* or they are exchanged"),
+    "world mirrored": (scaled(-1, "y", "vy"), "the motion mirrors the forces"),
+    "no forces": (zero("fx", "fy", "px", "py"), r"gains [\d.]+ J of motion, the forces 'fx', 'fy' give at most 0 J"),
+    "spike of 10 m": (
+        spike("x", 10.0),
+        r"'x' is off by (9\.99|10\.0)\d* m for one sample at data row 701 \(episode \d+, t = ",
+    ),
+    "spike of yaw": (spike("yaw", 2.0), r"'yaw' is off by 2\.?\d* rad for one sample at data row 701"),
+    "spike of speed": (spike("vy", -20.0), r"'vy' is off by -(19\.9|20\.)\d* m/s for one sample at data row 701"),
+    "noise for a velocity": (
+        lambda f: f.assign(vx=np.random.default_rng(0).normal(0, 0.5, len(f))),
+        r"'x' does not follow 'vx': of its change \d+% is not the integral of that",
+    ),
+}
+
+
+@pytest.fixture(params=["nothing_differs", "slippery_floor"])
+def case(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """Return a copy of a sound case."""
+    shutil.copytree(EXAMPLES / request.param, tmp_path / "case")
+    return tmp_path / "case"
+
+
+def edited(case: Path, edit: Edit) -> Path:
+    """Edit the table of a case."""
+    edit(pd.read_parquet(case / "recording.parquet")).to_parquet(case / "recording.parquet", index=False)
+    return case
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_what_nothing_can_follow_from_is_refused(kind: str, case: Path) -> None:
+    """Dead channels, columns exchanged or mirrored against each other."""
+    edit, message = REFUSED[kind]
+    with pytest.raises(RecordingError, match=message) as error:
+        read_case(edited(case, edit))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("kind", WARNED)
+def test_what_is_odd_is_said_in_one_line(kind: str, case: Path) -> None:
+    """Forces of another size or direction, samples that stand alone: one line each, and no others."""
+    edit, message = WARNED[kind]
+    (note,) = read_case(edited(case, edit)).notes
+    assert note.startswith("warning: ")
+    with pytest.raises(AssertionError, match=message):
+        raise AssertionError(note)
+
+
+def test_sound_recordings_are_not_warned_of(case: Path) -> None:
+    """Nor those whose forces are a third or thrice, whose world is turned, whose noise has outliers."""
+    assert read_case(case).notes == ()
+    rng = np.random.default_rng(1)
+
+    def rough(f: pd.DataFrame) -> pd.DataFrame:
+        return f.assign(**{n: f[n] + 0.002 * rng.standard_t(3, len(f)) for n in ("x", "y", "yaw", "vx", "vy", "wz")})
+
+    def turned(f: pd.DataFrame) -> pd.DataFrame:
+        c, s = np.cos(1.1), np.sin(1.1)
+        both = (("x", "y"), ("vx", "vy"), ("fx", "fy"))
+        new = {a: c * f[a] - s * f[b] for a, b in both} | {b: s * f[a] + c * f[b] for a, b in both}
+        return f.assign(**new, yaw=f["yaw"] + 1.1)
+
+    for edit in (scaled(3.0, "fx", "fy"), scaled(1 / 9, "fx", "fy"), rough, turned, rough):
+        assert read_case(edited(case, edit)).notes == ()
+
+
+def test_it_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By `runner gap`, of one case and of many."""
+    shutil.copytree(EXAMPLES / "nothing_differs", tmp_path / "cases/a")
+    shutil.copytree(EXAMPLES / "slippery_floor", tmp_path / "cases/b")
+    edited(tmp_path / "cases/a", scaled(-1, "fx", "fy"))
+    assert main(["gap", str(tmp_path / "cases/a"), "horizons_s=[0.5]", f"out={tmp_path}/one"]) == 0
+    assert "Note: warning: the body accelerates against the forces" in capsys.readouterr().out
+    assert main(["gap", str(tmp_path / "cases"), "horizons_s=[0.5]", f"out={tmp_path}/many"]) == 0
+    out = capsys.readouterr().out
+    assert "a: warning: the body accelerates against the forces" in out
+    assert out.count("warning") == 1
+
+
+def test_a_step_is_no_lone_sample() -> None:
+    """A lone sample is; so are two; a step, a kink and steps of rounding are none."""
+    smooth = np.sin(np.linspace(0, 3, 200)) + np.random.default_rng(0).normal(0, 1e-3, 200)
+    alone = smooth + 5.0 * (np.arange(200) == 77)
+    assert lone_samples(alone) == [77]
+    assert lone_samples(alone + 3.0 * (np.arange(200) == 120)) == [77, 120]
+    for values in (
+        smooth,
+        smooth + (np.arange(200) > 50),
+        smooth + 5 * np.maximum(np.arange(200) - 50, 0),
+        np.round(smooth, 1),
+        np.zeros(200),
+        smooth[:4],
+    ):
+        assert lone_samples(values) == []
+
+
+# The model form ------------------------------------------------------------------------------------------------------
+
+MODEL = """<mujoco><worldbody><body name="lever"><joint name="hinge" axis="0 -1 0"/>
+<geom type="capsule" fromto="0 0 0 0 0 -0.4" size=".01"/></body></worldbody></mujoco>"""
+
+
+def lever(folder: Path, edit: Edit) -> Path:
+    """Write a swing of a lever, 3 episodes, with noise."""
+    rng, rows = np.random.default_rng(0), []
+    for episode in range(3):
+        t = np.arange(300) / 100
+        q = 0.8 * np.cos(5 * t + episode)
+        rows.append(pd.DataFrame({"episode": episode, "t": t, "q": q, "dq": -4.0 * np.sin(5 * t + episode)}))
+    frame = pd.concat(rows, ignore_index=True)
+    frame[["q", "dq"]] += rng.normal(0, [0.001, 0.01], (len(frame), 2))
+    folder.mkdir(exist_ok=True)
+    edit(frame).to_parquet(folder / "recording.parquet", index=False)
+    (folder / "model.xml").write_text(MODEL)
+    channels = {n: {"joint": "hinge", "quantity": k} for n, k in (("q", "position"), ("dq", "velocity"))}
+    (folder / "nominal.yaml").write_text(yaml.safe_dump({"model": "model.xml", "channels": channels}))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (scaled(-1, "dq"), "warning: 'q' and 'dq' have opposite signs"),
+        (exchanged(("q", "dq")), "warning: 'q' and 'dq' have opposite signs|'q' does not follow 'dq'"),
+        (
+            spike("q", 3.0, 400),
+            r"warning: 'q' is off by 3\.?\d* rad for one sample at data row 401 \(episode 1",
+        ),
+        (lambda f: f.assign(dq=f["dq"].sample(frac=1, random_state=0).to_numpy()), "'q' does not follow 'dq'"),
+    ],
+)
+def test_a_mechanism_is_warned_of(edit: Edit, message: str, tmp_path: Path) -> None:
+    """Signs, integrals and lone samples, of a joint."""
+    notes = read_model_case(lever(tmp_path / "c", edit)).notes
+    with pytest.raises(AssertionError, match=message):
+        raise AssertionError(notes)
+
+
+@pytest.mark.parametrize(("name", "other"), [("q", "dq"), ("dq", "q")])
+def test_a_dead_channel_of_a_mechanism_is_refused(name: str, other: str, tmp_path: Path) -> None:
+    """With what to do about it."""
+    message = f"channel '{name}' never changes, while '{other}' says that 'hinge' moves: a dead channel\\? Take it out"
+    with pytest.raises(RecordingError, match=message):
+        read_model_case(lever(tmp_path / "c", constant(name)))
+
+
+def test_a_sound_mechanism_is_not_warned_of(tmp_path: Path) -> None:
+    """Gaps where a channel was not measured, coarse counts, another scale and a late velocity are no contradiction."""
+    for edit in (
+        lambda f: f,
+        lambda f: f.assign(q=f["q"].where(f.index % 50 > 4)),
+        lambda f: f.assign(q=f["q"].round(2)),
+        scaled(1.3, "dq"),
+        lambda f: f.assign(dq=f["dq"].shift(4, fill_value=0.0)),
+    ):
+        assert not [n for n in read_model_case(lever(tmp_path / "c", edit)).notes if "warning" in n]

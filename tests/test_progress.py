@@ -1,0 +1,65 @@
+"""What takes minutes says what it is at: now and then where there is no terminal, and nothing where it is quick."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from runner import progress
+from runner.progress import Spoken, observed
+
+
+def test_a_line_holds_stage_fit_and_best() -> None:
+    """Each change makes a line; the best stays when another stage begins, a fit that goes on makes no further line."""
+    said: list[str] = []
+    observer = Spoken(said.append)
+    observer.stage("searching")
+    observer.fitting(())
+    observer.fitting(("friction",))
+    observer.fitting(("friction",))
+    observer.best(("friction",), 1.0312)
+    observer.stage("checking")
+    assert said == [
+        "searching",
+        "searching, fitting the nominal model",
+        "searching, fitting friction",
+        "searching, fitting friction; so far best friction (1.03 noises left)",
+        "checking; so far best friction (1.03 noises left)",
+    ]
+
+
+def test_lines_come_now_and_then_without_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Not with every change, but one for each while that goes by, with the time; none after the end."""
+    monkeypatch.setattr(progress, "EVERY_S", 0.05)
+    with observed("Diagnosing") as observer:
+        for k in range(1000):
+            observer.fitting((f"effect_{k}",))
+        time.sleep(0.4)
+    out, err = capsys.readouterr()
+    lines = out.splitlines()
+    assert 1 <= len(lines) <= 20
+    assert lines[-1].startswith("Diagnosing: fitting effect_999 (")
+    assert err == ""
+    time.sleep(0.15)
+    assert capsys.readouterr().out == ""
+
+
+def test_what_is_quick_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    """Less than ten seconds are no reason for a line."""
+    with observed("Diagnosing") as observer:
+        observer.stage("searching")
+    with progress.progress("Diagnosing", total=2, unit="cases", minutes=True) as advance:
+        advance()
+    assert capsys.readouterr() == ("", "")
+
+
+def test_cases_are_counted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of many cases the line says how many are done."""
+    monkeypatch.setattr(progress, "EVERY_S", 0.05)
+    with progress.progress("Diagnosing", total=3, unit="cases", minutes=True) as advance:
+        advance(2)
+        time.sleep(0.3)
+    assert "Diagnosing: 2 of 3 cases (" in capsys.readouterr().out

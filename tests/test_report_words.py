@@ -1,0 +1,138 @@
+"""A report says in sentences what was found, and sums it up in the terminal."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from dataclasses import fields
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from runner.effects.planar_box import EFFECTS
+from runner.effects.wording import plus_minus
+from runner.report import html, words
+from runner.report.terminal import summary
+from tests.report_case import changed, diagnosis, ranked, said
+
+
+@pytest.fixture(scope="module")
+def found() -> Any:
+    """A diagnosis that found the friction."""
+    return diagnosis()
+
+
+def printed(diagnosis: Any, width: int = 160) -> str:
+    """Return the summary as it stands in a terminal."""
+    out = io.StringIO()
+    Console(file=out, width=width).print(summary(diagnosis))
+    return out.getvalue()
+
+
+def test_verdict_sentence_of_one_effect(found: Any) -> None:
+    """What, how much, how sure, and how much better, in two sentences."""
+    assert words.verdict(found) == (
+        "The floor is more slippery than believed: friction 0.2704 ± 0.0012 instead of 0.300 (probability 0.98). "
+        "With it the simulator misses 87 % less on episodes that were not fitted; of what can be closed, all but the "
+        "noise, that is 98 % (mean squares)."
+    )
+
+
+def test_verdict_says_which_way(found: Any) -> None:
+    """A coefficient above the believed one is a less slippery floor."""
+    top = ranked(("friction",), 0.9, parameters={"friction": {"mu": 0.35}}, errors={"friction": {"mu": 0.01}})
+    assert words.verdict(changed(found, ranked=(top,))).startswith("The floor is less slippery than believed")
+
+
+def test_verdict_of_two_effects(found: Any) -> None:
+    """Both are named with their values."""
+    top = ranked(
+        ("friction", "floor_tilt"),
+        0.9,
+        parameters={"friction": {"mu": 0.27}, "floor_tilt": {"angle_rad": 0.02, "downhill_rad": -1.0}},
+        errors={"friction": {"mu": 0.001}, "floor_tilt": {"angle_rad": 0.0005, "downhill_rad": 0.02}},
+    )
+    text = words.verdict(changed(found, ranked=(top,)))
+    assert text.startswith(
+        "Two things differ from the model: the floor is more slippery than believed (friction 0.2700"
+    )
+    assert "the floor is not level (it slopes by 1.15 ± 0.03°" in text
+    assert "With them the simulator misses" in text
+
+
+def test_verdict_of_none(found: Any) -> None:
+    """The model will do, and nothing is to be changed."""
+    nothing = changed(found, ranked=(ranked(("none",), 0.97), ranked(("wind",), 0.03)), effects=(), gap_closed=0.0)
+    assert words.verdict(nothing) == (
+        "The simulator as believed will do: what it misses needs no effect to explain it "
+        "(mean square 5.00 times the noise's: small errors of any simulator) (probability 0.97). "
+        "The likeliest alternative is wind (probability 0.03)."
+    )
+    assert words.next_steps(nothing)[0].startswith("Keep your model.")
+
+
+def test_verdict_of_unknown(found: Any) -> None:
+    """It says that no effect explains the gap, and how near the nearest comes."""
+    order = (ranked(("unknown",), 0.9), ranked(("friction",), 0.1, gap_closed=0.4))
+    text = words.verdict(changed(found, ranked=order))
+    assert text.startswith("Something is going on that none of the known effects explains (probability 0.90).")
+    assert "With the nearest of them, friction, the simulator misses 40 % less" in text
+
+
+def test_a_correction_that_does_not_help_is_not_praised(found: Any) -> None:
+    """A gap that grew is told as one."""
+    assert "does not come closer" in words.verdict(changed(found, gap_closed=-0.2))
+
+
+def test_what_cannot_be_told_apart_is_said(found: Any) -> None:
+    """Equivalent explanations are named on the page and in the terminal, with a way to decide."""
+    twin = ranked(
+        ("mass",), 0.99, parameters={"mass": {"mass_kg": 4.0}}, errors={"mass": {"mass_kg": 0.01}},
+        equivalent=(("actuator_gain",),),
+    )  # fmt: skip
+    both = changed(found, ranked=(twin,), next_push="Add a known weight.")
+    for text in (said(html.render(both)), " ".join(printed(both).split())):
+        assert "These data would fit actuator gain just as well" in text
+        assert "Add a known weight." in text
+    assert any("Weigh the object." in step for step in words.next_steps(both))
+
+
+@pytest.mark.parametrize("variant", [k for kinds in EFFECTS.values() for k in kinds], ids=lambda k: k.__name__)
+def test_every_effect_has_its_words(found: Any, variant: Any) -> None:
+    """No effect of the vocabulary is described by its parameters' names, and all its numbers are numbers."""
+    names = [f.name for f in fields(variant)]
+    values = dict.fromkeys(names, 1.25)
+    phrase = words.phrase(found.system, variant.name, values, dict.fromkeys(names, 0.05))
+    assert "phrase" in vars(variant) or "phrase" in vars(variant.__base__)
+    assert "±" in phrase.amount
+    for text in (phrase.what, phrase.amount, phrase.remedy, phrase.check):
+        assert text
+        assert "?" not in text and "nan" not in text  # noqa: PT018
+        assert not re.search(r"_(m|rad|n|s|kg)\b", text)
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (0.27712, 0.00104, "0.2771 ± 0.0010"),
+        (0.27712, 0.0026, "0.277 ± 0.003"),
+        (4.2259, 0.1, "4.23 ± 0.10"),
+        (-41.48, 12.0, "−41 ± 12"),
+        (1234.0, 40.0, "1230 ± 40"),
+        (0.5, math.nan, "0.500"),
+        (0.5, None, "0.500"),
+    ],
+)
+def test_numbers_are_rounded_to_their_error(value: float, error: float | None, text: str) -> None:
+    """The error keeps one digit, two below 2, and the value goes as far as the error."""
+    assert plus_minus(value, error) == text
+
+
+def test_terminal_summary(found: Any) -> None:
+    """The verdict, the ranking and the miss of every channel."""
+    text = printed(found)
+    assert "The floor is more slippery than believed" in text
+    assert re.search(r"friction +0\.98 +friction 0\.2704 ± 0\.0012 instead of 0\.300 +87 %", text)
+    assert re.search(r"position x \[mm\] +4\.5 +0\.55 +0\.50", text)
