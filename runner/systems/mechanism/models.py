@@ -87,6 +87,7 @@ class Models:
         self.folder = recording.model_path.parent
         self._compiled: dict[Effects, Compiled] = {}
         self._models: dict[tuple[Effects, float], mujoco.MjModel] = {}
+        self._contact_time_s: dict[Effects, float] = {}
         model = self.compiled(()).model
         self.file_step_s = float(model.opt.timestep)
         self.leapfrog = int(model.opt.integrator) != RK4
@@ -150,6 +151,15 @@ class Models:
             effect.edit_model(model)
         mujoco.mj_setConst(model, base.data[0])
         return model
+
+    def contact_time_s(self, effects: Effects) -> float:
+        """Return the shortest time constant of a contact, infinite without any: steps must be at most half of it."""
+        key = tuple(e for e in mechanical(effects) if type(e).edit_model is not MechanismEffect.edit_model)
+        if key not in self._contact_time_s:
+            if len(self._contact_time_s) > KEPT_MODELS:
+                self._contact_time_s.clear()
+            self._contact_time_s[key] = shortest_contact_s(self.edited(key))
+        return self._contact_time_s[key]
 
     def model(self, effects: Effects, step_s: float) -> mujoco.MjModel:
         """Return the model with these effects in it, ready to be stepped by `step_s`; not to be written to."""
@@ -245,6 +255,14 @@ def _balance_damping(model: mujoco.MjModel, step_s: float, *, touching: bool) ->
     if not touching:
         # what an impact does to a velocity goes on in no way
         midpoint.mark(model, 0.5 * step_s * servo * share[dof])
+
+
+def shortest_contact_s(model: mujoco.MjModel) -> float:
+    """Return the shortest time constant of a contact in a model, infinite without any."""
+    if not _can_touch(model):
+        return np.inf
+    times = np.concatenate([model.geom_solref[:, 0], model.pair_solref[:, 0]])
+    return float(times[times > 0].min(initial=np.inf))
 
 
 def _can_touch(model: mujoco.MjModel) -> bool:
