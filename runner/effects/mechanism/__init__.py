@@ -1,8 +1,8 @@
 """The effects of a mechanism: any MuJoCo model of joints and free bodies, its actuators, contacts and sensors.
 
 One file per effect; `EFFECTS` lists the classes. `base` has the places where they act, `parts` what they ask of a
-model, `contacts` what they ask of a body's contacts, `drive` the drive behind a joint that backlash and compliance lie in
-front of.
+model, `contacts` what they ask of a body's contacts, `drive` the drive behind a joint that backlash and compliance
+lie in front of.
 """
 
 from runner.effects.mechanism.actuator_delay import ActuatorDelay

@@ -18,7 +18,7 @@ from runner.errors import check_range
 @effect
 @dataclass(frozen=True)
 class Restitution(MechanismEffect):
-    """A body leaves an impact with `ratio` of the speed that it came with. Fitted as the change of the damping ratio.
+    """A body leaves an impact with `ratio` of the speed that it came with. Fitted as the drop of the damping ratio.
 
     MuJoCo's contacts are damped springs; the damping ratio that leaves such a rebound is set, the time constant is
     kept. `contacts.rebound` has the relation, which holds for an impact through the centre of mass that is short
@@ -37,6 +37,8 @@ class Restitution(MechanismEffect):
     def edit_model(self, model: mujoco.MjModel) -> None:
         damping = contacts.damping_for(self.ratio)
         for contact in contacts.governing(model, self.target):
+            if math.isclose(damping, contacts.damping_ratio(contact), rel_tol=1e-9):
+                continue
             if contact.solref[0] > 0:
                 # stiffness 1 / (time ratio)^2 stays, as it is another effect's
                 contact.solref[:] = contact.solref[0] * contact.solref[1] / damping, damping
@@ -50,12 +52,12 @@ class Restitution(MechanismEffect):
     @classmethod
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
         believed = min(contacts.damping_ratio(contacts.believed(context.model, context.target)), 1.0)
-        return (Parameter("damping_ratio_change", "", 0.3, 0.02 - believed, 1.0 - believed, may_rest=True),)
+        return (Parameter("damping_ratio_drop", "", 0.3, believed - 1.0, believed - 0.02, may_rest=True),)
 
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:
         believed = min(contacts.damping_ratio(contacts.believed(context.model, context.target)), 1.0)
-        return cls(str(context.target), contacts.rebound(believed + float(x[0])))
+        return cls(str(context.target), contacts.rebound(believed - float(x[0])))
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:

@@ -8,6 +8,7 @@ what fits, evidence and standard errors rest on.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -16,11 +17,13 @@ from runner.arrays import FloatArray
 from runner.recording import Span
 from runner.systems.channels import Signals
 from runner.systems.initial import AbstractInitialState
+from runner.systems.mechanism.flights import into_impacts
 from runner.systems.mechanism.simulator import MechanismSimulator
 from runner.systems.windows import Windows
 
 LONGEST_S = 8.0  # no longer: errors that pile up over more tell nothing new, and cost as much as what does
 SHORTEST_S = 0.5  # no shorter: a start state is then most of what is told
+LONGEST_IMPACT_S, SHORTEST_IMPACT_S = 0.4, 0.1  # the same of what follows a flight: several impacts; one
 SMALL, LARGE = 0.01, 0.1  # forces that are compared: shares of the usual force
 BENT = 0.2  # share of the response that may be out of proportion, in half of the windows and joints
 LOOKS = 24  # windows that are looked at, for each length
@@ -44,7 +47,7 @@ def stretches(
     whole = tuple(Span(e, 0, n) for e, n in enumerate(lengths))
     longest_s = float(max((n - 1) * p for n, p in zip(lengths, periods_s, strict=True)))
     length_s = longest_s / max(1, int(np.ceil(longest_s / LONGEST_S - 1e-6)))
-    while length_s > SHORTEST_S and _bent(simulator, initial, usual, signals, length_s) > BENT:
+    while length_s > SHORTEST_S and _bent(simulator, initial, usual, signals, _windows(simulator, length_s)) > BENT:
         length_s = max(length_s / 2, SHORTEST_S)
     parts = []
     for e, n in enumerate(lengths):
@@ -55,15 +58,47 @@ def stretches(
     return tuple(told) if {s.episode for s in told} == set(range(len(lengths))) else whole
 
 
+def impact_stretches(
+    simulator: MechanismSimulator,
+    initial: AbstractInitialState,
+    usual: FloatArray,
+    signals: Signals,
+    found: Sequence[Sequence[Span]],
+) -> tuple[Span, ...]:
+    """Return the parts of a recording from flights over as much of what follows as the model responds in proportion.
+
+    Args:
+        simulator: Of the recording.
+        initial: Its start states.
+        usual: Usual generalised force of each degree of freedom, (nv,).
+        signals: What was measured.
+        found: Flights of each episode.
+    """
+    after_s = LONGEST_IMPACT_S
+    while after_s > SHORTEST_IMPACT_S:
+        windows = _from_flights(simulator, found, after_s)
+        if len(windows) and _bent(simulator, initial, usual, signals, windows) <= BENT:
+            break
+        after_s = max(after_s / 2, SHORTEST_IMPACT_S)
+    return into_impacts(simulator.recording, found, after_s)
+
+
+def _from_flights(simulator: MechanismSimulator, found: Sequence[Sequence[Span]], after_s: float) -> Windows:
+    """Return windows of one length from the last samples of flights until so long after them, spread over all."""
+    episodes = simulator.recording.episodes
+    after = max(1, round(after_s / simulator.recording.step_s))
+    fits = [(s.episode, s.end - FEWEST) for own in found for s in own if s.end + after <= len(episodes[s.episode])]
+    return _spread(np.array(fits, dtype=int).reshape(-1, 2), after + FEWEST)
+
+
 def _bent(
     simulator: MechanismSimulator,
     initial: AbstractInitialState,
     usual: FloatArray,
     signals: Signals,
-    length_s: float,
+    windows: Windows,
 ) -> float:
-    """Return which share of the response to a force is out of proportion after so many seconds: the median."""
-    windows = _windows(simulator, length_s)
+    """Return which share of the response to a force is out of proportion at the end of windows: the median."""
     starts = initial.guess_windows(signals, windows, smooth=True)
     d = len(usual)
     forces = np.vstack([np.zeros(d), *(np.diag(size * usual) for size in (SMALL, LARGE))])
@@ -91,9 +126,14 @@ def _windows(simulator: MechanismSimulator, length_s: float) -> Windows:
     alike = [(k, len(e)) for k, e in enumerate(episodes) if e.step_s < SAME_CLOCK * fastest_s]
     samples = min(round(length_s / fastest_s) + 1, max(n for _, n in alike))
     fits = [(k, f) for k, n in alike for f in range(0, n - samples + 1, samples)]
-    index = np.array(fits, dtype=int).reshape(-1, 2)
-    chosen = index[np.unique(np.linspace(0, len(index) - 1, min(LOOKS, len(index))).round().astype(int))]
+    return _spread(np.array(fits, dtype=int).reshape(-1, 2), samples)
+
+
+def _spread(index: FloatArray, samples: int) -> Windows:
+    """Return some windows of those with these episodes and first samples, (W, 2), spread over all."""
+    some = np.linspace(0, len(index) - 1, min(LOOKS, len(index))).round().astype(int)
+    chosen = index[np.unique(some)]
     return Windows(chosen[:, 0], chosen[:, 1], samples)
 
 
-__all__ = ["stretches"]
+__all__ = ["impact_stretches", "stretches"]

@@ -230,7 +230,7 @@ def _discretise(model: mujoco.MjModel, step_s: float, scratch: mujoco.MjData, *,
     time = model.dof_solref[:, 0]
     # dry friction that was meant to be hard is as hard as the step allows; faster than two steps is unstable
     time[(time > 0) & ((time < 2 * step_s) | (time <= HARD_S))] = 2 * step_s
-    touching = _can_touch(model)
+    touching = can_touch(model)
     if not touching:
         # hardly a constraint is left, and what looks for more costs a fifth of a step
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
@@ -259,13 +259,13 @@ def _balance_damping(model: mujoco.MjModel, step_s: float, *, touching: bool) ->
 
 def shortest_contact_s(model: mujoco.MjModel) -> float:
     """Return the shortest time constant of a contact in a model, infinite without any."""
-    if not _can_touch(model):
+    if not can_touch(model):
         return np.inf
     times = np.concatenate([model.geom_solref[:, 0], model.pair_solref[:, 0]])
     return float(times[times > 0].min(initial=np.inf))
 
 
-def _can_touch(model: mujoco.MjModel) -> bool:
+def can_touch(model: mujoco.MjModel) -> bool:
     """Whether any two geoms of a model may be in contact."""
     kinds, partners = np.array(model.geom_contype), np.array(model.geom_conaffinity)
     return model.npair > 0 or model.nflex > 0 or bool((kinds[:, None] & partners[None, :]).any())

@@ -19,7 +19,8 @@ from runner.systems.disturbance import Disturbance
 from runner.systems.drawing import DrawnBody
 from runner.systems.mechanism.coordinates import HINGE, SLIDE
 from runner.systems.mechanism.drawing import body_poses, drawn_bodies
-from runner.systems.mechanism.horizon import stretches
+from runner.systems.mechanism.flights import flights, measured_freely
+from runner.systems.mechanism.horizon import impact_stretches, stretches
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.labels import FACTORS, PHRASES, REGIMES, label
 from runner.systems.mechanism.model_file import write_model
@@ -118,8 +119,17 @@ class MechanismSystem(AbstractSystem):
     def stretches(self) -> tuple[Span, ...]:
         """See `AbstractSystem`."""
         if self._stretches is None:
-            self._stretches = stretches(self.simulator(), self.initial, self.disturbance.prior / LARGE, self._raw)
+            known = self.simulator(), self.initial, self.disturbance.prior / LARGE, self._raw
+            found = self._flights()
+            self._stretches = impact_stretches(*known, found) if any(found) else stretches(*known)
         return self._stretches
+
+    def _flights(self) -> list[list[Span]]:
+        """Return when bodies that are measured as a whole touch nothing, for each episode; none of other mechanisms."""
+        coordinates, model = self.initial.coordinates, self.context.model
+        if not measured_freely(self.recording, coordinates, model):
+            return [[] for _ in self.recording.episodes]
+        return flights(self.recording, coordinates, model)
 
     def label(self, signals: Signals, windows: Windows) -> Labels:
         """See `AbstractSystem`."""
