@@ -8,7 +8,7 @@ from runner.effects import mechanism, planar_box
 from runner.recording import Form, read_case
 from runner.recording.model_form import is_model_form
 from runner.systems.base import AbstractSystem
-from runner.systems.free_box import free_box
+from runner.systems.mechanism.box_form import free_box
 from runner.systems.mechanism.system import read_mechanism
 from runner.systems.planar_box.system import PlanarBox
 

@@ -18,8 +18,8 @@ from runner.errors import RecordingError
 from runner.recording import Episode, Recording
 from runner.recording.model_form import MechanismEpisode, MechanismRecording, with_episode_to_check
 from runner.recording.model_form_mapping import ChannelSource, ForceColumns, ModelMapping, OrientationColumns
-from runner.systems.free_box.model import BODY, FILE, mjcf
-from runner.systems.mechanism import MechanismSystem
+from runner.systems.mechanism.box_model import BODY, FILE, mjcf
+from runner.systems.mechanism.system import MechanismSystem
 
 QUAT, AXES = "quat", "xyz"
 FORCE, POINT = ("fx", "fy", "fz"), ("px", "py", "pz")
