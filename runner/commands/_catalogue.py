@@ -145,8 +145,8 @@ def _described(system: str, cls: type[AbstractEffect]) -> Described:
         target = str(getattr(cls, "target_kind", ""))
         beliefs, example = _arm(), ARM_EXAMPLE
         of = TARGETS[target]
-        of_cube = issubclass(cls, mechanism.MechanismEffect) and target in ("body", "")
-        if of_cube and not cls.applies(beliefs.at(of)):
+        of_arm = not issubclass(cls, mechanism.MechanismEffect) or cls.applies(beliefs.at(of))
+        if target in ("body", "") and not of_arm:
             beliefs, example = _cube(), CUBE_EXAMPLE
             of = "cube" if target else None
         context = beliefs.at(of)

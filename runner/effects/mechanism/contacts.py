@@ -14,9 +14,10 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+import scipy  # loads its parts when they are first used
 
 MIX_LEAST = 1e-15  # solmix below counts for nothing
-PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
+NEAR_CRITICAL, MOST_DAMPED = 1e-6, 20.0  # damping ratios
 FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 
 
@@ -141,19 +142,25 @@ def damping_ratio(contact: Contact) -> float:
 
 
 def rebound(ratio: float) -> float:
-    """Return the rebound speed over the impact speed of a damped spring that is left where its force ends on.
+    """Return the rebound speed over the impact speed of a damped spring that pushes but does not pull.
 
-    exp(-pi z / sqrt(1 - z^2)), of half a swing of a linear oscillator of damping ratio z; 0 of one that does not swing.
+    exp(-2 z acos(z) / sqrt(1 - z^2)) for a damping ratio z, 1 without damping, exp(-2) = 0.135 at the critical one, and
+    with the hyperbolic functions beyond (after Schwager & Poeschel 2007: the contact ends where its force does).
     """
-    return math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio**2)) if ratio < 1.0 else 0.0
+    if abs(ratio - 1.0) < NEAR_CRITICAL:
+        return math.exp(-2.0)
+    if ratio < 1.0:
+        return math.exp(-2.0 * ratio * math.acos(ratio) / math.sqrt(1.0 - ratio**2))
+    return math.exp(-2.0 * ratio * math.acosh(ratio) / math.sqrt(ratio**2 - 1.0))
 
 
 def damping_for(rebound_ratio: float) -> float:
-    """Return the damping ratio that leaves such a rebound: the inverse of `rebound`, 1 for none."""
-    if rebound_ratio <= 0.0:
-        return 1.0
-    swing = -math.log(rebound_ratio)
-    return swing / math.hypot(math.pi, swing)
+    """Return the damping ratio that leaves such a rebound, the inverse of `rebound`; at most `MOST_DAMPED`."""
+    if rebound_ratio <= rebound(MOST_DAMPED):
+        return MOST_DAMPED
+    if rebound_ratio >= 1.0:
+        return 0.0
+    return float(scipy.optimize.brentq(lambda z: rebound(z) - rebound_ratio, 0.0, MOST_DAMPED, xtol=1e-13))
 
 
 def is_first_in_contact(model: mujoco.MjModel, body: str | None) -> bool:

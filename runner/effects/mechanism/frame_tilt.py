@@ -70,8 +70,8 @@ class FrameTilt(MechanismEffect):
         return Phrase(
             "the frame in which poses are measured is not level",
             f"gravity leans {of.angle('tilt_x_rad')} towards its x and {of.angle('tilt_y_rad')} towards its y",
-            f"Turn the measured poses by {number(DEGREES * math.hypot(of['tilt_x_rad'], of['tilt_y_rad']))}° so that z "
-            "points up, or calibrate the cameras anew.",
+            f"Turn the measured poses by {number(DEGREES * math.hypot(of['tilt_x_rad'], of['tilt_y_rad']))} degrees so "
+            "that z points up, or calibrate the cameras anew.",
             "Hold a plumb line into the view of what tracks, and see whether it is along z.",
         )
 

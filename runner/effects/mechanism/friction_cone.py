@@ -15,7 +15,7 @@ from runner.effects.wording import Values
 from runner.errors import check_range
 
 OTHER = {"elliptic": "pyramidal", "pyramidal": "elliptic"}
-SWITCHED = 0.5  # of the fitted number, from which on the cone is the other one
+SWITCHED = 0.01  # of the fitted number: there is nothing between the two cones, any more than none is the other one
 KINDS = {0: "pyramidal", 1: "elliptic"}
 
 
@@ -32,6 +32,7 @@ class FrictionCone(MechanismEffect):
     label: ClassVar[str] = "another friction cone"
     target_kind: ClassVar[str] = "body"
     commonness: ClassVar[int] = 2
+    common: ClassVar[bool] = True
     target: str
     elliptic: float
 
@@ -39,7 +40,7 @@ class FrictionCone(MechanismEffect):
         check_range("friction_cone.elliptic", self.elliptic, 0.0, 1.0)
 
     def edit_model(self, model: mujoco.MjModel) -> None:
-        model.opt.cone = int(self.elliptic > SWITCHED)
+        model.opt.cone = round(self.elliptic)
 
     @classmethod
     def applies(cls, scope: Scope) -> bool:
@@ -60,9 +61,9 @@ class FrictionCone(MechanismEffect):
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
-        kind = KINDS[int(of["elliptic"] > SWITCHED)]
+        kind = KINDS[round(of["elliptic"])]
         return Phrase(
-            f"friction has an {kind} cone" if kind == "elliptic" else f"friction has a {kind} cone",
+            f"the friction of body '{target}' has {'an' if kind == 'elliptic' else 'a'} {kind} cone",
             f"instead of {OTHER[kind]}",
             f'Set <option cone="{kind}"/>.',
             "Slide a body along several directions of the surface: real friction is the same in all of them.",

@@ -14,20 +14,23 @@ from runner.effects.mechanism.base import MechanismEffect, Scope, effect
 from runner.effects.wording import Values, number
 from runner.errors import check_range
 
+LEAST_DAMPED, MOST_DAMPED = 0.02, 4.0  # damping ratios, of nearly all of the speed and of nearly none
+
 
 @effect
 @dataclass(frozen=True)
 class Restitution(MechanismEffect):
     """A body leaves an impact with `ratio` of the speed that it came with. Fitted as the drop of the damping ratio.
 
-    MuJoCo's contacts are damped springs; the damping ratio that leaves such a rebound is set, the time constant is
-    kept. `contacts.rebound` has the relation, which holds for an impact through the centre of mass that is short
-    against everything else.
+    MuJoCo's contacts are damped springs; the damping ratio that leaves such a rebound is set, the stiffness is kept.
+    `contacts.rebound` has the relation, which holds for an impact through the centre of mass that is short against
+    everything else.
     """
 
     name: ClassVar[str] = "restitution"
     label: ClassVar[str] = "a different rebound"
     target_kind: ClassVar[str] = "body"
+    common: ClassVar[bool] = True
     target: str
     ratio: float
 
@@ -51,12 +54,12 @@ class Restitution(MechanismEffect):
 
     @classmethod
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
-        believed = min(contacts.damping_ratio(contacts.believed(context.model, context.target)), 1.0)
-        return (Parameter("damping_ratio_drop", "", 0.3, believed - 1.0, believed - 0.02, may_rest=True),)
+        believed = contacts.damping_ratio(contacts.believed(context.model, context.target))
+        return (Parameter("damping_ratio_drop", "", 0.3, believed - MOST_DAMPED, believed - LEAST_DAMPED),)
 
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:
-        believed = min(contacts.damping_ratio(contacts.believed(context.model, context.target)), 1.0)
+        believed = contacts.damping_ratio(contacts.believed(context.model, context.target))
         return cls(str(context.target), contacts.rebound(believed - float(x[0])))
 
     @classmethod
