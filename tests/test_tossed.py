@@ -138,9 +138,10 @@ def test_replay_begins_in_flight(tmp_path: Path):
     spans = system.stretches()
     assert {s.episode for s in spans} == set(range(4))
     for s in spans:
-        z = system.values()[s.episode][s.begin, 2]
-        assert z > BELIEVED["half_size"]
-        assert s.end - s.begin < len(system.values()[s.episode])
+        z = system.values()[s.episode][:, 2]
+        # or the body lies there until the end
+        assert z[s.begin] > 1.1 * BELIEVED["half_size"] or (s.end == len(z) and np.ptp(z[s.begin :]) < 2e-3)
+        assert s.end - s.begin < len(z)
 
 
 def test_velocities_count_where_their_noise_is_stated(tmp_path: Path):

@@ -22,6 +22,7 @@ from runner.systems.mechanism.models import can_touch
 CLEAR = 0.03  # of a body's size: farther from all that it may touch it is in flight
 FEWEST = 5  # samples of a flight that a start rests on
 LONGEST_S = 0.2  # of a flight: more tell the start hardly better
+STILL = 0.02  # of its size: a body that moves less until the end lies
 MOST_LOOKED_AT = 400  # samples of an episode; beyond, those of a thinner grid
 
 
@@ -85,6 +86,30 @@ def _flights(
             free[k : k + every] = data.ncon == 0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], free, [False]]).astype(int)))
     return [Span(number, int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= FEWEST]
+
+
+def rests(recording: MechanismRecording, coordinates: Coordinates, model: mujoco.MjModel) -> list[Span]:
+    """Return the last part of each episode in which nothing moves any more, where there is one.
+
+    Of a body that lies there, its height tells its size and its pose which way the floor leans.
+    """
+    out = []
+    bodies = [model.body(int(model.jnt_bodyid[i])).name for i in range(len(coordinates.joints))]
+    poses = [found for b in bodies if (found := _pose_channels(recording, b)) is not None]
+    size = _size_m(model)
+    for e, episode in enumerate(recording.episodes):
+        moved = np.zeros(len(episode))
+        for places, turn in poses:
+            q = episode.orientations[turn]
+            moved = np.maximum(moved, np.linalg.norm(episode.values[:, places] - episode.values[-1, places], axis=1))
+            # the chord of a turn, at the distance of the size
+            moved = np.maximum(moved, size * np.minimum(*(2 * np.linalg.norm(q - s * q[-1], axis=1) for s in (1, -1))))
+        still = np.isfinite(moved) & (moved < STILL * size)
+        begin = len(episode) - int(np.argmin(still[::-1])) if not still.all() else 0
+        begin = max(begin, len(episode) - round(LONGEST_S / episode.step_s))
+        if len(episode) - begin >= 2 * FEWEST:
+            out.append(Span(e, begin, len(episode)))
+    return out
 
 
 def into_impacts(recording: MechanismRecording, found: Sequence[Sequence[Span]], after_s: float) -> tuple[Span, ...]:

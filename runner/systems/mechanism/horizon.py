@@ -9,6 +9,7 @@ what fits, evidence and standard errors rest on.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -31,10 +32,9 @@ SAME_CLOCK = 1.1  # times the shortest period
 FEWEST = 5  # samples of each measured channel in a stretch
 
 
-def stretches(
-    simulator: MechanismSimulator, initial: AbstractInitialState, usual: FloatArray, signals: Signals
-) -> tuple[Span, ...]:
-    """Return the parts of a recording over which the believed model responds in proportion: episodes cut evenly.
+@dataclass(frozen=True)
+class Sensitive:
+    """What responds, more or less in proportion, to a small force.
 
     Args:
         simulator: Of the recording.
@@ -42,12 +42,22 @@ def stretches(
         usual: Usual generalised force of each degree of freedom, (nv,).
         signals: What was measured.
     """
+
+    simulator: MechanismSimulator
+    initial: AbstractInitialState
+    usual: FloatArray
+    signals: Signals
+
+
+def stretches(known: Sensitive) -> tuple[Span, ...]:
+    """Return the parts of a recording over which the believed model responds in proportion: episodes cut evenly."""
+    signals = known.signals
     lengths = [len(v) for v in signals.values]
-    periods_s = np.array([e.step_s for e in simulator.recording.episodes])
+    periods_s = np.array([e.step_s for e in known.simulator.recording.episodes])
     whole = tuple(Span(e, 0, n) for e, n in enumerate(lengths))
     longest_s = float(max((n - 1) * p for n, p in zip(lengths, periods_s, strict=True)))
     length_s = longest_s / max(1, int(np.ceil(longest_s / LONGEST_S - 1e-6)))
-    while length_s > SHORTEST_S and _bent(simulator, initial, usual, signals, _windows(simulator, length_s)) > BENT:
+    while length_s > SHORTEST_S and _bent(known, _windows(known.simulator, length_s)) > BENT:
         length_s = max(length_s / 2, SHORTEST_S)
     parts = []
     for e, n in enumerate(lengths):
@@ -58,29 +68,24 @@ def stretches(
     return tuple(told) if {s.episode for s in told} == set(range(len(lengths))) else whole
 
 
-def impact_stretches(
-    simulator: MechanismSimulator,
-    initial: AbstractInitialState,
-    usual: FloatArray,
-    signals: Signals,
-    found: Sequence[Sequence[Span]],
-) -> tuple[Span, ...]:
+def impact_stretches(known: Sensitive, found: Sequence[Sequence[Span]], lying: Sequence[Span]) -> tuple[Span, ...]:
     """Return the parts of a recording from flights over as much of what follows as the model responds in proportion.
 
     Args:
-        simulator: Of the recording.
-        initial: Its start states.
-        usual: Usual generalised force of each degree of freedom, (nv,).
-        signals: What was measured.
+        known: The recording.
         found: Flights of each episode.
+        lying: When bodies lie still: that is told too.
     """
     after_s = LONGEST_IMPACT_S
     while after_s > SHORTEST_IMPACT_S:
-        windows = _from_flights(simulator, found, after_s)
-        if len(windows) and _bent(simulator, initial, usual, signals, windows) <= BENT:
+        windows = _from_flights(known.simulator, found, after_s)
+        if len(windows) and _bent(known, windows) <= BENT:
             break
         after_s = max(after_s / 2, SHORTEST_IMPACT_S)
-    return into_impacts(simulator.recording, found, after_s)
+    hits = into_impacts(known.simulator.recording, found, after_s)
+    ends = {e: max(s.end for s in hits if s.episode == e) for e in {s.episode for s in hits}}
+    still = [s for s in lying if s.begin >= ends.get(s.episode, 0)]
+    return tuple(sorted((*hits, *still), key=lambda s: (s.episode, s.begin)))
 
 
 def _from_flights(simulator: MechanismSimulator, found: Sequence[Sequence[Span]], after_s: float) -> Windows:
@@ -91,19 +96,14 @@ def _from_flights(simulator: MechanismSimulator, found: Sequence[Sequence[Span]]
     return _spread(np.array(fits, dtype=int).reshape(-1, 2), after + FEWEST)
 
 
-def _bent(
-    simulator: MechanismSimulator,
-    initial: AbstractInitialState,
-    usual: FloatArray,
-    signals: Signals,
-    windows: Windows,
-) -> float:
+def _bent(known: Sensitive, windows: Windows) -> float:
     """Return which share of the response to a force is out of proportion at the end of windows: the median."""
-    starts = initial.guess_windows(signals, windows, smooth=True)
+    signals, usual = known.signals, known.usual
+    starts = known.initial.guess_windows(signals, windows, smooth=True)
     d = len(usual)
     forces = np.vstack([np.zeros(d), *(np.diag(size * usual) for size in (SMALL, LARGE))])
     with np.errstate(invalid="ignore", over="ignore"):
-        shown = simulator.predict_windows((), windows, np.repeat(starts[:, None], len(forces), axis=1), forces)
+        shown = known.simulator.predict_windows((), windows, np.repeat(starts[:, None], len(forces), axis=1), forces)
         change = (shown[:, 1:] - shown[:, :1]) / signals.sigma
         small, large = change[:, :d] * (LARGE / SMALL), change[:, d:]
         off, size = (_norm(x) for x in (large - small, np.where(np.isfinite(large), large, small)))
@@ -136,4 +136,4 @@ def _spread(index: FloatArray, samples: int) -> Windows:
     return Windows(chosen[:, 0], chosen[:, 1], samples)
 
 
-__all__ = ["impact_stretches", "stretches"]
+__all__ = ["Sensitive", "impact_stretches", "stretches"]

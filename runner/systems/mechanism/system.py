@@ -19,8 +19,8 @@ from runner.systems.disturbance import Disturbance
 from runner.systems.drawing import DrawnBody
 from runner.systems.mechanism.coordinates import HINGE, SLIDE
 from runner.systems.mechanism.drawing import body_poses, drawn_bodies
-from runner.systems.mechanism.flights import flights, measured_freely
-from runner.systems.mechanism.horizon import impact_stretches, stretches
+from runner.systems.mechanism.flights import flights, measured_freely, rests
+from runner.systems.mechanism.horizon import Sensitive, impact_stretches, stretches
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.labels import FACTORS, PHRASES, REGIMES, label
 from runner.systems.mechanism.model_file import write_model
@@ -127,9 +127,13 @@ class MechanismSystem(AbstractSystem):
     def stretches(self) -> tuple[Span, ...]:
         """See `AbstractSystem`."""
         if self._stretches is None:
-            known = self.simulator(), self.initial, self.disturbance.prior / LARGE, self._raw
-            found = self._found_flights
-            self._stretches = impact_stretches(*known, found) if any(found) else stretches(*known)
+            usual = self.disturbance.prior / LARGE
+            known = Sensitive(self.simulator(), self.initial, usual, self._raw)
+            if any(self._found_flights):
+                lying = rests(self.recording, self.initial.coordinates, self.context.model)
+                self._stretches = impact_stretches(known, self._found_flights, lying)
+            else:
+                self._stretches = stretches(known)
         return self._stretches
 
     def scatter(self) -> FloatArray | None:
