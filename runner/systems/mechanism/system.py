@@ -159,7 +159,7 @@ class MechanismSystem(AbstractSystem):
 
     def label(self, signals: Signals, windows: Windows) -> Labels:
         """See `AbstractSystem`."""
-        return label(self.recording, self._models, self.initial, self.context, signals, windows)
+        return label(self.recording, self._models, self.initial, self.context, signals, windows, self._found_flights)
 
     def phrase(self, factor: str, cell: str) -> str:
         """See `AbstractSystem`."""
@@ -215,6 +215,7 @@ class _Unmeasured(MechanismSystem):
         self.context, self.vocabulary, self.disturbance = known.context, known.vocabulary, known.disturbance
         self._step_s: float | None = known.step_s
         self._simulator = None
+        self._stretches, self._found_flights = None, [[] for _ in recording.episodes]
 
 
 def read_mechanism(path: str | Path) -> MechanismSystem:
