@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from tosses import BELIEVED, COLUMNS, toss_case, world, write
 
+from runner.diagnosis.pipeline import diagnose
 from runner.effects import mechanism as m
 from runner.effects.mechanism import contacts
 from runner.errors import RecordingError
@@ -172,3 +173,13 @@ def test_a_tilted_frame_is_a_tilted_world():
     normal = np.empty(3)
     mujoco.mju_rotVecQuat(normal, np.array([0.0, 0.0, 1.0]), model.geom_quat[0])
     assert normal == pytest.approx(-model.opt.gravity / G)
+
+
+def test_a_wrong_friction_is_named(tmp_path: Path):
+    """Four tosses of a box with half of the friction that its owner believes: the cause, and how much."""
+    system = open_case(toss_case(tmp_path, world(friction=0.2), tosses=4))
+    found = diagnose(system, threads=1, advise=False)
+    assert found.ranked[0].effects == ("friction[box]",)
+    mu, error = (of["friction[box]"]["mu"] for of in (found.ranked[0].parameters, found.ranked[0].errors))
+    assert abs(mu - 0.2) < 3 * error < 0.05
+    assert found.gap_closed > 0.7
