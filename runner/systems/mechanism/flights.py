@@ -22,6 +22,8 @@ from runner.systems.mechanism.models import can_touch
 CLEAR = 0.03  # of a body's size: farther from all that it may touch it is in flight
 FEWEST = 5  # samples of a flight that a start rests on
 LONGEST_S = 0.2  # of a flight: more tell the start hardly better
+SHORTEST_S = 0.05  # of a flight that does not begin an episode: a start state rests on it alone
+RESTS = 8  # episodes whose last part at rest is told: one says as much as the next
 STILL = 0.02  # of its size: a body that moves less until the end lies
 MOST_LOOKED_AT = 400  # samples of an episode; beyond, those of a thinner grid
 
@@ -85,7 +87,8 @@ def _flights(
             mujoco.mj_collision(near, data)
             free[k : k + every] = data.ncon == 0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], free, [False]]).astype(int)))
-    return [Span(number, int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= FEWEST]
+    least = max(FEWEST, round(SHORTEST_S / episode.step_s))
+    return [Span(number, int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= (least if a else FEWEST)]
 
 
 def rests(recording: MechanismRecording, coordinates: Coordinates, model: mujoco.MjModel) -> list[Span]:
@@ -109,7 +112,8 @@ def rests(recording: MechanismRecording, coordinates: Coordinates, model: mujoco
         begin = max(begin, len(episode) - round(LONGEST_S / episode.step_s))
         if len(episode) - begin >= 2 * FEWEST:
             out.append(Span(e, begin, len(episode)))
-    return out
+    spread = np.linspace(0, len(out) - 1, min(RESTS, len(out))).round().astype(int)
+    return [out[i] for i in np.unique(spread)]
 
 
 def into_impacts(recording: MechanismRecording, found: Sequence[Sequence[Span]], after_s: float) -> tuple[Span, ...]:

@@ -25,6 +25,7 @@ from runner.systems.windows import Windows
 LONGEST_S = 8.0  # no longer: errors that pile up over more tell nothing new, and cost as much as what does
 SHORTEST_S = 0.5  # no shorter: a start state is then most of what is told
 LONGEST_IMPACT_S, SHORTEST_IMPACT_S = 0.4, 0.1  # the same of what follows a flight: several impacts; one
+BENT_BY_IMPACTS = 0.25  # the same where it is impacts that bend: of those hit, half answer in proportion for longer
 SMALL, LARGE = 0.01, 0.1  # forces that are compared: shares of the usual force
 BENT = 0.2  # share of the response that may be out of proportion, in half of the windows and joints
 LOOKS = 24  # windows that are looked at, for each length
@@ -79,7 +80,7 @@ def impact_stretches(known: Sensitive, found: Sequence[Sequence[Span]], lying: S
     after_s = LONGEST_IMPACT_S
     while after_s > SHORTEST_IMPACT_S:
         windows = _from_flights(known.simulator, found, after_s)
-        if len(windows) and _bent(known, windows) <= BENT:
+        if len(windows) and _bent(known, windows) <= BENT_BY_IMPACTS:
             break
         after_s = max(after_s / 2, SHORTEST_IMPACT_S)
     hits = into_impacts(known.simulator.recording, found, after_s)
