@@ -119,6 +119,8 @@ def test_mass_of_what_is_tossed_is_not_offered(tmp_path: Path):
     names = {c.name for c in still(tmp_path).vocabulary}
     assert "mass[box]" not in names
     assert {"friction[box]", "contact_stiffness[box]", "restitution[box]", "body_size[box]", "frame_tilt"} <= names
+    assert "sensor_offset[z]" in names
+    assert not {"sensor_offset[x]", "sensor_scale[z]", "sensor_lag[x]"} & names
 
 
 def test_drag_of_the_air_is_the_coefficient_s():

@@ -18,6 +18,7 @@ import scipy  # loads its parts when they are first used
 
 MIX_LEAST = 1e-15  # solmix below counts for nothing
 NEAR_CRITICAL, MOST_DAMPED = 1e-6, 20.0  # damping ratios
+PLANE, LEVEL = int(mujoco.mjtGeom.mjGEOM_PLANE), 1e-9
 FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 
 
@@ -167,6 +168,17 @@ def is_first_in_contact(model: mujoco.MjModel, body: str | None) -> bool:
     """Whether a body is the first that may touch anything: what is set for all contacts is named for it."""
     names = (model.body(b).name for b in range(1, model.nbody))
     return next((n for n in names if touches(model, n)), None) == body
+
+
+def is_even(model: mujoco.MjModel, axis: int) -> bool:
+    """Whether all that stands still is the same everywhere along an axis of the world: planes that it lies in."""
+    for geom in np.flatnonzero(np.asarray(model.body_weldid)[model.geom_bodyid] == 0):
+        normal = np.empty(3)
+        mujoco.mju_rotVecQuat(normal, np.array([0.0, 0.0, 1.0]), model.geom_quat[geom])
+        on_world = int(model.geom_bodyid[geom]) == 0
+        if int(model.geom_type[geom]) != PLANE or not on_world or abs(normal[axis]) > LEVEL:
+            return False
+    return True
 
 
 def is_free(model: mujoco.MjModel, body: str | None) -> bool:

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from runner.arrays import FloatArray
-from runner.effects.mechanism import EFFECTS, MechanismEffect, Scope, SensorLag, SensorScale
+from runner.effects.mechanism import EFFECTS, MechanismEffect, Scope, SensorLag, SensorOffset, SensorScale, contacts
 from runner.effects.vocabulary import Candidate, Vocabulary
 from runner.recording import Span
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
@@ -144,16 +144,25 @@ def vocabulary_of(recording: MechanismRecording, scope: Scope, coordinates: Coor
             Candidate(cls, target)
             for cls in EFFECTS
             for target in targets[cls.target_kind]
-            if cls.applies(scope.at(target)) and (cls.target_kind != "channel" or _of_its_own(cls, target, recording))
+            if cls.applies(scope.at(target))
+            and (cls.target_kind != "channel" or _of_its_own(cls, target, recording, scope.model))
         )
     )
 
 
-def _of_its_own(cls: type[MechanismEffect], channel: str | None, recording: MechanismRecording) -> bool:
-    """Whether a channel can be filtered or scaled by itself: what tracks a body does so to all axes of a pose alike."""
+def _of_its_own(
+    cls: type[MechanismEffect], channel: str | None, recording: MechanismRecording, model: mujoco.MjModel
+) -> bool:
+    """Whether a channel can be filtered, scaled or shifted by itself, and that shows.
+
+    What tracks a body filters and scales all axes of a pose alike; a shift along an even floor changes nothing.
+    """
     source = next(s for s in recording.mapping.sources if s.name == channel)
-    whole = source.kind == "body" and source.quantity == "position"
-    return not (whole and issubclass(cls, SensorLag | SensorScale))
+    if source.kind != "body" or source.quantity != "position":
+        return True
+    if issubclass(cls, SensorOffset) and contacts.is_free(model, source.target):
+        return not contacts.is_even(model, source.index)
+    return not issubclass(cls, SensorLag | SensorScale)
 
 
 def moving_bodies(model: mujoco.MjModel) -> list[str]:

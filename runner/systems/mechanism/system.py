@@ -35,9 +35,9 @@ from runner.systems.windows import Labels, Windows
 
 FORCE_SHARE, LARGE = 0.03, 3.0  # of the usual force: the step of a missing force; how large one may be
 # Of bodies that hit things: what an impact does has many causes, each with a small share of it; no simulator of rigid
-# bodies comes nearer to real tosses than to a third of what a wrong friction makes (Acosta et al. 2022), a tenth in
+# bodies comes nearer to real tosses than to half of what a wrong friction makes (Acosta et al. 2022), a fifth in
 # squares; a few seconds of flights and impacts tell as much as the tenfold.
-OF_IMPACTS = 0.97, 0.1, 8.0  # `worth_another`, `unknown_share`, `searched_s`
+OF_IMPACTS = 0.97, 0.2, 8.0  # `worth_another`, `unknown_share`, `searched_s`
 LEAST_FORCE = 1e-3  # N or N m, of a joint that nothing moved
 
 
