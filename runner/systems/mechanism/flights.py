@@ -53,12 +53,12 @@ def flights(recording: MechanismRecording, coordinates: Coordinates, model: mujo
         model: As believed; not written to.
     """
     near = copy.copy(model)
-    near.geom_margin[:] = 0.5 * CLEAR * _size_m(model)
+    near.geom_margin[:] = 0.5 * CLEAR * size_m(model)
     data = mujoco.MjData(near)
     return [_flights(e, k, recording, coordinates, near, data) for k, e in enumerate(recording.episodes)]
 
 
-def _size_m(model: mujoco.MjModel) -> float:
+def size_m(model: mujoco.MjModel) -> float:
     """Return how large the smallest moving body is: its bounding radius."""
     moving = [r for r, b in zip(model.geom_rbound, model.geom_bodyid, strict=True) if model.body_weldid[b] != 0]
     return float(min((r for r in moving if r > 0), default=0.1))
@@ -99,7 +99,7 @@ def rests(recording: MechanismRecording, coordinates: Coordinates, model: mujoco
     out = []
     bodies = [model.body(int(model.jnt_bodyid[i])).name for i in range(len(coordinates.joints))]
     poses = [found for b in bodies if (found := _pose_channels(recording, b)) is not None]
-    size = _size_m(model)
+    size = size_m(model)
     for e, episode in enumerate(recording.episodes):
         moved = np.zeros(len(episode))
         for places, turn in poses:

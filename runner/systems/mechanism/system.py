@@ -19,7 +19,7 @@ from runner.systems.disturbance import Disturbance
 from runner.systems.drawing import DrawnBody
 from runner.systems.mechanism.coordinates import HINGE, SLIDE
 from runner.systems.mechanism.drawing import body_poses, drawn_bodies
-from runner.systems.mechanism.flights import flights, measured_freely, rests
+from runner.systems.mechanism.flights import flights, measured_freely, rests, size_m
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.labels import FACTORS, PHRASES, REGIMES, label
 from runner.systems.mechanism.model_file import write_model
@@ -38,6 +38,7 @@ FORCE_SHARE, LARGE = 0.03, 3.0  # of the usual force: the step of a missing forc
 # bodies comes nearer to real tosses than to half of what a wrong friction makes (Acosta et al. 2022), a fifth in
 # squares; a few seconds of flights and impacts tell as much as the tenfold.
 OF_IMPACTS = 0.97, 0.2, 8.0  # `worth_another`, `unknown_share`, `searched_s`
+STEP = 0.005  # of a body's size, and rad: by so much start states differ where sensitivities are taken
 LEAST_FORCE = 1e-3  # N or N m, of a joint that nothing moved
 
 
@@ -73,6 +74,9 @@ class MechanismSystem(AbstractSystem):
         self._found_flights = self._flights()
         if any(self._found_flights):
             self.worth_another, self.unknown_share, self.searched_s = OF_IMPACTS
+            # what is smaller than that tells which corner chatters, and not where the body goes
+            coarse = np.array([STEP * (size_m(self.context.model) if c.unit == "m" else 1.0) for c in self.channels])
+            self.initial.steps = self.initial.scale(np.maximum(self._raw.sigma, coarse))
 
     @property
     def step_s(self) -> float:
