@@ -19,6 +19,7 @@ BOX, SPHERE = int(mujoco.mjtGeom.mjGEOM_BOX), int(mujoco.mjtGeom.mjGEOM_SPHERE)
 CYLINDER, CAPSULE = int(mujoco.mjtGeom.mjGEOM_CYLINDER), int(mujoco.mjtGeom.mjGEOM_CAPSULE)
 ELLIPSOID = int(mujoco.mjtGeom.mjGEOM_ELLIPSOID)
 SHAPES = (BOX, SPHERE, CYLINDER, CAPSULE, ELLIPSOID)
+TRIED = 0.04  # where fits begin: as far off as one may measure a body with a ruler
 UNIFORM = 0.01  # relative: an inertia that is so near that of a uniform body is meant to be one
 
 
@@ -62,6 +63,11 @@ class BodySize(MechanismEffect):
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:
         return cls(str(context.target), math.exp(x[0]))
+
+    @classmethod
+    def starts(cls, context: Scope) -> np.ndarray:
+        # a body that lies is pushed out by one that is believed larger: from there no small step helps
+        return np.array([[-TRIED], [TRIED]])
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
