@@ -152,10 +152,10 @@ def values_of(contender: Contender, context: Scope) -> tuple[dict[str, dict[str,
     x, covariance = contender.fit.x, contender.evidence.covariance
     parameters, errors = {}, {}
     for candidate, part in contender.fit.explanation.parts(context):
-        value = candidate.make(x[part], context).report()
+        value = candidate.make(x[part], context)[0].report()
         slopes = []
         for step in np.diag([1e-4 * p.scale for p in candidate.parameters(context)]):
-            moved = candidate.make(x[part] + step, context).report()
+            moved = candidate.make(x[part] + step, context)[0].report()
             slopes.append([_turn(name, moved[name] - value[name]) / step.sum() for name in value])
         slope = np.array(slopes).T
         spread = slope @ covariance[part, part] @ slope.T

@@ -14,7 +14,7 @@ import numpy as np
 from runner.inference.breakaway import hanging
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 from runner.inference.parameters import is_out_of_range
-from runner.inference.search import NEAR, RESTED, resumed, search, singles
+from runner.inference.search import NEAR, RESTED, Search, resumed, search, singles
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of
 from runner.progress import UNOBSERVED
 from runner.recording import Span
@@ -72,12 +72,7 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     lacks = rough.loss - [cut.measured.count([i]) for i in rough.episodes]
     first = np.array([s.begin == 0 for s in spans])
     chosen = np.flatnonzero(first | (lacks > np.quantile(lacks, 1.0 - TOLD)))
-    found = search(cut, chosen.tolist(), most=1, starts=rough.starts[chosen], pieces=True)
-    # before a second effect makes up for what hangs on a breakaway
-    hung = hanging(cut, found.best.fit)
-    cut = replace(cut, measured=cut.measured.without(hung))
-    begin, starts = resumed(found, cut), found.nominal.starts
-    found = search(cut, chosen.tolist(), most=TOGETHER, starts=starts, beginning=begin, pieces=True)
+    found, cut, hung = _searched(cut, chosen.tolist(), rough.starts[chosen])
     fitter.simulator.simulated_s += cut.simulator.simulated_s
     late = _earliest(hung, spans)
     whole = replace(fitter, measured=fitter.measured.without(late))
@@ -104,6 +99,20 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     return Look(
         Beginning(seeds, singles(fitter.system.vocabulary) - set(seeds) if explained else frozenset[Key]()), late
     )
+
+
+def _searched(cut: Fitter, chosen: Sequence[int], starts: np.ndarray) -> tuple[Search, Fitter, dict[int, int]]:
+    """Search pieces; also returns the fitter without what hangs on a breakaway, and from which sample each does."""
+    if cut.system.leaps:
+        found = search(cut, chosen, starts=starts, pieces=True)
+        hung = hanging(cut, found.best.fit)
+        return found, replace(cut, measured=cut.measured.without(hung)), hung
+    found = search(cut, chosen, most=1, starts=starts, pieces=True)
+    # before a second effect makes up for what hangs on a breakaway
+    hung = hanging(cut, found.best.fit)
+    cut = replace(cut, measured=cut.measured.without(hung))
+    begin, starts = resumed(found, cut), found.nominal.starts
+    return search(cut, chosen, most=TOGETHER, starts=starts, beginning=begin, pieces=True), cut, hung
 
 
 def recut(beginning: Beginning, fitter: Fitter, nominal: Fit) -> Beginning:
@@ -164,7 +173,8 @@ def carried(fitter: Fitter, seed: WarmStart, episodes: Sequence[int], longest_s:
             break
         longer = fitter.up_to(longest_s * share)
         fit = longer.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=12, polish=False)
-        if fit.total > ASTRAY_THERE * longer.measured.count(episodes) and len(fit.x) and not left_behind:
+        lacks = fit.total > ASTRAY_THERE * longer.measured.count(episodes) and len(fit.x) and not left_behind
+        if lacks and not fitter.system.leaps:
             left_behind.append(_seed(fitter, fit.explanation, fit.x, fit.starts, episodes))
             fit = _with_another(longer, fit)
         fitter.simulator.simulated_s += longer.simulator.simulated_s

@@ -26,6 +26,7 @@ from runner.inference.evidence import (
     predicted_gain,
     sensitivities,
 )
+from runner.inference.leap import leaps
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of, over_edges, where_to_begin
 
@@ -46,6 +47,7 @@ SETTLED = 0.03  # of the nominal model's excess: where the leader leaves less, n
 CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, promises hold; so many are fitted anyway
 # Of the nominal model's excess: where a fit leaves less, and no more than the noise, promises of further effects hold.
 LINEAR = 0.1
+AHEAD = 3.0  # times what a larger set leaves beyond the noise: who leaves more is not added to
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
 Offer = tuple[float, Candidate, np.ndarray]  # the promised gain, the effect, where to begin
 
@@ -96,14 +98,14 @@ def search(
     most = fitter.system.most_effects if most is None else most
     for size in range(1, most + 1):
         fits = rounds.fitted(size, beam)
-        if not fits:
-            if any(len(key) > size for key in rounds.seeds):
-                continue  # where several are far ahead of each alone, only they come from before
+        # where several are far ahead of each alone, or of fewer, only they come from before
+        new = rounds.weighed(size, fits) if fits else None
+        if size == 1 < most and fitter.system.leaps:
+            rounds.leap()
+        if new is None and not any(len(key) > size for key in rounds.seeds):
             break
-        new = rounds.weighed(size, fits)
-        if new is None:
-            break
-        beam = rounds.beam(new)
+        # in pieces, where fits only begin, a leap is enough
+        beam = [] if pieces and fitter.system.leaps else rounds.beam(new or [])
     return Search(tuple(sorted(rounds.contenders, key=lambda c: -c.log_posterior)), rounds.nominal)
 
 
@@ -163,6 +165,24 @@ class _Rounds:
             seen={NONE.candidates},
         )
 
+    def leap(self) -> None:
+        """Go on with what the linear model proposes at once, from the effect or the seed that leaves least."""
+        begin = min((c.fit for c in self.contenders), key=lambda f: f.total)
+        if self.seeds:
+            seed = min(self.seeds.values(), key=lambda s: s.total)
+            if seed.total < begin.total:
+                how = {"x": seed.x, "starts": seed.starts, "iterations": 12, "polish": False}
+                begin = self.fitter.fit(seed.explanation, self.episodes, **how)
+                self._seed(begin)
+        known = self.alone if begin is self.nominal else sensitivities(self.fitter, begin, self.every)
+        for fit in leaps(self.fitter, begin, self.every, known, self.worth)[-1:]:
+            self._seed(fit)
+
+    def _seed(self, fit: Fit) -> None:
+        key = key_of(fit.explanation)
+        if key not in self.seeds or self.seeds[key].total > fit.total:
+            self.seeds[key] = WarmStart(fit.explanation, fit.x, fit.starts, fit.total)
+
     def fitted(self, size: int, beam: Sequence[Contender]) -> list[Fit]:
         """Fit explanations of so many effects: those of the beam with one more, and those that an earlier look left."""
         fits: list[Fit] = []
@@ -214,7 +234,10 @@ class _Rounds:
     def beam(self, new: Sequence[Contender]) -> list[Contender]:
         """Return what is worth adding to, of contenders of one size, likeliest first."""
         beam: list[Contender] = []
+        left = min((s.total for k, s in self.seeds.items()), default=np.inf) - self.count
         for contender in new:
+            if contender.fit.total - self.count > AHEAD * max(left, self.worth):
+                continue  # a set of more effects is so far ahead that one more beside this will not reach it
             if beam and beam[0].fit.total - self.count < SETTLED * (self.nominal.total - self.count):
                 break
             near = contender.log_posterior > new[0].log_posterior - NEAR
@@ -230,12 +253,16 @@ class _Rounds:
             jumps = [o for o in offers if o[1].effect.discontinuous or len(o[1].starts(self.fitter.context))]
             nonlinear = {o[1] for o in jumps[:NONLINEAR]}
             return [o for i, o in enumerate(offers) if i < CANDIDATES or o[1] in nonlinear]
+        if size == 1 and self.fitter.system.leaps and self.seeds:
+            return []  # an earlier look has tried them all
         if size == 1:
             every = left >= CLOSE * self.count
             return [o for i, o in enumerate(offers) if every or i < FEWEST or o[0] > OFFERED * self.worth]
         if left < self.worth:
             return []  # nothing is left that would be worth an effect
         candidates = FEWEST if self.pieces else CANDIDATES
+        if self.fitter.system.leaps:
+            return [o for o in offers[:FEWEST] if o[0] > OFFERED * self.worth]
         if left < min(LINEAR * (self.nominal.total - self.count), self.count):
             return [o for o in offers[:candidates] if o[0] > OFFERED * self.worth]
         # far from a good fit the linear promise misleads: the commonest effects are always tried
@@ -359,8 +386,7 @@ def are_confounded(a: Fit, b: Fit) -> bool:
 
     def plain(fit: Fit) -> list[tuple[str, str]]:
         return sorted(
-            (min((c.effect.name, *(o.name for o in c.effect.confounded))), c.target or "")
-            for c in fit.explanation.candidates
+            (min((c.effect.name, *(o.name for o in c.effect.confounded))), c.key[1]) for c in fit.explanation.candidates
         )
 
     return plain(a) == plain(b)
@@ -374,14 +400,10 @@ def singles(vocabulary: Vocabulary) -> frozenset[Key]:
 def _offers(contender: Contender, fitter: Fitter) -> list[Offer]:
     """Every effect that is not in yet, nor told apart from one that is, most promising first, with a start vector."""
     held = contender.fit.explanation.candidates
-    taken = {c.name for c in held}
-    alike = {(o.name, c.target) for c in held for o in c.effect.confounded}
     out = []
     for candidates in fitter.system.vocabulary.by_name.values():
         for candidate in candidates:
-            if candidate.name in taken or (candidate.effect.name, candidate.target) in alike:
-                continue
-            if candidate in contender.gains:
+            if candidate in contender.gains and candidate.may_join(held):
                 gain, vector = contender.gains[candidate]
                 out.append((gain, candidate, clip(candidate, vector, fitter.context)))
     return sorted(out, key=lambda o: -o[0])
