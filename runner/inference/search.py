@@ -126,6 +126,7 @@ class _Rounds:
         ruled_out: What is not to be tried again.
         contenders: Compared by evidence so far.
         seen: What was fitted.
+        last: A fit and what every effect does beside it.
     """
 
     fitter: Fitter
@@ -140,6 +141,7 @@ class _Rounds:
     ruled_out: frozenset[Key]
     contenders: list[Contender]
     seen: set[Key]
+    last: tuple[Fit, Sensitivities]
 
     @classmethod
     def begun(
@@ -163,6 +165,7 @@ class _Rounds:
             ruled_out=beginning.ruled_out,
             contenders=[contend(fitter, nominal, alone)],
             seen={NONE.candidates},
+            last=(nominal, alone),
         )
 
     def leap(self) -> None:
@@ -174,9 +177,14 @@ class _Rounds:
                 how = {"x": seed.x, "starts": seed.starts, "iterations": 12, "polish": False}
                 begin = self.fitter.fit(seed.explanation, self.episodes, **how)
                 self._seed(begin)
-        known = self.alone if begin is self.nominal else sensitivities(self.fitter, begin, self.every)
-        for fit in leaps(self.fitter, begin, self.every, known, self.worth)[-1:]:
+        for fit in leaps(self.fitter, begin, self.every, self._around(begin), self.worth)[-1:]:
             self._seed(fit)
+
+    def _around(self, fit: Fit) -> Sensitivities:
+        """Return what every effect does beside a fit; of the last one that is known."""
+        if fit is not self.last[0]:
+            self.last = fit, sensitivities(self.fitter, fit, self.every)
+        return self.last[1]
 
     def _seed(self, fit: Fit) -> None:
         key = key_of(fit.explanation)
@@ -209,7 +217,7 @@ class _Rounds:
         """Finish fits of so many effects and compare them by evidence; None: nothing speaks for a further effect."""
         fits = sorted(fits, key=lambda f: f.total)
         fits = _finished(self.fitter, fits, self.count, BEAM if self.pieces else FINISHED)
-        around_best = sensitivities(self.fitter, fits[0], self.every)
+        around_best = self._around(fits[0])
         new = [self._worthy(fit, around_best) for fit in fits[:SURVEYED]]
         best = max(c.log_posterior for c in self.contenders)
         left_before = min(c.fit.total for c in self.contenders) - self.count
