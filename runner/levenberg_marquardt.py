@@ -44,7 +44,7 @@ class Schedule:
 
 
 @dataclass(frozen=True)
-class Attempt(Generic[Point]):
+class Trial(Generic[Point]):
     """What came of one step of each of the n blocks that go on; one word for all of them, or one for each, (n,).
 
     Args:
@@ -62,7 +62,7 @@ class Attempt(Generic[Point]):
 
 
 # (iteration, where all blocks stand, which of them go on (n,), their dampings (n,))
-Step = Callable[[int, Point, np.ndarray, np.ndarray], Attempt[Point]]
+Step = Callable[[int, Point, np.ndarray, np.ndarray], Trial[Point]]
 
 
 def descend(step: Step[Point], point: Point, schedule: Schedule, *, iterations: int, blocks: int = 1) -> Point:

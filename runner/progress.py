@@ -22,7 +22,7 @@ EVERY_S = 10.0  # between two lines where there is no terminal
 Advance = Callable[[int], object]  # told of the steps that were taken since its last call
 
 
-class Observer(Protocol):
+class ProgressObserver(Protocol):
     """Is told what a diagnosis is at; must be quick, and raise nothing."""
 
     def stage(self, name: str) -> object:
@@ -88,7 +88,7 @@ def silent(_: int) -> None:
 
 
 @contextmanager
-def observed(description: str) -> Iterator[Observer]:
+def observed(description: str) -> Iterator[ProgressObserver]:
     """Give an observer of a diagnosis, which shows what it is at: on a terminal at once, else a line now and then."""
     current = [""]
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runner.diagnosis.attempt import split
 from runner.diagnosis.next_experiment import best_experiment
 from runner.diagnosis.pipeline import diagnose
 from runner.diagnosis.ranking import not_none, strained
 from runner.diagnosis.result import Diagnosis
 from runner.diagnosis.score import read_answers, score
+from runner.diagnosis.split import split
 from runner.diagnosis.verdict import read_verdicts, verdict
 from runner.effects import planar_box as fx
 from runner.effects.vocabulary import Candidate

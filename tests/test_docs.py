@@ -51,3 +51,22 @@ def test_what_the_readme_says_of_python_is_there() -> None:
     assert {"diagnose", "read"} <= named <= set(runner.__all__)
     for attribute in set(re.findall(r"diagnosis\.(\w+)", code)):
         assert hasattr(runner.CaseDiagnosis, attribute)
+
+
+def test_the_page_on_the_architecture_is_that_of_the_tree() -> None:
+    """Every room and loose module has a line in it, every path and module that it names is there."""
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    tree = page.split("```")[1]
+    inside = [p for p in (ROOT / "runner").iterdir() if p.name not in ("__pycache__", "__init__.py")]
+    rooms = {p.name for p in inside if p.is_dir() or p.suffix == ".py"}
+    assert rooms == set(re.findall(r"^  (\w+(?:\.py)?)(?=/? )", tree, re.MULTILINE))
+    named = re.findall(r"`((?:runner|systems|diagnosis|simulate|tests)/[\w/*]+\.py)`", page)
+    assert len(named) > 10
+    for path in (n for n in named if "NAME" not in n and "KIND" not in n):
+        assert list(ROOT.glob(path)) or list((ROOT / "runner").glob(path)), path
+
+
+def test_the_readme_links_to_every_page() -> None:
+    """No page of the documentation is found by chance alone."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert [p.name for p in (ROOT / "docs").glob("*.md") if f"docs/{p.name}" not in text] == []

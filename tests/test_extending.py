@@ -16,9 +16,10 @@ from scipy.integrate import solve_ivp
 
 from runner.__main__ import main
 from runner.diagnosis.pipeline import diagnose
+from runner.effects import import_all, planar_box
 from runner.effects.planar_box import EFFECTS
 from runner.report import words
-from runner.systems.planar_box.system import PlanarBox
+from runner.systems.planar_box.system import PlanarBox, vocabulary
 from tests.cases import made
 
 EFFECT = '''"""A pusher that is weaker towards one side of the world."""
@@ -107,6 +108,17 @@ def test_a_new_effect_is_one_file(one_sided_gain: type) -> None:
     value, error = (v["one_sided_gain"]["share"] for v in (found.ranked[0].parameters, found.ranked[0].errors))
     assert abs(value - 0.8) < 4 * error < 0.1
     assert words.verdict(found).startswith("The pusher is weaker to the left: 0.80")
+
+
+def test_a_file_in_the_folder_is_in_the_vocabulary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What lies in a folder of effects is imported with it: there is no list to be kept."""
+    (tmp_path / "one_sided_gain.py").write_text(EFFECT, encoding="utf-8")
+    monkeypatch.setattr(planar_box, "__path__", [str(tmp_path)])
+    import_all(planar_box.__name__, planar_box.__path__)
+    try:
+        assert [c.name for c in vocabulary()][-1] == "one_sided_gain"
+    finally:
+        del EFFECTS["one_sided_gain"], sys.modules["runner.effects.planar_box.one_sided_gain"]
 
 
 def pendulum_case(folder: Path, *, damping_n_m_s: float) -> Path:

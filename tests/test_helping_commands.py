@@ -13,7 +13,7 @@ import pytest
 from runner.__main__ import main
 from runner.commands import _self_test, doctor, view
 from runner.commands._catalogue import GROUPS, Kind, described, files, listed, names
-from runner.commands._self_test import Outcome, sliding, swinging
+from runner.commands._self_test import Comparison, sliding, swinging
 from runner.effects import mechanism, planar_box
 
 EFFECTS = sorted({*planar_box.EFFECTS, *(cls.name for cls in mechanism.EFFECTS)})
@@ -144,8 +144,8 @@ def test_closed_forms_are_met_and_told_from_others() -> None:
     assert sliding().exact == pytest.approx(2.0**2 / (2 * 0.3 * 9.81))
     small = 2 * math.pi * math.sqrt((0.02 + 1.5 * 0.4**2) / (1.5 * 9.81 * 0.4))
     assert swinging().exact == pytest.approx(small * (1 + 1 / 16 + 11 / 3072 + 173 / 737280), rel=1e-4)
-    assert not Outcome("", "m", 1.002, 1.0).passed
-    assert not Outcome("", "m", math.nan, 1.0).passed
+    assert not Comparison("", "m", 1.002, 1.0).passed
+    assert not Comparison("", "m", math.nan, 1.0).passed
 
 
 def test_doctor_says_what_is_here(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -153,7 +153,7 @@ def test_doctor_says_what_is_here(capsys: pytest.CaptureFixture[str], monkeypatc
     out = said(capsys, "doctor")
     for text in ("mujoco", "cores", "GiB free", "Rerun viewer", "sliding distance", "pendulum's period", "All is well"):
         assert text in out
-    monkeypatch.setattr(doctor, "sliding", lambda: Outcome("sliding distance", "m", 1.0, 0.7))
+    monkeypatch.setattr(doctor, "sliding", lambda: Comparison("sliding distance", "m", 1.0, 0.7))
     out = said(capsys, "doctor", code=1)
     assert "OFF" in out
     assert "Something is wrong" in out

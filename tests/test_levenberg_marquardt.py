@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from runner.levenberg_marquardt import Attempt, Schedule, damped, descend
+from runner.levenberg_marquardt import Schedule, Trial, damped, descend
 
 SCHEDULE = Schedule(1e-3, most=1e12)
 STARTS = np.array([[-1.2, 1.0], [4.0, -7.0], [0.9, 0.8], [1.0, 1.0]])
@@ -29,7 +29,7 @@ class Valley:
         self.going: list[list[int]] = []
         self.loss: list[np.ndarray] = []
 
-    def step(self, iteration: int, point: np.ndarray, blocks: np.ndarray, damping: np.ndarray) -> Attempt[np.ndarray]:
+    def step(self, iteration: int, point: np.ndarray, blocks: np.ndarray, damping: np.ndarray) -> Trial[np.ndarray]:
         assert iteration == len(self.going)
         self.going.append(blocks.tolist())
         x, j = point[blocks], jacobian(point[blocks])
@@ -40,7 +40,7 @@ class Valley:
         out = point.copy()
         out[blocks[gained]] = trial[gained]
         self.loss.append((residual(out) ** 2).sum(axis=1))
-        return Attempt(out, gained, ~gained, rests=np.abs(move).max(axis=1) < 1e-12)
+        return Trial(out, gained, ~gained, rests=np.abs(move).max(axis=1) < 1e-12)
 
 
 def test_every_block_ends_in_its_minimum() -> None:
@@ -67,9 +67,9 @@ def test_damping_follows_what_steps_gain() -> None:
     said = iter([(False, True), (True, False), (False, False), (True, False), (True, False), (False, True)])
     seen = []
 
-    def step(_: int, point: int, blocks: np.ndarray, damping: np.ndarray) -> Attempt[int]:
+    def step(_: int, point: int, blocks: np.ndarray, damping: np.ndarray) -> Trial[int]:
         seen.append(float(damping[0]))
-        return Attempt(point + 1, *next(said))
+        return Trial(point + 1, *next(said))
 
     schedule = Schedule(1e-4, easing=10.0, stiffening=20.0, least=5e-4, least_refused=1e-2, most=0.02)
     assert descend(step, 0, schedule, iterations=6) == 6
@@ -80,9 +80,9 @@ def test_a_block_whose_steps_are_all_refused_is_given_up() -> None:
     """Once its damping is as high as it may be; the other goes on."""
     going = []
 
-    def step(_: int, point: None, blocks: np.ndarray, damping: np.ndarray) -> Attempt[None]:
+    def step(_: int, point: None, blocks: np.ndarray, damping: np.ndarray) -> Trial[None]:
         going.append(blocks.tolist())
-        return Attempt(point, eased=blocks == 1, refused=blocks == 0)
+        return Trial(point, eased=blocks == 1, refused=blocks == 0)
 
     descend(step, None, Schedule(1.0, stiffening=10.0, most=1e3), iterations=5, blocks=2)
     assert going == [[0, 1], [0, 1], [0, 1], [1], [1]]
@@ -91,7 +91,7 @@ def test_a_block_whose_steps_are_all_refused_is_given_up() -> None:
 def test_nothing_to_fit_takes_no_step() -> None:
     """No blocks, or no iterations."""
 
-    def step(*_: object) -> Attempt[str]:
+    def step(*_: object) -> Trial[str]:
         raise AssertionError
 
     assert descend(step, "there", SCHEDULE, iterations=5, blocks=0) == "there"

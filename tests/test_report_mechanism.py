@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,10 +17,12 @@ import rerun as rr
 from runner.localise.regimes import closure_by_regime
 from runner.localise.where import localise
 from runner.noise.measured import measure
-from runner.report import html, words
+from runner.report import before_after, html, words
+from runner.report.before_after import misses
 from runner.report.motions import replay
 from runner.report.record import write_rrd
 from runner.report.suspects import suspects
+from runner.simulate.gap import of_a_sample
 from runner.systems.case import open_case
 
 RATE_HZ, DURATION_S, STEPS = 50.0, 3.0, 20  # physics steps to a sample
@@ -155,3 +158,20 @@ def test_log_of_a_mechanism(found: Any, tmp_path: Path) -> None:
     assert {f"missing_force/{name}" for name in found.system.disturbance.names} <= rows.keys()
     assert "world/command" not in rows
     assert "world/missing_force" not in rows
+
+
+def test_log_of_what_has_no_shape(found: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wheel without geoms whose mass is at its axis is not drawn; what it misses is plotted all the same."""
+    monkeypatch.setattr(type(found.system), "drawn", lambda _: ())
+    monkeypatch.setattr(type(found.system), "poses", lambda *_: {})
+    entities = {c.entity_path.lstrip("/") for c in rr.chunk.RrdReader(write_rrd(found, tmp_path)).stream()}
+    assert "residual/q_elbow" in entities
+    assert not any(e.startswith("world/measured") for e in entities)
+
+
+def test_misses_of_what_is_sampled_slowly(found: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A horizon shorter than a sample is left out; the others are there."""
+    assert [m.horizon_s for m in misses(found)][:3] == [0.1, 0.5, 1.0]
+    assert of_a_sample((0.1, 0.5, 1.0), 2.0) == (0.5, 1.0)
+    monkeypatch.setattr(before_after, "SHOWN_HORIZONS_S", (0.001, 0.5))
+    assert [m.horizon_s for m in misses(found) if not math.isnan(m.horizon_s)] == [0.5, 0.5]

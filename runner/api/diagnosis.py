@@ -19,7 +19,7 @@ from runner.diagnosis import pipeline
 from runner.diagnosis.result import Diagnosis
 from runner.diagnosis.verdict import FILE, verdict
 from runner.localise.where import Where
-from runner.progress import UNOBSERVED, Observer, Spoken
+from runner.progress import UNOBSERVED, ProgressObserver, Spoken
 from runner.report import words
 from runner.report.before_after import of_whole_episodes
 from runner.report.statement import caveats, state
@@ -182,7 +182,7 @@ def diagnose(
     *,
     threads: int | None = None,
     advise: bool = True,
-    progress: Callable[[str], object] | Observer | None = None,
+    progress: Callable[[str], object] | ProgressObserver | None = None,
 ) -> CaseDiagnosis:
     """Diagnose a case: where its model misses, which effect explains that, how far the gap shrinks.
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from runner.diagnosis.attempt import split
 from runner.diagnosis.closure import close
 from runner.diagnosis.score import full_name
+from runner.diagnosis.split import split
 from runner.effects.base import Effects
 from runner.effects.vocabulary import Candidate, Vocabulary
 from runner.errors import ResultError

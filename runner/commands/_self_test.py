@@ -26,7 +26,7 @@ PENDULUM = f"""<mujoco><option gravity="0 0 -{GRAVITY}"/><worldbody><body name="
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Comparison:
     """What came out, and what should have."""
 
     what: str
@@ -45,7 +45,7 @@ class Outcome:
         return self.off < ALLOWED
 
 
-def sliding() -> Outcome:
+def sliding() -> Comparison:
     """Let a box slide to rest: v^2 / (2 mu g)."""
     count, rate_hz = 91, 60.0
     still = np.zeros((count, 3))
@@ -54,10 +54,12 @@ def sliding() -> Outcome:
     box = PlanarBox(Recording(Path("self-test"), Form.PLANAR, nominal, (episode,)))
     start = np.array([0.0, 0.0, 0.0, SPEED_M_S, 0.0, 0.0])
     motion = box.simulator(threads=1).predict(0, [Run((), start)])[0]
-    return Outcome("sliding distance, v²/(2 μ g)", "m", float(motion[-1, 0]), SPEED_M_S**2 / (2 * FRICTION * GRAVITY))
+    return Comparison(
+        "sliding distance, v²/(2 μ g)", "m", float(motion[-1, 0]), SPEED_M_S**2 / (2 * FRICTION * GRAVITY)
+    )
 
 
-def swinging() -> Outcome:
+def swinging() -> Comparison:
     """Let a pendulum swing: 4 sqrt(I / (m g l)) K(sin(a/2)), a complete elliptic integral."""
     modulus = math.sin(SWING_RAD / 2)
     own = math.sqrt(MASS_KG * GRAVITY * LENGTH_M / (INERTIA + MASS_KG * LENGTH_M**2))
@@ -70,7 +72,7 @@ def swinging() -> Outcome:
         model.write_text(PENDULUM, encoding="utf-8")
         case = case_from_arrays(model, t=t, channels={"q_hinge": angle, "dq_hinge": rate})
     simulated = case.system.simulator(threads=1).predict(0, [Run((), np.array([SWING_RAD, 0.0]))])[0][:, 0]
-    return Outcome(f"pendulum's period at {SWING_RAD:g} rad, elliptic", "s", _period(t, simulated), period_s)
+    return Comparison(f"pendulum's period at {SWING_RAD:g} rad, elliptic", "s", _period(t, simulated), period_s)
 
 
 def _period(t: np.ndarray, angle: np.ndarray) -> float:

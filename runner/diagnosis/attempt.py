@@ -14,7 +14,6 @@ import numpy as np
 
 from runner.diagnosis.ranking import unknown_by_excess
 from runner.effects.base import Effects
-from runner.errors import RecordingError
 from runner.inference.breakaway import hanging
 from runner.inference.held_out import Confirmed, confirm, unseen
 from runner.inference.least_squares import NONE, Fit, Fitter
@@ -22,32 +21,15 @@ from runner.inference.multiple_shooting import look, recut
 from runner.inference.outside import with_outside
 from runner.inference.search import RESTED, Beginning, Search, resumed, search
 from runner.noise.measured import materially_different, measure, refine
-from runner.progress import UNOBSERVED, Observer
+from runner.progress import UNOBSERVED, ProgressObserver
 from runner.recording import Span
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import AbstractSimulator, Run
 
-HELD_OUT = 2  # by the convention of the format, the last two episodes check the explanation
 FEWEST_SEARCHED = 4  # stretches
 # Of `AbstractSystem.searched_s`, where nothing explains even pieces of a second: what is missing is then plain to see
 IN_PIECES = 0.2
 SURPRISE = 3.0  # times what is left of the fitted episodes: so much in those left out is something new
-
-
-def split(numbers: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the positions of the episodes that are fitted, and of those held out: the last by their numbers.
-
-    Raises:
-        RecordingError: If there are fewer than two.
-    """
-    count = len(numbers)
-    if count < 2:
-        raise RecordingError(
-            f"a diagnosis needs at least 2 episodes, one of them to check the explanation, got {count}."
-        )
-    held = HELD_OUT if count > HELD_OUT + 1 else 1
-    order = sorted(range(count), key=lambda i: numbers[i])
-    return tuple(order[: count - held]), tuple(order[count - held :])
 
 
 @dataclass(frozen=True)
@@ -105,7 +87,7 @@ def attempt(
     simulator: AbstractSimulator,
     fitted: tuple[int, ...],
     held_out: tuple[int, ...],
-    observer: Observer = UNOBSERVED,
+    observer: ProgressObserver = UNOBSERVED,
 ) -> Attempt:
     """Search for the explanation of some episodes and hold what was found against the others."""
     first = _first_look(system, simulator, fitted, observer)
@@ -156,7 +138,7 @@ class _FirstLook:
 
 
 def _first_look(
-    system: AbstractSystem, simulator: AbstractSimulator, fitted: Sequence[int], observer: Observer
+    system: AbstractSystem, simulator: AbstractSimulator, fitted: Sequence[int], observer: ProgressObserver
 ) -> _FirstLook:
     """Fit the nominal model, tell the noise from what it leaves, and look at pieces where it goes astray."""
     observer.stage("measuring the noise")

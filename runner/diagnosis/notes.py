@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from runner.diagnosis.attempt import HELD_OUT
+from runner.diagnosis.split import HELD_OUT
 from runner.inference.search import Contender
 from runner.noise.measured import Measured
 from runner.systems.recorded import Recorded

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from runner.diagnosis.advice import found_rivals, next_push
-from runner.diagnosis.attempt import attempt, split, unseen_only
+from runner.diagnosis.attempt import attempt, unseen_only
 from runner.diagnosis.closure import close
 from runner.diagnosis.notes import notes
 from runner.diagnosis.ranking import contender_of, ranking
 from runner.diagnosis.result import Diagnosis
+from runner.diagnosis.split import split
 from runner.inference.held_out import unseen
 from runner.inference.least_squares import Fit
 from runner.inference.outside import said_of_outside
@@ -20,7 +21,7 @@ from runner.localise.regimes import closure_by_regime
 from runner.localise.where import localise
 from runner.localise.windows import check_length
 from runner.noise.measured import measure
-from runner.progress import UNOBSERVED, Observer
+from runner.progress import UNOBSERVED, ProgressObserver
 from runner.systems.base import AbstractSystem
 from runner.systems.recorded import Recorded
 
@@ -31,7 +32,7 @@ def _starts(*fits: Fit) -> dict[int, np.ndarray]:
 
 
 def diagnose(
-    system: AbstractSystem, *, threads: int | None = None, advise: bool = True, observer: Observer = UNOBSERVED
+    system: AbstractSystem, *, threads: int | None = None, advise: bool = True, observer: ProgressObserver = UNOBSERVED
 ) -> Diagnosis:
     """Diagnose a recording.
 

@@ -45,7 +45,7 @@ from runner.estimation.linearised import (
     solved,
     unexplained,
 )
-from runner.levenberg_marquardt import Attempt, Schedule, descend
+from runner.levenberg_marquardt import Schedule, Trial, descend
 
 VAGUE = 100.0  # so many times the noise of the first measurement the start state may be off
 _AT_REST = 0.01  # of the loss: so little is not worth a step
@@ -234,13 +234,13 @@ class Tracker:
         """Return the belief linearised anew until its estimate comes to rest, or nothing is gained."""
         return descend(self._attempt, belief, _DAMPING, iterations=15, blocks=len(belief.mean))
 
-    def _attempt(self, _: int, belief: Belief, lanes: np.ndarray, damping: np.ndarray) -> Attempt[Belief]:
+    def _attempt(self, _: int, belief: Belief, lanes: np.ndarray, damping: np.ndarray) -> Trial[Belief]:
         """Linearise lanes anew at the end of a damped step; one that gains nothing stays where it is."""
         old = lanes_of(belief, lanes)
         trial = self._gone_through(old, shortened(old, solved(old, damping).z))
         gained = loss_at_point(trial) < loss_at_point(old)
         belief = with_lanes(belief, lanes[gained], lanes_of(trial, np.flatnonzero(gained)))
-        return Attempt(belief, gained, ~gained, rests=gained & (expected_gain(trial) <= _AT_REST))
+        return Trial(belief, gained, ~gained, rests=gained & (expected_gain(trial) <= _AT_REST))
 
     def _losses(self, belief: Belief, points: np.ndarray) -> np.ndarray:
         """Return the loss at points (N, c, 11), (N, c), without linearising there."""

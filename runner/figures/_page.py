@@ -23,7 +23,7 @@ DPI = 160
 
 
 @dataclass(frozen=True)
-class Entry:
+class FigureEntry:
     """One figure on the page."""
 
     experiment: str
@@ -51,7 +51,7 @@ def runs_in(paths: Iterable[Path]) -> list[Runs]:
     return out
 
 
-def write(paths: Iterable[Path], out: Path, skipped: Callable[[str], None]) -> list[Entry]:
+def write(paths: Iterable[Path], out: Path, skipped: Callable[[str], None]) -> list[FigureEntry]:
     """Draw what there is to draw and write it to a folder.
 
     Args:
@@ -75,7 +75,7 @@ def write(paths: Iterable[Path], out: Path, skipped: Callable[[str], None]) -> l
     return entries
 
 
-def _drawn(runs: Runs, out: Path, skipped: Callable[[str], None]) -> Iterator[Entry]:
+def _drawn(runs: Runs, out: Path, skipped: Callable[[str], None]) -> Iterator[FigureEntry]:
     for name, draw in load()[runs.experiment].items():
         try:
             drawn = draw(runs)
@@ -86,7 +86,7 @@ def _drawn(runs: Runs, out: Path, skipped: Callable[[str], None]) -> Iterator[En
         _save(drawn, out / stem)
         count = f"{len(runs.table)} runs" + (f", {len(runs.failed)} more failed" if len(runs.failed) else "")
         verdict = VERDICT[drawn.holds] if drawn.claim else NO_CLAIM
-        yield Entry(runs.experiment, stem, drawn.claim, drawn.seen, verdict, count)
+        yield FigureEntry(runs.experiment, stem, drawn.claim, drawn.seen, verdict, count)
 
 
 def _save(drawn: Drawn, stem: Path) -> None:
@@ -104,7 +104,7 @@ def _save(drawn: Drawn, stem: Path) -> None:
             drawn.figure.savefig(svg, metadata={"Date": None, "Creator": None})
 
 
-def _write_page(entries: list[Entry], out: Path) -> None:
+def _write_page(entries: list[FigureEntry], out: Path) -> None:
     templates = Environment(
         loader=PackageLoader("runner.figures", "."), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         autoescape=True,
@@ -114,7 +114,7 @@ def _write_page(entries: list[Entry], out: Path) -> None:
     write_text(out / "index.md", _markdown(entries))
 
 
-def _markdown(entries: list[Entry]) -> str:
+def _markdown(entries: list[FigureEntry]) -> str:
     rows = pd.DataFrame(
         {
             "figure": [f"[{e.file}]({e.file}.png)" for e in entries],

@@ -26,7 +26,7 @@ from runner.inference.variable_projection import (
     project,
 )
 from runner.noise.measured import Measured
-from runner.progress import UNOBSERVED, Observer
+from runner.progress import UNOBSERVED, ProgressObserver
 from runner.recording import Span
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import AbstractSimulator, Run
@@ -130,7 +130,7 @@ class Fitter:
     simulator: AbstractSimulator
     measured: Measured
     held: Effects = ()
-    observer: Observer = field(default=UNOBSERVED, compare=False, repr=False)
+    observer: ProgressObserver = field(default=UNOBSERVED, compare=False, repr=False)
 
     @property
     def context(self) -> Scope:

@@ -17,7 +17,7 @@ from scipy.optimize import lsq_linear
 
 from runner.effects.base import Parameter
 from runner.inference.parameters import bounds
-from runner.levenberg_marquardt import Attempt, Schedule, descend
+from runner.levenberg_marquardt import Schedule, Trial, descend
 
 BEHIND = 0.05  # squared noises by which a fit may be behind what others have reached, and is finished all the same
 DAMPING = Schedule(1e-4, least=1e-8, least_refused=1e-2, most=1e7)
@@ -95,24 +95,24 @@ class Descent:
             point = self._renewed(point)
         return point
 
-    def _attempt(self, iteration: int, point: FitPoint, _: np.ndarray, damping: np.ndarray) -> Attempt[FitPoint]:
+    def _attempt(self, iteration: int, point: FitPoint, _: np.ndarray, damping: np.ndarray) -> Trial[FitPoint]:
         dx, ds, promised = _step(point, self.parameters, float(damping[0]))
         enough = self.tolerance + 2e-3 * max(point.total - self.count, 0.0)
         hopeless = self.target + 0.5 * max(self.target - self.count, 0.0) + BEHIND * self.count + 100.0
         if iteration > self.patience and point.total - 3 * promised > hopeless:
-            return Attempt(replace(point, ending=Ending.BEHIND), rests=True)
+            return Trial(replace(point, ending=Ending.BEHIND), rests=True)
         if promised < enough:
             if point.fresh or not self.polish:
-                return Attempt(replace(point, ending=Ending.RESTED), rests=True)
-            return Attempt(self._renewed(point))
+                return Trial(replace(point, ending=Ending.RESTED), rests=True)
+            return Trial(self._renewed(point))
         # the start states' derivatives change slowly: keep them while they predict well
         trial = self.linearise(point.x + dx, point.starts + ds, point.basis)
         gain = point.total - trial.total
         if np.isfinite(trial.total) and gain > 0:
             if gain < KEPT_PROMISE * promised and gain > enough:
                 trial = self._renewed(trial)
-            return Attempt(trial, eased=gain > KEPT_PROMISE * promised)
-        return Attempt(point, refused=True) if point.fresh else Attempt(self._renewed(point))
+            return Trial(trial, eased=gain > KEPT_PROMISE * promised)
+        return Trial(point, refused=True) if point.fresh else Trial(self._renewed(point))
 
     def _renewed(self, point: FitPoint) -> FitPoint:
         return self.linearise(point.x, point.starts, None)

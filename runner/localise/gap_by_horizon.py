@@ -10,7 +10,7 @@ import pandas as pd
 from runner.localise.linearised import Model, linearised
 from runner.noise.measured import Measured
 from runner.recording import Span
-from runner.simulate.gap import HORIZONS_S, WHOLE_EPISODE
+from runner.simulate.gap import HORIZONS_S, WHOLE_EPISODE, of_a_sample
 from runner.simulate.shooting import windows_of
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import Run
@@ -31,8 +31,8 @@ def gap_by_horizon(
     lengths = [len(e) for e in system.recording.episodes]
     episodes = sorted({stretches[i].episode for i in starts})
     rows = []
-    for horizon in HORIZONS_S:
-        windows = windows_of(lengths, max(1, round(horizon * rate)), episodes)
+    for horizon in of_a_sample(HORIZONS_S, rate):
+        windows = windows_of(lengths, round(horizon * rate), episodes)
         if len(windows):
             smoothed = system.initial.guess_windows(measured, windows, smooth=True)
             one = linearised(model, windows, measured, smoothed)

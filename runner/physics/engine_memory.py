@@ -8,13 +8,24 @@ them.
 from __future__ import annotations
 
 import ctypes
+from pathlib import Path
 from typing import Any
 
+import llvmlite.binding
 import mujoco
 import numpy as np
 from numba import carray, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
+
+BIG = 1 << 30  # the length of arrays whose length does not matter
+MODEL_BYTES, DATA_BYTES = 10_000, 170_000  # how far the structs reach at least
+
+
+def load_engine() -> None:
+    """Let compiled code call MuJoCo's functions by their names."""
+    folder = Path(mujoco.__file__).parent
+    llvmlite.binding.load_library_permanently(str(next(folder.glob("libmujoco*.so*"), folder / "mujoco.dll")))
 
 
 def offset_of(address: int, wanted: int | float, size: int = 400_000) -> int:

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from runner.effects.wording import DEGREES, change, length, number
-from runner.simulate.gap import measure_gap
+from runner.simulate.gap import measure_gap, of_a_sample
 from runner.systems.channels import Channel
 
 if TYPE_CHECKING:
     from runner.diagnosis.result import Diagnosis
 
-HORIZONS_S = (0.1, 0.5, 1.0, 2.0)
+SHOWN_HORIZONS_S = (0.1, 0.5, 1.0, 2.0)
 # the unit that a small amount is shown in, and what one SI unit is of it; any other unit is shown as it is
 SMALL = {"m": ("mm", 1e3), "rad": ("°", DEGREES), "m/s": ("mm/s", 1e3), "rad/s": ("°/s", DEGREES)}
 
@@ -55,7 +55,7 @@ def misses(diagnosis: Diagnosis) -> list[Miss]:
     """
     shortest = min(float(diagnosis.recording.episodes[e].t_s[-1]) for e in diagnosis.held_out)
     begins = min(float(diagnosis.recording.episodes[e].t_s[0]) for e in diagnosis.held_out)
-    horizons = [h for h in HORIZONS_S if h < shortest - begins]
+    horizons = [h for h in of_a_sample(SHOWN_HORIZONS_S, diagnosis.system.rate_hz) if h < shortest - begins]
     tables = []
     for effects in ((), tuple(diagnosis.effects)):
         gap = measure_gap(

@@ -31,6 +31,7 @@ TICK_S = 1 / 15  # of a trail
 REACH_OF_ARROW = 1.6  # of the bodies' size: how long the arrow of a typical large force is
 ABOVE = 1.04  # trails and arrows of what is seen from above lie so far above it
 NEAR, STANDING = 7.0, 2.2  # sizes of a body, or of all that stands somewhere: how far the eye is from it
+UNDRAWN_M = 0.1  # the size that is taken where nothing is drawn, as of a wheel without shapes
 SHOWN = 8  # explanations in the ranking
 WORLD_FORCE = ("fx_n", "fy_n", "fz_n")  # a disturbance that has the first two is a force in world axes
 
@@ -70,7 +71,7 @@ class _Poses:
 
     Attributes:
         of: By model and body, per episode (T, 7): x, y, z, qw, qx, qy, qz.
-        traced: The body that moves most: it leaves the trail.
+        traced: The body that moves most: it leaves the trail. None: nothing is drawn.
         eye: On what is seen from above it is near, and follows it; of what stands somewhere it sees all.
         size_m: Typical half extent of a body.
         lift_m: How far above a body's origin trails and arrows lie.
@@ -85,12 +86,12 @@ class _Poses:
                 for body, pose in system.poses(path.episode, whole(getattr(path, model))).items():
                     self.of.setdefault((model, body), []).append(pose)
         way = {b.name: sum(_length(p[:, :3]) for p in self.of.get(("measured", b.name), ())) for b in bodies}
-        self.traced = max(way, key=lambda name: way[name])
-        self.size_m = max(float(np.mean(s.size_m)) for b in bodies for s in b.shapes)
+        self.traced = max(way, key=lambda name: way[name], default=None)
+        self.size_m = max((float(np.mean(s.size_m)) for b in bodies for s in b.shapes), default=UNDRAWN_M)
         places = [p[:, :3] for (model, _), each in self.of.items() if model == "measured" for p in each]
         self.eye = _eye(places, self.size_m, None if system.plan_view is None else self.traced)
         tops = [s.position_m[2] + _height(s) for b in bodies for s in b.shapes]
-        self.lift_m = 0.0 if system.plan_view is None else ABOVE * max(tops)
+        self.lift_m = 0.0 if system.plan_view is None else ABOVE * max(tops, default=0.0)
 
     def joined(self, model: str, body: str) -> np.ndarray:
         """Return the poses of a body in all episodes, one after another, (T, 7)."""
@@ -216,6 +217,8 @@ def _send_motion(log: rr.RecordingStream, diagnosis: Diagnosis, paths: Sequence[
 
 def _send_trail(log: rr.RecordingStream, model: str, paths: Sequence[Paths], poses: _Poses) -> None:
     """Send the way of the body that moves most, as one short line per tick; none joins two episodes."""
+    if poses.traced is None:
+        return
     times, strips = [], []
     for begin, path, pose in zip(_begins(paths), paths, poses.of[model, poses.traced], strict=True):
         every = max(1, round(TICK_S / float(path.t_s[1] - path.t_s[0])))
@@ -287,9 +290,10 @@ def _send_missing_force(
     axes = [names.index(n) for n in WORLD_FORCE if n in names]
     # where friction holds the body no force can be seen: no arrow there
     shown = np.asarray(seen[:, axes].all(axis=1))
-    if len(axes) < 2 or not shown.any():
+    drawn = diagnosis.system.drawn()
+    if len(axes) < 2 or not shown.any() or not drawn:
         return ()
-    first = diagnosis.system.drawn()[0].name
+    first = drawn[0].name
     at = np.concatenate(
         [
             np.column_stack([np.interp(f.t_s, p.t_s, poses.of["measured", first][k][:, c]) for c in range(3)])

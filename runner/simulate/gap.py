@@ -49,6 +49,11 @@ class Gap:
         return self.table.to_html(index=False, float_format="{:.3g}".format)
 
 
+def of_a_sample(horizons_s: Sequence[float], rate_hz: float) -> tuple[float, ...]:
+    """Return the horizons, s, that are at least a sample long: of what is sampled slowly some of the usual are not."""
+    return tuple(h for h in horizons_s if round(h * rate_hz) >= 1)
+
+
 def measure_gap(
     system: AbstractSystem,
     signals: Measured,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runner.levenberg_marquardt import Attempt, Schedule, damped, descend
+from runner.levenberg_marquardt import Schedule, Trial, damped, descend
 from runner.noise.measured import Measured
 from runner.systems.windows import Windows
 
@@ -133,7 +133,7 @@ class _Problem:
         change = np.moveaxis(moved / self.signals.sigma, 1, -1)
         return _Point(Fitted(starts, residual, change, jacobian), self._losses(residual, starts))
 
-    def attempt(self, _: int, point: _Point, windows: np.ndarray, damping: np.ndarray) -> Attempt[_Point]:
+    def attempt(self, _: int, point: _Point, windows: np.ndarray, damping: np.ndarray) -> Trial[_Point]:
         """Step every window; one that gains nothing stays where it is."""
         at, w = point.fitted, len(windows)
         matrix = at.jacobian.reshape(w, -1, len(self.steps))
@@ -143,12 +143,12 @@ class _Problem:
         step = -np.linalg.solve(damped(normal, damping), right[:, :, None])[:, :, 0]
         promised = -2 * (right * step).sum(axis=1) - np.einsum("wp,wpq,wq->w", step, normal, step)
         if promised.max(initial=0.0) < self.tolerance:
-            return Attempt(point, rests=True)
+            return Trial(point, rests=True)
         trial = at.starts + step * self.scale
         gained = self._losses(self.predict(trial[:, None, :])[:, 0] - self.values, trial) < point.loss
         if gained.any():
             point = self.linearise(np.where(gained[:, None], trial, at.starts))
-        return Attempt(point, eased=gained, refused=~gained)
+        return Trial(point, eased=gained, refused=~gained)
 
     def _losses(self, residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
         prior = ((starts - self.first) / self.scale / PRIOR_SIGMAS) ** 2

@@ -1,4 +1,9 @@
-"""Channels: what is measured of an object, number by number, and the measured numbers with their noise."""
+"""Channels: what is measured of an object, number by number, and the measured numbers with their noise.
+
+Which ones there are, the `system` module of each kind says; of a mechanism, what `nominal.yaml` lists, among it any
+sensor of the MJCF and the force of any actuator, such as a gripper's (`runner.recording.model_form_mapping`).
+How noisy they are is estimated in `runner.noise.measured`.
+"""
 
 from __future__ import annotations
 

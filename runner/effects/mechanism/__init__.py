@@ -1,9 +1,11 @@
 """The effects of a mechanism of joints: any MuJoCo model of hinges and slides, with its actuators and sensors.
 
-One file per effect; `EFFECTS` lists the classes. `base` has the places where they act,
-`parts` what they ask of a model, `drive` the drive behind a joint that backlash and compliance lie in front of.
+One file per effect: what is in this folder is in the vocabulary, `EFFECTS` lists the classes. `base` has the places
+where they act, `parts` what they ask of a model, `drive` the drive behind a joint that backlash and compliance lie in
+front of.
 """
 
+from runner.effects import import_all
 from runner.effects.mechanism.actuator_delay import ActuatorDelay
 from runner.effects.mechanism.actuator_gain import ActuatorGain
 from runner.effects.mechanism.actuator_lag import ActuatorLag
@@ -72,3 +74,5 @@ __all__ = [
     "TorqueOffset",
     "TorqueRipple",
 ]
+
+import_all(__name__, __path__)

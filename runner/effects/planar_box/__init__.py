@@ -1,7 +1,9 @@
 """The effects of a box on a floor, one file each; a name may have several variants."""
 
 # isort: off
-# The order of the imports is that of the vocabulary: what a search tries first among equals depends on it.
+# The order of the imports is that of the vocabulary: what a search tries first among equals depends on it. Files that
+# are not named here come last, by name.
+from runner.effects import import_all
 from runner.effects.planar_box.base import EFFECTS as EFFECTS
 from runner.effects.planar_box.base import Context as Context
 from runner.effects.planar_box.base import Motion as Motion
@@ -34,3 +36,5 @@ from runner.effects.planar_box.rotational_damping import RotationalDamping as Ro
 from runner.effects.planar_box.tether import Tether as Tether
 from runner.effects.planar_box.observation_delay import ObservationDelay as ObservationDelay
 from runner.effects.planar_box.sensor_scale import SensorScale as SensorScale
+
+import_all(__name__, __path__)

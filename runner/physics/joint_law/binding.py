@@ -29,13 +29,24 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
-import llvmlite.binding
 import mujoco
 import numpy as np
 from numba import carray, cfunc, njit, types
 
 from runner.physics import engine_memory, passive
-from runner.physics.engine_memory import as_pointer, double, doubles, integer, ints, offset_of, offset_of_array
+from runner.physics.engine_memory import (
+    BIG,
+    DATA_BYTES,
+    MODEL_BYTES,
+    as_pointer,
+    double,
+    doubles,
+    integer,
+    ints,
+    load_engine,
+    offset_of,
+    offset_of_array,
+)
 from runner.physics.joint_law.record import COLUMN, MAGIC, SIZE
 from runner.storage.numba_cache import fingerprint
 
@@ -45,14 +56,12 @@ DRY_DIFFERENCE, VISCOUS_DIFFERENCE = COLUMN["dry_difference"], COLUMN["viscous_d
 RIPPLE_SIN, RIPPLE_COS, RIPPLE_RATE = COLUMN["ripple_sin"], COLUMN["ripple_cos"], COLUMN["ripple_rate"]
 PUSH, PUSH_FROM, PUSH_UNTIL = COLUMN["push"], COLUMN["push_from"], COLUMN["push_until"]
 FRICTION_OF_DOF = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
-BIG = 1 << 30
-MODEL_BYTES, DATA_BYTES = 10_000, 170_000  # how far the structs reach at least
 
 _actuation = types.ExternalFunction("mj_fwdActuation", types.void(types.uint64, types.uint64))
 _inverse = types.ExternalFunction("mj_rne", types.void(types.uint64, types.uint64, types.int32, types.uint64))
 
 
-class Offsets(NamedTuple):
+class JointLawOffsets(NamedTuple):
     """Where this MuJoCo build keeps what the law reads and writes: bytes from the start of mjModel or mjData."""
 
     nuser_jnt: int
@@ -81,7 +90,7 @@ class Offsets(NamedTuple):
     sources: int  # a fingerprint of the text that was compiled
 
 
-def _measure() -> Offsets:
+def _measure() -> JointLawOffsets:
     # 20 joints, of which there are as many as of nothing else
     slides = "".join(
         f"""<body pos="{i} 0 0"><joint name="j{i}" type="slide" frictionloss="1"/><joint type="slide" axis="1 0 0"/>
@@ -105,7 +114,7 @@ def _measure() -> Offsets:
     def of_data(name: str) -> int:
         return offset_of_array(d, getattr(data, name), DATA_BYTES)
 
-    return Offsets(
+    return JointLawOffsets(
         nuser_jnt=offset_of(m, 7919, 4000),
         njnt=offset_of(m, 20, 400),
         timestep=offset_of(m, 0.00123456789, 4000),
@@ -172,7 +181,7 @@ def _evaluate(at, m, d):
     _inverse(m, d, 0, types.uint64(carray(as_pointer(types.uint64(d + at.qfrc_bias)), (1,), types.uint64)[0]))
 
 
-def _compile(at: Offsets):
+def _compile(at: JointLawOffsets):
     """Compile the callback for these offsets. They stand in its closure, so that numba's cache tells builds apart."""
 
     @cfunc("void(uint64, uint64)", cache=True)
@@ -223,7 +232,6 @@ _INSTALLED: list[object] = []
 def install() -> None:
     """Give the law of joints to MuJoCo, once per process. The first call on a machine compiles it (a second or two)."""
     if not _INSTALLED:
-        folder = Path(mujoco.__file__).parent
-        llvmlite.binding.load_library_permanently(str(next(folder.glob("libmujoco*.so*"), folder / "mujoco.dll")))
+        load_engine()
         _INSTALLED.append(_compile(_measure()))
         passive.install(_INSTALLED[0])

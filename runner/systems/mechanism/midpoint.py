@@ -16,21 +16,28 @@ A servo at the limit of its force has no damping, and MuJoCo gives it none. What
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import NamedTuple
 
-import llvmlite.binding
 import mujoco
 import numpy as np
 from numba import carray, cfunc, types
 
 from runner.physics import engine_memory, passive
-from runner.physics.engine_memory import as_pointer, double, doubles, integer, offset_of, offset_of_array
+from runner.physics.engine_memory import (
+    BIG,
+    DATA_BYTES,
+    MODEL_BYTES,
+    as_pointer,
+    double,
+    doubles,
+    integer,
+    load_engine,
+    offset_of,
+    offset_of_array,
+)
 from runner.storage.numba_cache import fingerprint
 
 MARK = 0.00027182818284  # in `o_margin`, which counts for nothing unless contacts are overridden: this model takes part
-BIG = 1 << 30
-MODEL_BYTES, DATA_BYTES = 10_000, 170_000  # how far the structs reach at least
 SLIDING = 0.99  # a joint whose constraints bear this share of its dry friction slides
 USER = 2  # numbers of an actuator, at the end of its `user` data: what its damping took off the armature; of which dof
 
@@ -38,7 +45,7 @@ _velocities = types.ExternalFunction("mj_comVel", types.void(types.uint64, types
 _inverse = types.ExternalFunction("mj_rne", types.void(types.uint64, types.uint64, types.int32, types.uint64))
 
 
-class Offsets(NamedTuple):
+class MidpointOffsets(NamedTuple):
     """Where this MuJoCo build keeps what is read and written: bytes from the start of mjModel or mjData."""
 
     nv: int
@@ -60,7 +67,7 @@ class Offsets(NamedTuple):
     sources: int  # a fingerprint of the text that was compiled
 
 
-def _measure() -> Offsets:
+def _measure() -> MidpointOffsets:
     # 23 degrees of freedom, of which there are as many as of nothing else
     slides = "".join(
         f'<body pos="{i} 0 0"><joint name="j{i}" type="slide" frictionloss="1"/><geom size=".1" mass="1"/></body>'
@@ -78,7 +85,7 @@ def _measure() -> Offsets:
     def of_data(name: str) -> int:
         return offset_of_array(d, getattr(data, name), DATA_BYTES)
 
-    return Offsets(
+    return MidpointOffsets(
         nv=offset_of(m, 23, 400),
         nu=offset_of(m, 31, 400),
         nuser_actuator=offset_of(m, 7919, 4000),
@@ -99,7 +106,7 @@ def _measure() -> Offsets:
     )
 
 
-def _compile(at: Offsets):
+def _compile(at: MidpointOffsets):
     """Compile the callback for these offsets. They stand in its closure, so that numba's cache tells builds apart."""
 
     @cfunc("void(uint64, uint64)", cache=True)
@@ -152,8 +159,7 @@ _INSTALLED: list[object] = []
 def install() -> None:
     """Give the callback to MuJoCo, once per process. The first call on a machine compiles it (a second or two)."""
     if not _INSTALLED:
-        folder = Path(mujoco.__file__).parent
-        llvmlite.binding.load_library_permanently(str(next(folder.glob("libmujoco*.so*"), folder / "mujoco.dll")))
+        load_engine()
         _INSTALLED.append(_compile(_measure()))
         passive.install(_INSTALLED[0])
 

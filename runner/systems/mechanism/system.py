@@ -19,7 +19,6 @@ from runner.systems.disturbance import Disturbance
 from runner.systems.drawing import DrawnBody
 from runner.systems.mechanism.coordinates import HINGE, SLIDE
 from runner.systems.mechanism.drawing import body_poses, drawn_bodies
-from runner.systems.mechanism.horizon import stretches
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.labels import FACTORS, PHRASES, REGIMES, label
 from runner.systems.mechanism.model_file import write_model
@@ -29,6 +28,7 @@ from runner.systems.mechanism.rests import resting
 from runner.systems.mechanism.scope import raw_signals, scope_of, vocabulary_of
 from runner.systems.mechanism.simulator import MechanismSimulator, cores
 from runner.systems.mechanism.steps import choose_step
+from runner.systems.mechanism.stretches import stretches
 from runner.systems.windows import Labels, Windows
 
 FORCE_SHARE, LARGE = 0.03, 3.0  # of the usual force: the step of a missing force; how large one may be
