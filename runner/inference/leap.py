@@ -55,15 +55,21 @@ def leaps(fitter: Fitter, fit: Fit, every: Sequence[Direction], known: Sensitivi
         tried = _needed(fitter, tried, worth)
         if not tried.total < fit.total - worth:
             break
-        fit = _split(fitter, tried, worth)
+        fit = _tied(fitter, _split(fitter, tried, worth), worth)
         found.append(fit)
         known = sensitivities(fitter, fit, every)
     return found
 
 
 @dataclass
-class _Linear:
-    """The linear model around a fit; entries are own parameters, then directions."""
+class Linear:
+    """The linear model around a fit.
+
+    Args:
+        gram: Inner products of the derivatives by own parameters, then by directions, (n, n).
+        right: Of those with the residual, (n,).
+        spread: How far each may move: standard deviation, (n,).
+    """
 
     gram: np.ndarray
     right: np.ndarray
@@ -90,13 +96,13 @@ def chosen(around: NormalEquations, fitter: Fitter, most: int, worth: float) -> 
     total = around.gram.sum(axis=0)
     mismatch = np.array([d.mismatch for d in around.directions]) * fitter.system.screening_level
     scale = np.array([q.scale for q in around.fit.explanation.parameters(fitter.context)])
-    linear = _Linear(total[:-1, :-1], total[:-1, -1], np.concatenate([FREE * scale, mismatch]))
+    linear = Linear(total[:-1, :-1], total[:-1, -1], np.concatenate([FREE * scale, mismatch]))
     groups = _groups(around, fitter)
     taken: dict[Candidate, np.ndarray] = {}
     while len(taken) < most:
         metric, gradient, _ = linear.beside()
         gains = {
-            (candidate, tuple(index)): _gain(metric, gradient, index, linear.spread)
+            (candidate, tuple(index)): gain_of(metric, gradient, index, linear.spread)
             for candidate, index in groups
             if candidate.may_join((*around.fit.explanation.candidates, *taken))
         }
@@ -127,7 +133,7 @@ def _groups(around: NormalEquations, fitter: Fitter) -> list[tuple[Candidate, np
     return out
 
 
-def _gain(metric: np.ndarray, gradient: np.ndarray, index: np.ndarray, spread: np.ndarray) -> float:
+def gain_of(metric: np.ndarray, gradient: np.ndarray, index: np.ndarray, spread: np.ndarray) -> float:
     """Return what some entries would take off the loss beside all the others, but without their own mismatch.
 
     With it, they would have to explain what it has explained away. An amplitude estimated beside it is as uncertain as
@@ -141,13 +147,13 @@ def _gain(metric: np.ndarray, gradient: np.ndarray, index: np.ndarray, spread: n
 
 
 def _without_the_needless(
-    linear: _Linear, taken: dict[Candidate, np.ndarray], mismatch: np.ndarray, p: int, worth: float
+    linear: Linear, taken: dict[Candidate, np.ndarray], mismatch: np.ndarray, p: int, worth: float
 ) -> None:
     """Take out what the others that were chosen since do as well."""
     for candidate, index in list(taken.items())[:-1]:
         linear.spread[index] = mismatch[index - p]
         metric, gradient, _ = linear.beside()
-        if _gain(metric, gradient, index, linear.spread) < worth:
+        if gain_of(metric, gradient, index, linear.spread) < worth:
             del taken[candidate]
         else:
             linear.spread[index] = FREE
@@ -177,6 +183,22 @@ def _split(fitter: Fitter, fit: Fit, worth: float) -> Fit:
     x = np.concatenate([v for _, v in parts])
     tried = fitter.fit(apart, fit.episodes, x=x, near=fit, iterations=STEPS, polish=False)
     return tried if tried.total < fit.total - worth * (count - len(held)) else fit
+
+
+def _tied(fitter: Fitter, fit: Fit, worth: float) -> Fit:
+    """Return a fit with one number for what each of a kind has by itself, if hardly anything is lost by that."""
+    for shared in fitter.system.vocabulary:
+        parts = fit.explanation.parts(fitter.context)
+        members = [part for c, part in parts if c in shared.each]
+        if not shared.targets or len(members) < len(shared.targets):
+            continue
+        others = [(c, fit.x[part]) for c, part in parts if c not in shared.each]
+        explanation = Explanation((*(c for c, _ in others), shared))
+        x = np.concatenate([*(v for _, v in others), np.mean([fit.x[part] for part in members], axis=0)])
+        tried = fitter.fit(explanation, fit.episodes, x=x, near=fit, iterations=STEPS, polish=False)
+        if tried.total < fit.total + worth * (len(members) - 1):
+            fit = tried
+    return fit
 
 
 def _needed(fitter: Fitter, fit: Fit, worth: float) -> Fit:
