@@ -29,7 +29,7 @@ def notes(
         held_out: The episodes that it was checked on.
         stretch_s: Over how long models were replayed; None: over whole episodes.
         turned: Whether the first episodes were held out instead of the last.
-        outside: What was said of effects that have no name.
+        outside: What was said of effects that have no name, and of what happened once.
     """
     out = [*recording.notes, *outside]
     if not measured.stated.all():

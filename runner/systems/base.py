@@ -74,6 +74,7 @@ class AbstractSystem(ABC):
             longer, the rest says where the gap lies and how it closes.
         cut_from: Squared noises that the best explanation leaves in pieces of a second from which on everything is
             fitted in such pieces.
+        dates_disturbances: Whether what pushed once, beyond all that was commanded, is looked for.
         screening_level: At which of them effects are screened; the mismatch must not take what an effect could explain.
         plan_view: Positions in `channels` of two lengths that make a map, or None.
         force_views: Further columns of the table of missing forces that are worth a drawing, each with its label.
@@ -103,6 +104,7 @@ class AbstractSystem(ABC):
     worth_another: float = 0.8
     searched_s: float = 48.0
     cut_from: float = 4.0
+    dates_disturbances: bool = True
     plan_view: tuple[int, int] | None = None
     force_views: Mapping[str, str] = MappingProxyType({})
 
