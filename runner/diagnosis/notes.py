@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from runner.diagnosis.split import HELD_OUT
-from runner.inference.search import Contender
+from runner.inference.contender import Contender
 from runner.noise.measured import Measured
 from runner.systems.recorded import Recorded
 

@@ -7,10 +7,11 @@ from scipy.special import expit, softmax
 
 from runner.diagnosis.result import Ranked
 from runner.effects.base import Scope
+from runner.inference.contender import Contender, are_confounded
 from runner.inference.held_out import Confirmed
 from runner.inference.least_squares import Fit, Fitter
 from runner.inference.outside import is_outside
-from runner.inference.search import Contender, Search, are_confounded
+from runner.inference.search import Search
 from runner.systems.base import AbstractSystem
 
 TEMPER = 2.0  # log odds are divided by it, against overconfidence; not yet calibrated

@@ -8,22 +8,18 @@ search may begin where an earlier look ended (see `runner.inference.multiple_sho
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from runner.effects.vocabulary import Candidate, Vocabulary
+from runner.inference.contender import Contender, are_confounded, contend
 from runner.inference.evidence import (
     Direction,
-    Evidence,
-    NormalEquations,
     Sensitivities,
     clip,
     directions,
-    evidence,
     joined,
-    normal_equations,
-    predicted_gain,
     sensitivities,
 )
 from runner.inference.leap import leaps
@@ -38,7 +34,6 @@ NONLINEAR = 12
 CANDIDATES = 8  # fitted per explanation in the beam, from the second effect on
 FINISHED = 4  # leaders whose fit is carried on until it rests
 SURVEYED = 7  # explanations of one size that are compared by evidence
-ONE_MORE = 15.0  # log prior odds against each further effect
 # An effect must matter: lower the mean square residual by this, in squared noises, and by this share of what
 # the nominal model leaves. Less is what any simulator's own small errors would offer to explain.
 WORTH, WORTH_SHARE = 0.03, 0.004
@@ -50,20 +45,6 @@ LINEAR = 0.1
 AHEAD = 3.0  # times what a larger set leaves beyond the noise: who leaves more is not added to
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
 Offer = tuple[float, Candidate, np.ndarray]  # the promised gain, the effect, where to begin
-
-
-@dataclass(frozen=True)
-class Contender:
-    """A fitted explanation amid its surroundings, and its evidence.
-
-    `log_posterior` includes the prior odds against many effects, and against effects that hardly matter.
-    """
-
-    fit: Fit
-    around: NormalEquations = field(repr=False)
-    evidence: Evidence
-    log_posterior: float
-    gains: dict[Candidate, tuple[float, np.ndarray]] = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -229,6 +210,12 @@ class _Rounds:
         if not self.pieces:
             new = self._and_with_one_less(new, around_best)
             new.sort(key=lambda c: -c.log_posterior)
+            # of what a leap has put together more than one may go
+            while self.fitter.system.leaps and 1 < len(new[0].fit.explanation.candidates) < size:
+                size, before = len(new[0].fit.explanation.candidates), new[0]
+                new = sorted(self._and_with_one_less(new, around_best), key=lambda c: -c.log_posterior)
+                if new[0] is before:
+                    break
         stalled = (
             min(c.fit.total for c in new) - self.count > self.fitter.system.worth_another * left_before > self.worth
         )
@@ -261,8 +248,6 @@ class _Rounds:
             jumps = [o for o in offers if o[1].effect.discontinuous or len(o[1].starts(self.fitter.context))]
             nonlinear = {o[1] for o in jumps[:NONLINEAR]}
             return [o for i, o in enumerate(offers) if i < CANDIDATES or o[1] in nonlinear]
-        if size == 1 and self.fitter.system.leaps and self.seeds:
-            return []  # an earlier look has tried them all
         if size == 1:
             every = left >= CLOSE * self.count
             return [o for i, o in enumerate(offers) if every or i < FEWEST or o[0] > OFFERED * self.worth]
@@ -293,14 +278,23 @@ class _Rounds:
             self.episodes,
             **where_to_begin(self.fitter, explanation, x, contender.fit, self.seeds.pop(key, None)),
             target=target,
-            # what begins at a place or a range of its own has some way to go before it can be judged
-            patience=0 if size == 1 and not placed else 1 if self.pieces else 3,
+            patience=self._patience(size, placed=placed),
             iterations=8 if size == 1 or self.pieces else 12,
             polish=False,
         )
         if candidate.effect.discontinuous and fit.total - self.count > CLOSE * self.count:
             fit = over_edges(self.fitter, fit, contender.fit)
         return fit
+
+    def _patience(self, size: int, *, placed: bool) -> int:
+        """Return after how many steps a fit is judged by whether it will come near the best one.
+
+        What begins at a place or a range of its own has some way to go before it can be judged; a delay, too, where a
+        leap has set the mark and the model is far from it.
+        """
+        if size == 1 and not placed:
+            return 1 if self.fitter.system.leaps else 0
+        return 1 if self.pieces else 3
 
     def _and_with_one_less(self, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
         """Add what the likeliest, and the one that leaves least, are with one effect taken out of them."""
@@ -389,17 +383,6 @@ def _without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], 
     return out
 
 
-def are_confounded(a: Fit, b: Fit) -> bool:
-    """Whether two explanations differ only by effects that such recordings can't tell apart."""
-
-    def plain(fit: Fit) -> list[tuple[str, str]]:
-        return sorted(
-            (min((c.effect.name, *(o.name for o in c.effect.confounded))), c.key[1]) for c in fit.explanation.candidates
-        )
-
-    return plain(a) == plain(b)
-
-
 def singles(vocabulary: Vocabulary) -> frozenset[Key]:
     """Return all explanations of one effect."""
     return frozenset((candidate,) for candidate in vocabulary)
@@ -415,12 +398,3 @@ def _offers(contender: Contender, fitter: Fitter) -> list[Offer]:
                 gain, vector = contender.gains[candidate]
                 out.append((gain, candidate, clip(candidate, vector, fitter.context)))
     return sorted(out, key=lambda o: -o[0])
-
-
-def contend(fitter: Fitter, fit: Fit, *known: Sensitivities, against: float = 0.0) -> Contender:
-    """Return a fit as a contender; `against` are prior log odds that it has against it beside those of its size."""
-    around = normal_equations(fit, *known)
-    found = evidence(around, fitter.system)
-    size = len(fit.explanation.candidates)
-    gains = predicted_gain(around, fitter.system.screening_level)
-    return Contender(fit, around, found, found.log - ONE_MORE * size - against, gains)
