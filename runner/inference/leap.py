@@ -30,6 +30,7 @@ LEAPS = 4
 AT_ONCE = 3  # effects that one leap adds: farther from the fit the linear model says less
 STEPS = 10  # of the fit of what it adds
 FREE = 1e2  # prior widths of what is fitted
+TOLD_APART = 0.03  # share of what is left that each further number has to take off, where one might do for all
 RIDGE = 0.05  # of the information: what nothing measured depends on has none
 
 
@@ -55,7 +56,7 @@ def leaps(fitter: Fitter, fit: Fit, every: Sequence[Direction], known: Sensitivi
         tried = _needed(fitter, tried, worth)
         if not tried.total < fit.total - worth:
             break
-        fit = _tied(fitter, _split(fitter, tried, worth), worth)
+        fit = _tied(fitter, _split(fitter, tried))
         found.append(fit)
         known = sensitivities(fitter, fit, every)
     return found
@@ -172,7 +173,7 @@ def _vector(
     return clip(candidate, np.clip(moved[index], -4.0, 4.0) * unit, fitter.context)
 
 
-def _split(fitter: Fitter, fit: Fit, worth: float) -> Fit:
+def _split(fitter: Fitter, fit: Fit) -> Fit:
     """Return a fit with what all of a kind share put on each of them by itself, if that takes enough off the loss."""
     held = fit.explanation.candidates
     count = sum(len(c.each) for c in held)
@@ -182,10 +183,10 @@ def _split(fitter: Fitter, fit: Fit, worth: float) -> Fit:
     apart = Explanation(tuple(c for c, _ in parts))
     x = np.concatenate([v for _, v in parts])
     tried = fitter.fit(apart, fit.episodes, x=x, near=fit, iterations=STEPS, polish=False)
-    return tried if tried.total < fit.total - worth * (count - len(held)) else fit
+    return tried if tried.total < fit.total - TOLD_APART * fit.total * (count - len(held)) else fit
 
 
-def _tied(fitter: Fitter, fit: Fit, worth: float) -> Fit:
+def _tied(fitter: Fitter, fit: Fit) -> Fit:
     """Return a fit with one number for what each of a kind has by itself, if hardly anything is lost by that."""
     for shared in fitter.system.vocabulary:
         parts = fit.explanation.parts(fitter.context)
@@ -196,7 +197,7 @@ def _tied(fitter: Fitter, fit: Fit, worth: float) -> Fit:
         explanation = Explanation((*(c for c, _ in others), shared))
         x = np.concatenate([*(v for _, v in others), np.mean([fit.x[part] for part in members], axis=0)])
         tried = fitter.fit(explanation, fit.episodes, x=x, near=fit, iterations=STEPS, polish=False)
-        if tried.total < fit.total + worth * (len(members) - 1):
+        if tried.total < fit.total * (1.0 + TOLD_APART * (len(members) - 1)):
             fit = tried
     return fit
 
