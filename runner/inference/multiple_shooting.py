@@ -37,8 +37,9 @@ class Look:
     Args:
         beginning: Where fits begin.
         hung: From which sample on an episode hangs on a breakaway.
-        cut_s: How long the pieces are, where even in them nothing explains the recording: over longer times what no
-            explanation has piles up, and drowns what they have. None: longer times tell more.
+        cut_s: How long the pieces are, where even in them nothing explains the recording and the best explains less of
+            it over longer times: what no explanation has piles up, and drowns what they have. None: longer times tell
+            more.
     """
 
     beginning: Beginning
@@ -87,8 +88,12 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
         if candidates and few and c.log_posterior > near:
             seeds[key_of(c.fit.explanation)] = seed(c.fit)
     best = found.best.fit
-    if cut.measured.excess(best.total, best.episodes) > fitter.system.cut_from:
-        return Look(Beginning(seeds), late, piece_s)
+    if cut.measured.excess(best.total, best.episodes) > fitter.system.cut_from and key_of(best.explanation) in seeds:
+        # over longer times what is lacking may pile up, or what is there may come to show: whichever leaves less tells
+        longer = carried(whole, seeds[key_of(best.explanation)], episodes, longest_s)[-1]
+        if longer.total / nominal.total > best.total / found.nominal.total:
+            return Look(Beginning(seeds), late, piece_s)
+        seeds[key_of(best.explanation)] = longer
     for c in found.contenders[:LIKELIEST]:
         key = key_of(c.fit.explanation)
         if key in seeds:

@@ -72,8 +72,8 @@ class AbstractSystem(ABC):
             another one that is missing.
         searched_s: So many seconds of a recording are searched for an explanation, spread over all of it; where it is
             longer, the rest says where the gap lies and how it closes.
-        cut_from: Squared noises that the best explanation leaves in pieces of a second from which on everything is
-            fitted in such pieces.
+        cut_from: Squared noises that the best explanation leaves in pieces of a second from which on everything may be
+            fitted in such pieces: where it leaves a smaller share in them than over longer times.
         dates_disturbances: Whether what pushed once, beyond all that was commanded, is looked for.
         screening_level: At which of them effects are screened; the mismatch must not take what an effect could explain.
         plan_view: Positions in `channels` of two lengths that make a map, or None.
