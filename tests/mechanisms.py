@@ -36,6 +36,13 @@ ARM = f"""<mujoco><option timestep="0.0002" integrator="implicitfast" gravity="0
 <position name="elbow" joint="elbow" kp="4" kv="0.3" forcerange="-3 3"/></actuator></mujoco>"""
 
 
+# falls onto the floor within a tenth of a second from where tests put it
+TOSSED = """<mujoco><option timestep="0.001" integrator="implicitfast"/>
+<worldbody><geom name="floor" type="plane" size="1 1 1" pos="0 0 0.22"/>
+<body name="cube" pos="0 0 0.3"><freejoint name="cube"/>
+<geom name="cube" type="box" size=".05 .05 .05" mass="1" friction="0.3" priority="1"/></body></worldbody></mujoco>"""
+
+
 def compiled(xml: str, *effects: MechanismEffect) -> mujoco.MjModel:
     """Return a model with effects in it: elements, compiling, numbers, derived constants."""
     joint_law.install()

@@ -173,7 +173,7 @@ SPATIAL_ERRORS = {
     "synonym": (lambda f: f.rename(columns={"qw": "quat_w"}), r"Rename 'quat_w' -> 'qw'\?"),
     "part of a force": (lambda f: f.assign(fx=0.0, fy=0.0), r"missing columns 'fz' \[N\], 'px' \[m\], 'py' \[m\]"),
     "force misspelt": (lambda f: f.assign(F_x=0.0), r"unknown column 'F_x'\. Did you mean 'fx' \[N\]\?"),
-    "nothing measured": (lambda f: f.assign(vz=np.nan), r"column 'vz' is NaN in all 122 rows"),
+    "nothing measured": (lambda f: f.assign(z=np.nan), r"column 'z' is NaN in all 122 rows"),
     "torn quaternion": (
         cell("qy", 12, np.nan),
         PLACE_12 + r"columns 'qw', .* must all be numbers or all be NaN, got \[",

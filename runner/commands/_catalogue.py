@@ -36,6 +36,9 @@ ARM = """<mujoco><worldbody><body name="upper"><joint name="shoulder" axis="0 1 
 <inertial pos="0 0 -.15" mass=".5" diaginertia=".005 .005 .005"/></body></body></worldbody>
 <actuator><motor name="shoulder" joint="shoulder"/><position name="elbow" joint="elbow" kp="10" kv="1"/></actuator>
 </mujoco>"""
+CUBE_EXAMPLE = "a cube of 1 kg and 10 cm that is tossed onto a table"
+CUBE = """<mujoco><worldbody><geom type="plane" size="1 1 1"/><body name="cube" pos="0 0 1"><freejoint name="cube"/>
+<geom type="box" size=".05 .05 .05" mass="1" friction="0.3" priority="1"/></body></worldbody></mujoco>"""
 TARGETS = {"joint": "elbow", "body": "forearm", "actuator": "elbow", "channel": "q_elbow", "": None}
 
 
@@ -136,28 +139,42 @@ def _described(system: str, cls: type[AbstractEffect]) -> Described:
     context: Any
     if system == BOX:
         half = (0.5, 0.5, 0.5)
-        beliefs, target, example = Nominal(half, 3.0, 0.3, 9.81, 60.0), "", BOX_EXAMPLE
+        beliefs, target, of, example = Nominal(half, 3.0, 0.3, 9.81, 60.0), "", None, BOX_EXAMPLE
         context = planar_box.Context(3.0, 0.3, half, 9.81)
     else:
-        beliefs, target, example = _arm(), str(getattr(cls, "target_kind", "")), ARM_EXAMPLE
-        context = beliefs.at(TARGETS[target])
+        target = str(getattr(cls, "target_kind", ""))
+        beliefs, example = _arm(), ARM_EXAMPLE
+        of = TARGETS[target]
+        of_arm = not issubclass(cls, mechanism.MechanismEffect) or cls.applies(beliefs.at(of))
+        if target in ("body", "") and not of_arm:
+            beliefs, example = _cube(), CUBE_EXAMPLE
+            of = "cube" if target else None
+        context = beliefs.at(of)
     parameters, starts = cls.parameters(context), cls.starts(context)
     x = starts[len(starts) // 2] if len(starts) else np.array([p.scale for p in parameters])
     x = np.clip(x, [p.lower for p in parameters], [p.upper for p in parameters])
     values = Values(cls.from_vector(x, context).report(), {})
-    return Described(cls, system, target, example, parameters, cls.phrase(values, beliefs, TARGETS[target]))
+    return Described(cls, system, target, example, parameters, cls.phrase(values, beliefs, of))
 
 
 def _arm() -> mechanism.Scope:
     joints = {"shoulder": 1.0, "elbow": 1.0}
+    return _scope(ARM, joints, {"q_elbow": 1.0})
+
+
+def _cube() -> mechanism.Scope:
+    return _scope(CUBE, {}, {"x": 1.0})
+
+
+def _scope(xml: str, joints: dict[str, float], signal: dict[str, float]) -> mechanism.Scope:
     return mechanism.Scope(
-        model=mujoco.MjModel.from_xml_string(ARM),
+        model=mujoco.MjModel.from_xml_string(xml),
         target=None,
         speed=joints,
         reach=joints,
         force=joints,
         command=joints,
-        signal={"q_elbow": 1.0},
+        signal=signal,
         length_s=5.0,
         step_s=0.01,
     )

@@ -142,7 +142,7 @@ def _first_look(
 ) -> _FirstLook:
     """Fit the nominal model, tell the noise from what it leaves, and look at pieces where it goes astray."""
     observer.stage("measuring the noise")
-    root = Fitter(system, simulator, measure(system), observer=observer)
+    root = Fitter(system, simulator, measure(system, scatter=system.scatter()), observer=observer)
     fitter = root.stretched(system.stretches())
     fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, 1.0))
     observer.stage("searching")

@@ -30,6 +30,7 @@ class Measured:
         noise_model: Of each channel: which part of the noise is slow.
         valid: Per episode (T, C): False for outliers and what was not measured.
         stated: Whether the owner stated the noise of each channel, (C,).
+        scatter: What counts as noise at least, (C,), whatever the sensors do; None: nothing else does.
         hung: The first sample of an episode that hangs on a breakaway: from there on it says nothing to a fit.
     """
 
@@ -39,6 +40,7 @@ class Measured:
     noise_model: NoiseModel
     valid: tuple[np.ndarray, ...]
     stated: np.ndarray
+    scatter: np.ndarray | None = None
     hung: Mapping[int, int] = field(default_factory=dict)
 
     def counted(self, episode: int) -> np.ndarray:
@@ -87,8 +89,11 @@ class Measured:
         return loss / self.count(episodes) - 1.0
 
 
-def measure(system: AbstractSystem) -> Measured:
-    """Prepare a recording: the noise where it isn't stated, and its colour, from its rests; outliers."""
+def measure(system: AbstractSystem, *, scatter: np.ndarray | None = None) -> Measured:
+    """Prepare a recording: the noise where it isn't stated, and its colour, from its rests; outliers.
+
+    `scatter`, (C,), is what counts as noise at least.
+    """
     values = system.values()
     rests = [values[e][s] for e, s in system.rests()]
     stated = system.stated_noise()
@@ -98,7 +103,11 @@ def measure(system: AbstractSystem) -> Measured:
     sigma, noise_model = _noise(rests, _step_s(system), groups, stated, white, _rounding_noise(values, groups))
     spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
     valid = tuple(_inliers(v, sigma) for v in values)
-    return Measured(spans, values, sigma, noise_model, valid, np.isfinite(stated))
+    return Measured(spans, values, _at_least(sigma, scatter), noise_model, valid, np.isfinite(stated), scatter)
+
+
+def _at_least(sigma: np.ndarray, scatter: np.ndarray | None) -> np.ndarray:
+    return sigma if scatter is None else np.maximum(sigma, scatter)
 
 
 def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.ndarray]) -> Measured:
@@ -122,6 +131,7 @@ def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.n
     otherwise = measured.sigma[[columns[0] for columns in groups]]
     rounding = _rounding_noise(system.values(), groups)
     sigma, noise_model = _noise(stretches, _step_s(system), groups, system.stated_noise(), otherwise, rounding)
+    sigma = _at_least(sigma, measured.scatter)
     valid = list(measured.valid)
     for e, residual in residuals.items():
         valid[e] = np.isfinite(measured.values[e]) & _inliers(residual, sigma)

@@ -42,8 +42,21 @@ def find_cases(path: str | Path) -> list[Path]:
     found = {file.parent for name in TABLES for file in path.rglob(name)}
     cases = sorted(case for case in found if not any(p.startswith(".") for p in case.relative_to(path).parts))
     if not cases:
-        raise RecordingError(f"{path}: no case in it or below it; a case is a folder with {' or '.join(TABLES)}.")
+        raise RecordingError(f"{path}: no case in it or below it; {_lacking(path)}")
     return cases
+
+
+def _lacking(path: Path) -> str:
+    """Return what a folder without a case has not got, in a sentence."""
+    tables = sorted(f.name for f in path.iterdir() if f.suffix in (".parquet", ".csv"))
+    needed = " or ".join(TABLES)
+    if not tables:
+        return f"a case is a folder with {needed}."
+    lacks = "" if (path / nominal_file.FILE).is_file() else f", and a {nominal_file.FILE} with what is believed"
+    return (
+        f"it has {', '.join(map(repr, tables[:4]))}, a case needs a table named {needed}{lacks}; "
+        "`runner import` makes a case of a log."
+    )
 
 
 def content_hash(path: str | Path) -> str:

@@ -40,7 +40,7 @@ def check_finite(table: Table, form: Form) -> None:
 def _check_measured(table: Table) -> None:
     for name in (*POSE[Form.SPATIAL], *TWIST[Form.SPATIAL]):
         lacking = np.isnan(table[name])
-        if lacking.all():
+        if lacking.all() and name in POSE[Form.SPATIAL]:
             raise table.error(f"column '{name}' is NaN in all {len(table)} rows; it must be measured somewhere.")
         if lacking.any():
             table.notes.append(f"'{name}' is not measured (NaN) in {lacking.sum()} of {len(table)} rows")

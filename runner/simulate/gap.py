@@ -69,12 +69,12 @@ def measure_gap(
         system: What was recorded, and what its owner believes.
         signals: Its measured channels, and their noise.
         effects: What the corrected model holds; none: the nominal model.
-        horizons_s: Lengths of windows, s.
+        horizons_s: Lengths of windows, s. Longer than any episode they are left out, but for the shortest of them.
         episodes: Positions of the episodes that count; None: all.
         advance: Called after each horizon and each episode: `len(horizons_s) + len(episodes)` times.
 
     Raises:
-        RecordingError: If a horizon is shorter than a sample, or no episode is as long as that.
+        RecordingError: If a horizon is shorter than a sample, or no episode is as long as the shortest of them.
     """
     lengths = [len(e) for e in system.recording.episodes]
     chosen = list(range(len(lengths))) if episodes is None else list(episodes)
@@ -83,6 +83,10 @@ def measure_gap(
     for horizon in horizons_s:
         samples = _samples(system, horizon)
         windows = windows_of(lengths, samples, chosen)
+        if len(windows) == 0 and horizon > min(horizons_s):
+            # a shorter one tells what there is to tell; whole episodes follow
+            advance()
+            continue
         if len(windows) == 0:
             longest = max(lengths[e] for e in chosen) - 1
             raise RecordingError(

@@ -120,6 +120,13 @@ class AbstractSystem(ABC):
     def rests(self) -> list[tuple[int, slice]]:
         """Return where the object surely stands still, so that what is measured is noise: episode and samples."""
 
+    def scatter(self) -> FloatArray | None:
+        """Return what no model of such an object predicts, of each channel, (C,): noise to a fit; None: there is none.
+
+        Where bodies hit things, what an impact does depends on what nobody knows.
+        """
+        return None
+
     def stretches(self) -> tuple[Span, ...]:
         """Return over which parts of the recording models can be replayed and compared: whole episodes as a rule.
 

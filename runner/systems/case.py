@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from runner.effects import mechanism, planar_box
-from runner.recording import read_case
+from runner.recording import Form, read_case
 from runner.recording.model_form import is_model_form
 from runner.systems.base import AbstractSystem
+from runner.systems.mechanism.box_form import free_box
 from runner.systems.mechanism.system import read_mechanism
 from runner.systems.planar_box.system import PlanarBox
 
@@ -21,7 +22,10 @@ def open_case(path: str | Path) -> AbstractSystem:
     Raises:
         RecordingError: With the file, the row or key, what was wrong, and what is allowed.
     """
-    return read_mechanism(path) if is_model_form(path) else PlanarBox(read_case(path))
+    if is_model_form(path):
+        return read_mechanism(path)
+    recording = read_case(path)
+    return PlanarBox(recording) if recording.form is Form.PLANAR else free_box(recording)
 
 
 def always_confounded() -> frozenset[frozenset[str]]:

@@ -1,8 +1,8 @@
-"""The effects of a mechanism of joints: any MuJoCo model of hinges and slides, with its actuators and sensors.
+"""The effects of a mechanism: any MuJoCo model of joints and free bodies, its actuators, contacts and sensors.
 
 One file per effect: what is in this folder is in the vocabulary, `EFFECTS` lists the classes. `base` has the places
-where they act, `parts` what they ask of a model, `drive` the drive behind a joint that backlash and compliance lie in
-front of.
+where they act, `parts` what they ask of a model, `contacts` what they ask of a body's contacts, `drive` the drive
+behind a joint that backlash and compliance lie in front of.
 """
 
 from runner.effects import import_all
@@ -10,15 +10,21 @@ from runner.effects.mechanism.actuator_delay import ActuatorDelay
 from runner.effects.mechanism.actuator_gain import ActuatorGain
 from runner.effects.mechanism.actuator_lag import ActuatorLag
 from runner.effects.mechanism.actuator_saturation import ActuatorSaturation
+from runner.effects.mechanism.air_drag import AirDrag
 from runner.effects.mechanism.armature import Armature
 from runner.effects.mechanism.asymmetric_friction import AsymmetricFriction
 from runner.effects.mechanism.backlash import Backlash
 from runner.effects.mechanism.base import EFFECTS, Command, MechanismEffect, Reading, Scope
+from runner.effects.mechanism.body_size import BodySize
 from runner.effects.mechanism.clock_scale import ClockScale
 from runner.effects.mechanism.com_offset import ComOffset
 from runner.effects.mechanism.compliance import Compliance
+from runner.effects.mechanism.contact_stiffness import ContactStiffness
 from runner.effects.mechanism.dead_band import DeadBand
 from runner.effects.mechanism.disturbance import Disturbance
+from runner.effects.mechanism.frame_tilt import FrameTilt
+from runner.effects.mechanism.friction import ContactFriction
+from runner.effects.mechanism.friction_cone import FrictionCone
 from runner.effects.mechanism.gravity import Gravity, GravityTilt
 from runner.effects.mechanism.inertia import Inertia
 from runner.effects.mechanism.joint_damping import JointDamping
@@ -28,6 +34,8 @@ from runner.effects.mechanism.link_length import LinkLength
 from runner.effects.mechanism.load_friction import LoadFriction
 from runner.effects.mechanism.mass import Mass
 from runner.effects.mechanism.observation_delay import ObservationDelay
+from runner.effects.mechanism.restitution import Restitution
+from runner.effects.mechanism.rotational_damping import RotationalDamping
 from runner.effects.mechanism.sensor_lag import SensorLag
 from runner.effects.mechanism.sensor_offset import SensorOffset
 from runner.effects.mechanism.sensor_scale import SensorScale
@@ -43,15 +51,21 @@ __all__ = [
     "ActuatorGain",
     "ActuatorLag",
     "ActuatorSaturation",
+    "AirDrag",
     "Armature",
     "AsymmetricFriction",
     "Backlash",
+    "BodySize",
     "ClockScale",
     "ComOffset",
     "Command",
     "Compliance",
+    "ContactFriction",
+    "ContactStiffness",
     "DeadBand",
     "Disturbance",
+    "FrameTilt",
+    "FrictionCone",
     "Gravity",
     "GravityTilt",
     "Inertia",
@@ -64,6 +78,8 @@ __all__ = [
     "MechanismEffect",
     "ObservationDelay",
     "Reading",
+    "Restitution",
+    "RotationalDamping",
     "Scope",
     "SensorLag",
     "SensorOffset",

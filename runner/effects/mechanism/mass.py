@@ -9,7 +9,7 @@ from typing import ClassVar, Self
 import mujoco
 
 from runner.effects.base import Parameter, Phrase, Vector
-from runner.effects.mechanism import parts
+from runner.effects.mechanism import contacts, parts
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
 from runner.effects.wording import Values, number
 from runner.errors import check_range
@@ -38,7 +38,9 @@ class Mass(MechanismEffect):
     @classmethod
     def applies(cls, scope: Scope) -> bool:
         model = scope.model
-        return model.body_mass[model.body(scope.target).id] > 0 and len(parts.joints_above(model, scope.target)) > 0
+        # what is tossed moves alike whatever its mass
+        moves = len(parts.joints_above(model, scope.target)) > 0 and not contacts.is_tossed(model, scope.target)
+        return model.body_mass[model.body(scope.target).id] > 0 and moves
 
     @classmethod
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:

@@ -61,12 +61,14 @@ def guess_poses(part: Part, model: mujoco.MjModel) -> tuple[list[Pose], list[str
     for name in part.signals:
         found = GROUPED.match(name)
         if found:
-            groups.setdefault(found[1], {})[found[2].lstrip("q")] = name
+            # x and qx are of two groups
+            base = found[1] + "q" * found[2].startswith("q")
+            groups.setdefault(base, {})[found[2].lstrip("q")] = name
     poses, notes = [], []
     for base, members in groups.items():
         words = words_of(base)
         turned = bool(set(words) & TURNS) or {"w", "x", "y", "z"} == set(members)
-        placed = bool(set(words) & PLACES) and not turned
+        placed = (bool(set(words) & PLACES) or not base) and not turned
         named = [b for b in bodies if any(contains(words, w) for w in own_words(b))]
         body = max(named, key=len) if named else free[0] if len(free) == 1 else None
         if body is None or not (turned or placed):

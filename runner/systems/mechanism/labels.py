@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import pandas as pd
 
 from runner.arrays import FloatArray
 from runner.effects.mechanism import Scope
+from runner.recording import Span
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import AT_JOINT, is_servo
 from runner.systems.channels import Signals
@@ -31,6 +33,9 @@ REGIMES = (
     "free swing",
     "driven",
     "just after a change of command",
+    "in flight",
+    "at an impact",
+    "in contact",
 )
 PHRASES = {
     "breakaway": "when a joint breaks away",
@@ -38,6 +43,9 @@ PHRASES = {
     "saturated": "when an actuator is saturated",
     "free swing": "in free swing",
     "driven": "when driven",
+    "in flight": "in flight",
+    "at an impact": "at an impact",
+    "in contact": "in contact after an impact",
 }
 FACTORS = {
     "regime": "{}",
@@ -69,8 +77,19 @@ def label(
     scope: Scope,
     signals: Signals,
     windows: Windows,
+    flights: Sequence[Sequence[Span]] = (),
 ) -> Labels:
-    """Return what went on in each window, and the factors that windows are sorted by."""
+    """Return what went on in each window, and the factors that windows are sorted by.
+
+    Args:
+        recording: The case.
+        models: Its models.
+        initial: Of the recording.
+        scope: What is known of the mechanism.
+        signals: What was measured.
+        windows: W of them.
+        flights: When free bodies touch nothing, for each episode; none of anything else.
+    """
     motion = _motion(initial, signals, windows, models.qpos0)
     seen = np.sqrt(np.mean(motion.speed**2, axis=(0, 1)))
     usual = np.array([max(scope.speed.get(n, v), 1e-9) for n, v in zip(motion.names, seen, strict=True)])
@@ -91,6 +110,8 @@ def label(
         [REGIMES[i] for i in (6, 3, 0, 1, 2, 4)],
         REGIMES[5],
     )
+    if any(flights):
+        regime = np.where(regime == REGIMES[4], _touching(flights, windows), regime)
     middle = windows.first + steps / 2
     lengths = np.array([len(recording.episodes[e]) for e in windows.episode])
     quarter = np.minimum(4 * middle / lengths, 3).astype(int)
@@ -120,6 +141,19 @@ def label(
         table[f"{name}_{suffix}"] = motion.position[:, 1, j]
         table[f"{name}_{suffix}_s"] = motion.speed[:, 1, j]
     return Labels(table)
+
+
+def _touching(flights: Sequence[Sequence[Span]], windows: Windows) -> np.ndarray:
+    """Return whether bodies fly, hit something or have done so in each window, (W,)."""
+    out = np.full(len(windows), REGIMES[9], dtype=object)
+    for w, (e, first) in enumerate(zip(windows.episode, windows.first, strict=True)):
+        last = first + windows.samples - 1
+        for span in flights[e]:
+            if first >= span.begin and last < span.end:
+                out[w] = REGIMES[7]
+            elif first < span.end <= last:
+                out[w] = REGIMES[8]
+    return out
 
 
 def _where(moves: np.ndarray, names: list[str]) -> np.ndarray:

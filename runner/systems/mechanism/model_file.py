@@ -15,7 +15,8 @@ from runner.errors import ResultError
 from runner.physics.joint_law import SIZE
 from runner.recording.model_form_mjcf import quiet
 from runner.storage.writing import write_text
-from runner.systems.mechanism.models import OWN, Models, mechanical
+from runner.systems.mechanism.models import OWN, Models, mechanical, shortest_contact_s
+from runner.systems.mechanism.simulator import SHORTEST_STEP_S
 
 MODEL = "model.xml"
 DIGITS = 1e-5  # what MuJoCo writes is rounded to six digits
@@ -38,10 +39,14 @@ def write_model(models: Models, effects: Effects, folder: Path) -> tuple[str, ..
         model = spec.compile()
         for effect in mechanical(inside):
             effect.edit_model(model)
+        if models.contact_time_s(inside) < min(models.contact_time_s(()), 2 * model.opt.timestep):
+            # MuJoCo softens contacts whose time constant is below two steps
+            model.opt.timestep = max(0.5 * shortest_contact_s(model), SHORTEST_STEP_S)
         try:
             spec.copy_back(model)
         except ValueError as error:
             raise ResultError(f"{MODEL}: the corrected numbers can't be written: {error}") from None
+        _copy_contacts(spec, model)
         text = spec.to_xml()
     left = [e.full_name for e in effects if e not in inside]
     if left:
@@ -58,10 +63,18 @@ def expressible(models: Models, effect: AbstractEffect) -> bool:
     base, edited = models.compiled((effect,)).model, models.edited((effect,))
     if np.any(base.jnt_user[:, -SIZE:] != edited.jnt_user[:, -SIZE:]):
         return False
+    if any(len(set(edited.dof_damping[j.v])) > 1 for j in models.believed_coordinates.joints):
+        return False
     cls = type(effect)
     return issubclass(cls, MechanismEffect) and (
         cls.edit_model is not MechanismEffect.edit_model or cls.edit_spec is not MechanismEffect.edit_spec
     )
+
+
+def _copy_contacts(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+    """Write the whole numbers that govern contacts, which MuJoCo's own copying leaves out."""
+    for geom in spec.geoms:
+        geom.priority, geom.condim = int(model.geom_priority[geom.id]), int(model.geom_condim[geom.id])
 
 
 def _copy_assets(spec: mujoco.MjSpec, source: Path, folder: Path) -> tuple[str, ...]:

@@ -87,6 +87,7 @@ class Models:
         self.folder = recording.model_path.parent
         self._compiled: dict[Effects, Compiled] = {}
         self._models: dict[tuple[Effects, float], mujoco.MjModel] = {}
+        self._contact_time_s: dict[Effects, float] = {}
         model = self.compiled(()).model
         self.file_step_s = float(model.opt.timestep)
         self.leapfrog = int(model.opt.integrator) != RK4
@@ -150,6 +151,15 @@ class Models:
             effect.edit_model(model)
         mujoco.mj_setConst(model, base.data[0])
         return model
+
+    def contact_time_s(self, effects: Effects) -> float:
+        """Return the shortest time constant of a contact, infinite without any: steps must be at most half of it."""
+        key = tuple(e for e in mechanical(effects) if type(e).edit_model is not MechanismEffect.edit_model)
+        if key not in self._contact_time_s:
+            if len(self._contact_time_s) > KEPT_MODELS:
+                self._contact_time_s.clear()
+            self._contact_time_s[key] = shortest_contact_s(self.edited(key))
+        return self._contact_time_s[key]
 
     def model(self, effects: Effects, step_s: float) -> mujoco.MjModel:
         """Return the model with these effects in it, ready to be stepped by `step_s`; not to be written to."""
@@ -220,7 +230,7 @@ def _discretise(model: mujoco.MjModel, step_s: float, scratch: mujoco.MjData, *,
     time = model.dof_solref[:, 0]
     # dry friction that was meant to be hard is as hard as the step allows; faster than two steps is unstable
     time[(time > 0) & ((time < 2 * step_s) | (time <= HARD_S))] = 2 * step_s
-    touching = _can_touch(model)
+    touching = can_touch(model)
     if not touching:
         # hardly a constraint is left, and what looks for more costs a fifth of a step
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
@@ -247,7 +257,15 @@ def _balance_damping(model: mujoco.MjModel, step_s: float, *, touching: bool) ->
         midpoint.mark(model, 0.5 * step_s * servo * share[dof])
 
 
-def _can_touch(model: mujoco.MjModel) -> bool:
+def shortest_contact_s(model: mujoco.MjModel) -> float:
+    """Return the shortest time constant of a contact in a model, infinite without any."""
+    if not can_touch(model):
+        return np.inf
+    times = np.concatenate([model.geom_solref[:, 0], model.pair_solref[:, 0]])
+    return float(times[times > 0].min(initial=np.inf))
+
+
+def can_touch(model: mujoco.MjModel) -> bool:
     """Whether any two geoms of a model may be in contact."""
     kinds, partners = np.array(model.geom_contype), np.array(model.geom_conaffinity)
     return model.npair > 0 or model.nflex > 0 or bool((kinds[:, None] & partners[None, :]).any())

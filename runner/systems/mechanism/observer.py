@@ -1,9 +1,9 @@
 """From simulated states to what the channels show.
 
-What a joint does is read from the states. An actuator's force that is a linear function of command, position and
-velocity is computed from them; everything else (poses of bodies, sensors of the MJCF, forces of other actuators) is
-read from MuJoCo's sensors, evaluated in one further step from each state, as those that come with a simulation mix
-positions and velocities of different instants.
+What a joint does is read from the states, and so is the pose of a body with a free joint. An actuator's force that is a
+linear function of command, position and velocity is computed from them; everything else (poses of other bodies, sensors
+of the MJCF, forces of other actuators) is read from MuJoCo's sensors, evaluated in one further step from each state, as
+those that come with a simulation mix positions and velocities of different instants.
 """
 
 from __future__ import annotations
@@ -66,6 +66,8 @@ class Observer:
                 out[source.name] = (states.velocity[..., joint.v] if velocity else states.position[..., joint.q])[
                     ..., 0
                 ]
+            elif source.kind == "body" and source.name not in self._from_sensors:
+                out |= self._free(source, states)
             elif source.name not in self._from_sensors:
                 out[source.name] = self._force(source.target, models, states)
             elif source.quantity == "orientation":
@@ -76,6 +78,20 @@ class Observer:
                 assert sensordata is not None
                 out[source.name] = sensordata[..., self._from_sensors[source.name] + source.index]
         return out
+
+    def _free(self, source: ChannelSource, states: States) -> dict[str, FloatArray]:
+        """Return one channel of a body with a free joint: its joint's own numbers, turning in the world's axes."""
+        joint = self._compiled.coordinates.by_name[free_joint(self._compiled.model, source.target)]
+        place, turn = states.position[..., joint.q][..., :3], states.position[..., joint.q][..., 3:]
+        if source.quantity == "orientation":
+            return {source.column: turn}
+        if source.quantity == "position":
+            return {source.name: place[..., source.index]}
+        if source.quantity == "velocity":
+            return {source.name: states.velocity[..., joint.v.start + source.index]}
+        spin = np.concatenate([np.zeros_like(turn[..., :1]), states.velocity[..., joint.v][..., 3:]], axis=-1)
+        world = quaternions.multiply(quaternions.multiply(turn, spin), quaternions.inverse(turn))
+        return {source.name: world[..., 1 + source.index]}
 
     def _force(self, actuator: str, models: Sequence[mujoco.MjModel], states: States) -> FloatArray:
         """Return what a linear actuator exerts, (R, n)."""
@@ -116,12 +132,21 @@ def _sensor_address(source: ChannelSource, model: mujoco.MjModel) -> int | None:
     """Return where a channel begins among the sensor data; None: it is read from the states."""
     if source.kind == "joint" or (source.kind == "actuator" and _is_linear(model, source.target)):
         return None
+    if source.kind == "body" and free_joint(model, source.target):
+        return None
     name = {
         "actuator": f"{OWN}force:{source.target}",
         "body": f"{OWN}{source.quantity}:{source.target}",
         "sensor": source.target,
     }[source.kind]
     return int(model.sensor(name).adr[0])
+
+
+def free_joint(model: mujoco.MjModel, body: str) -> str:
+    """Return the name of the free joint that a body has of its own, "" without one."""
+    first, count = int(model.body(body).jntadr[0]), int(model.body(body).jntnum[0])
+    own = [j for j in range(first, first + count) if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_FREE)]
+    return model.joint(own[0]).name if own else ""
 
 
 def _is_linear(model: mujoco.MjModel, name: str) -> bool:

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from runner.arrays import FloatArray
-from runner.effects.mechanism import EFFECTS, Scope
+from runner.effects.mechanism import EFFECTS, MechanismEffect, Scope, SensorLag, SensorOffset, SensorScale, contacts
 from runner.effects.vocabulary import Candidate, Vocabulary
 from runner.recording import Span
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
@@ -141,7 +141,12 @@ def vocabulary_of(recording: MechanismRecording, scope: Scope, coordinates: Coor
     }
     candidates = []
     for cls in EFFECTS:
-        single = [Candidate(cls, target) for target in targets[cls.target_kind] if cls.applies(scope.at(target))]
+        single = [
+            Candidate(cls, target)
+            for target in targets[cls.target_kind]
+            if cls.applies(scope.at(target))
+            and (cls.target_kind != "channel" or _of_its_own(cls, target, recording, scope.model))
+        ]
         candidates += [*single, *_shared(single, scope)]
     return Vocabulary(tuple(candidates))
 
@@ -161,6 +166,21 @@ def _shared(single: Sequence[Candidate], scope: Scope) -> list[Candidate]:
         if not all(same):
             return []
     return [Candidate(single[0].effect, single[0].target, tuple(str(c.target) for c in single))]
+
+
+def _of_its_own(
+    cls: type[MechanismEffect], channel: str | None, recording: MechanismRecording, model: mujoco.MjModel
+) -> bool:
+    """Whether a channel can be filtered, scaled or shifted by itself, and that shows.
+
+    What tracks a body filters and scales all axes of a pose alike; a shift along an even floor changes nothing.
+    """
+    source = next(s for s in recording.mapping.sources if s.name == channel)
+    if source.kind != "body" or source.quantity != "position":
+        return True
+    if issubclass(cls, SensorOffset) and contacts.is_free(model, source.target):
+        return not contacts.is_even(model, source.index)
+    return not issubclass(cls, SensorLag | SensorScale)
 
 
 def moving_bodies(model: mujoco.MjModel) -> list[str]:

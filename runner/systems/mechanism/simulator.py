@@ -33,6 +33,7 @@ FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 BYTES_AT_ONCE = 60e6  # of states and commands
 HUGE = 1e8  # a coordinate or velocity beyond has diverged
+SHORTEST_STEP_S = 0.0002  # harder contacts than that resolves are as hard as it resolves
 ADDED_JOINTS_S = 0.001  # the longest step of a model with joints that effects have added: light, and often in contact
 
 
@@ -123,12 +124,12 @@ class MechanismSimulator(AbstractSimulator):
         """Return the predicted channels of stretches of equally many samples, (R, T, C); NaN once it has diverged."""
         samples = stretches[0].end - stretches[0].begin
         out = np.empty((len(stretches), samples, len(self.recording.mapping.sources)))
-        groups: dict[object, list[int]] = {}
+        groups: dict[tuple[object, float], list[int]] = {}
         for i, stretch in enumerate(stretches):
-            groups.setdefault(self.models.compiled(stretch.effects).signature, []).append(i)
-        for members in groups.values():
+            compiled = self.models.compiled(stretch.effects)
+            groups.setdefault((compiled.signature, self._step(compiled, stretch.effects)), []).append(i)
+        for (_, step_s), members in groups.items():
             compiled = self.models.compiled(stretches[members[0]].effects)
-            step_s = self._step(compiled)
             steps = max(self._steps(stretches[i], step_s) for i in members)
             width = mujoco.mj_stateSize(compiled.model, FULL) + mujoco.mj_stateSize(compiled.model, CONTROL)
             at_once = max(1, int(BYTES_AT_ONCE / (8.0 * steps * width)))
@@ -139,10 +140,17 @@ class MechanismSimulator(AbstractSimulator):
                 out[some] = self._simulate(_Batch(compiled, models, chosen, steps, step_s))
         return out
 
-    def _step(self, compiled: Compiled) -> float:
-        """Return the step of a model: a whole part of the usual one where effects have added joints."""
+    def _step(self, compiled: Compiled, effects: Effects) -> float:
+        """Return the step of a model: a whole part of the usual one where effects have added joints or hard contacts.
+
+        MuJoCo softens contacts whose time constant is below two steps.
+        """
         added = compiled.model.nv > self.models.believed_coordinates.nv
-        return self.step_s / (int(np.ceil(self.step_s / ADDED_JOINTS_S - 1e-9)) if added else 1)
+        longest_s = ADDED_JOINTS_S if added else np.inf
+        contact_s = self.models.contact_time_s(effects)
+        if contact_s < self.models.contact_time_s(()):
+            longest_s = min(longest_s, max(0.5 * contact_s, SHORTEST_STEP_S))
+        return self.step_s / max(1, int(np.ceil(self.step_s / longest_s - 1e-9)))
 
     def _steps(self, stretch: Stretch, step_s: float) -> int:
         """Return how many physics steps reach the last sample."""

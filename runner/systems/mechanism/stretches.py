@@ -8,6 +8,8 @@ what fits, evidence and standard errors rest on.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -16,11 +18,14 @@ from runner.arrays import FloatArray
 from runner.recording import Span
 from runner.systems.channels import Signals
 from runner.systems.initial import AbstractInitialState
+from runner.systems.mechanism.flights import into_impacts
 from runner.systems.mechanism.simulator import MechanismSimulator
 from runner.systems.windows import Windows
 
 LONGEST_S = 8.0  # no longer: errors that pile up over more tell nothing new, and cost as much as what does
 SHORTEST_S = 0.5  # no shorter: a start state is then most of what is told
+LONGEST_IMPACT_S, SHORTEST_IMPACT_S = 0.4, 0.1  # the same of what follows a flight: several impacts; one
+BENT_BY_IMPACTS = 0.25  # the same where it is impacts that bend: of those hit, half answer in proportion for longer
 SMALL, LARGE = 0.01, 0.1  # forces that are compared: shares of the usual force
 BENT = 0.2  # share of the response that may be out of proportion, in half of the windows and joints
 LOOKS = 24  # windows that are looked at, for each length
@@ -28,10 +33,9 @@ SAME_CLOCK = 1.1  # times the shortest period
 FEWEST = 5  # samples of each measured channel in a stretch
 
 
-def stretches(
-    simulator: MechanismSimulator, initial: AbstractInitialState, usual: FloatArray, signals: Signals
-) -> tuple[Span, ...]:
-    """Return the parts of a recording over which the believed model responds in proportion: episodes cut evenly.
+@dataclass(frozen=True)
+class Sensitive:
+    """What responds, more or less in proportion, to a small force.
 
     Args:
         simulator: Of the recording.
@@ -39,12 +43,22 @@ def stretches(
         usual: Usual generalised force of each degree of freedom, (nv,).
         signals: What was measured.
     """
+
+    simulator: MechanismSimulator
+    initial: AbstractInitialState
+    usual: FloatArray
+    signals: Signals
+
+
+def stretches(known: Sensitive) -> tuple[Span, ...]:
+    """Return the parts of a recording over which the believed model responds in proportion: episodes cut evenly."""
+    signals = known.signals
     lengths = [len(v) for v in signals.values]
-    periods_s = np.array([e.step_s for e in simulator.recording.episodes])
+    periods_s = np.array([e.step_s for e in known.simulator.recording.episodes])
     whole = tuple(Span(e, 0, n) for e, n in enumerate(lengths))
     longest_s = float(max((n - 1) * p for n, p in zip(lengths, periods_s, strict=True)))
     length_s = longest_s / max(1, int(np.ceil(longest_s / LONGEST_S - 1e-6)))
-    while length_s > SHORTEST_S and _bent(simulator, initial, usual, signals, length_s) > BENT:
+    while length_s > SHORTEST_S and _bent(known, _windows(known.simulator, length_s)) > BENT:
         length_s = max(length_s / 2, SHORTEST_S)
     parts = []
     for e, n in enumerate(lengths):
@@ -55,20 +69,42 @@ def stretches(
     return tuple(told) if {s.episode for s in told} == set(range(len(lengths))) else whole
 
 
-def _bent(
-    simulator: MechanismSimulator,
-    initial: AbstractInitialState,
-    usual: FloatArray,
-    signals: Signals,
-    length_s: float,
-) -> float:
-    """Return which share of the response to a force is out of proportion after so many seconds: the median."""
-    windows = _windows(simulator, length_s)
-    starts = initial.guess_windows(signals, windows, smooth=True)
+def impact_stretches(known: Sensitive, found: Sequence[Sequence[Span]], lying: Sequence[Span]) -> tuple[Span, ...]:
+    """Return the parts of a recording from flights over as much of what follows as the model responds in proportion.
+
+    Args:
+        known: The recording.
+        found: Flights of each episode.
+        lying: When bodies lie still: that is told too.
+    """
+    after_s = LONGEST_IMPACT_S
+    while after_s > SHORTEST_IMPACT_S:
+        windows = _from_flights(known.simulator, found, after_s)
+        if len(windows) and _bent(known, windows) <= BENT_BY_IMPACTS:
+            break
+        after_s = max(after_s / 2, SHORTEST_IMPACT_S)
+    hits = into_impacts(known.simulator.recording, found, after_s)
+    ends = {e: max(s.end for s in hits if s.episode == e) for e in {s.episode for s in hits}}
+    still = [s for s in lying if s.begin >= ends.get(s.episode, 0)]
+    return tuple(sorted((*hits, *still), key=lambda s: (s.episode, s.begin)))
+
+
+def _from_flights(simulator: MechanismSimulator, found: Sequence[Sequence[Span]], after_s: float) -> Windows:
+    """Return windows of one length from the last samples of flights until so long after them, spread over all."""
+    episodes = simulator.recording.episodes
+    after = max(1, round(after_s / simulator.recording.step_s))
+    fits = [(s.episode, s.end - FEWEST) for own in found for s in own if s.end + after <= len(episodes[s.episode])]
+    return _spread(np.array(fits, dtype=int).reshape(-1, 2), after + FEWEST)
+
+
+def _bent(known: Sensitive, windows: Windows) -> float:
+    """Return which share of the response to a force is out of proportion at the end of windows: the median."""
+    signals, usual = known.signals, known.usual
+    starts = known.initial.guess_windows(signals, windows, smooth=True)
     d = len(usual)
     forces = np.vstack([np.zeros(d), *(np.diag(size * usual) for size in (SMALL, LARGE))])
     with np.errstate(invalid="ignore", over="ignore"):
-        shown = simulator.predict_windows((), windows, np.repeat(starts[:, None], len(forces), axis=1), forces)
+        shown = known.simulator.predict_windows((), windows, np.repeat(starts[:, None], len(forces), axis=1), forces)
         change = (shown[:, 1:] - shown[:, :1]) / signals.sigma
         small, large = change[:, :d] * (LARGE / SMALL), change[:, d:]
         off, size = (_norm(x) for x in (large - small, np.where(np.isfinite(large), large, small)))
@@ -91,9 +127,14 @@ def _windows(simulator: MechanismSimulator, length_s: float) -> Windows:
     alike = [(k, len(e)) for k, e in enumerate(episodes) if e.step_s < SAME_CLOCK * fastest_s]
     samples = min(round(length_s / fastest_s) + 1, max(n for _, n in alike))
     fits = [(k, f) for k, n in alike for f in range(0, n - samples + 1, samples)]
-    index = np.array(fits, dtype=int).reshape(-1, 2)
-    chosen = index[np.unique(np.linspace(0, len(index) - 1, min(LOOKS, len(index))).round().astype(int))]
+    return _spread(np.array(fits, dtype=int).reshape(-1, 2), samples)
+
+
+def _spread(index: FloatArray, samples: int) -> Windows:
+    """Return some windows of those with these episodes and first samples, (W, 2), spread over all."""
+    some = np.linspace(0, len(index) - 1, min(LOOKS, len(index))).round().astype(int)
+    chosen = index[np.unique(some)]
     return Windows(chosen[:, 0], chosen[:, 1], samples)
 
 
-__all__ = ["stretches"]
+__all__ = ["Sensitive", "impact_stretches", "stretches"]

@@ -1,0 +1,48 @@
+"""What an impact leaves open: how far predictions differ between models that are equally good beforehand.
+
+How hard a contact is, and how long a step, are numbers of a simulator that nobody has measured on the body; a quarter
+more or less of either is as good a model. What that changes after an impact no comparison with a recording can hold
+against a model, whatever the sensors' noise: so it counts as noise (of the three floors, sensor, repeatability and
+numerics, the largest is what a fit may hope for).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from runner.arrays import FloatArray
+from runner.effects.base import Effects
+from runner.effects.mechanism import ContactStiffness, contacts
+from runner.recording import Span
+from runner.systems.mechanism.simulator import MechanismSimulator, Stretch
+
+HARDER = 1.25  # times as stiff
+LOOKS = 24  # stretches
+
+
+def scatter(
+    simulator: MechanismSimulator, spans: Sequence[Span], starts: Sequence[FloatArray], groups: Sequence[str]
+) -> FloatArray:
+    """Return the root mean square difference of predictions with equally good contacts, of each channel, (C,).
+
+    Args:
+        simulator: Of the recording.
+        spans: Stretches that begin in flight and end after an impact.
+        starts: A start of each, (S,).
+        groups: Of each channel, (C,): those of one group share a level.
+    """
+    model = simulator.models.compiled(()).model
+    bodies = [model.body(b).name for b in range(1, model.nbody)]
+    harder: Effects = tuple(ContactStiffness(b, HARDER) for b in bodies if contacts.touches(model, b))
+    squares = []
+    for i in np.unique(np.linspace(0, len(spans) - 1, min(LOOKS, len(spans))).round().astype(int)):
+        span = spans[i]
+        shown = simulator.simulate(
+            [Stretch(span.episode, span.begin, span.end, effects, starts[i]) for effects in ((), harder)]
+        )
+        squares.append((shown[1] - shown[0]) ** 2)
+    mean = np.nanmean(np.concatenate(squares), axis=0)
+    names = np.array(groups)
+    return np.sqrt([mean[names == g].mean() for g in names])

@@ -1,0 +1,187 @@
+"""Free bodies that fly, hit and slide: against closed forms, and made tosses whose cause is found."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pandas as pd
+import pytest
+from mechanisms import TOSSED, compiled
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+from tosses import BELIEVED, COLUMNS, toss_case, world, write
+
+from runner.diagnosis.pipeline import diagnose
+from runner.effects import mechanism as m
+from runner.effects.mechanism import contacts
+from runner.errors import RecordingError
+from runner.recording import read_case
+from runner.systems.case import open_case
+from runner.systems.mechanism import MechanismSystem
+from runner.systems.mechanism.box_form import free_box
+from runner.systems.simulator import Run
+
+G = 9.81
+SIDES = (0.06, 0.04, 0.03)  # half, of a box that tumbles: three moments of inertia
+
+
+def still(folder: Path, **nominal: object) -> MechanismSystem:
+    """Return the system of a box that nothing is known to move: two episodes of poses at one place in the air."""
+    t = np.arange(60) / 150
+    pose = dict(zip(COLUMNS, (0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0), strict=True))
+    table = pd.concat([pd.DataFrame({"episode": e, "t": t, **pose}) for e in range(2)], ignore_index=True)
+    system = open_case(write(folder, table, {**BELIEVED, **nominal}))
+    assert isinstance(system, MechanismSystem)
+    return system
+
+
+def test_a_tumbling_box_turns_as_euler_says(tmp_path: Path):
+    """Torque-free rotation of a body with three moments: where ever shorter steps lead, and straight there."""
+    recording = still(tmp_path, half_size=list(SIDES)).recording
+    spin = np.array([6.0, 0.3, 8.0])
+    start = np.concatenate([[0, 0, 2.0, 0, 0, 0], [0, 0, 0], spin])
+    x, y, z = np.array(SIDES) ** 2
+    inertia = np.array([y + z, x + z, x + y])
+
+    def change(_: float, state: np.ndarray) -> np.ndarray:
+        w, (i, j, k, r) = state[:3], state[3:]
+        turning = 0.5 * np.array([r * w + np.cross([i, j, k], w)]).ravel()
+        return np.concatenate([np.cross(inertia * w, w) / inertia, turning, [-0.5 * np.dot([i, j, k], w)]])
+
+    t = recording.episodes[0].t_s
+    run = solve_ivp(change, (0, t[-1]), [*spin, 0, 0, 0, 1], t_eval=t, rtol=1e-10, atol=1e-12)
+    true = Rotation.from_quat(run.y[3:].T)
+    coarse, fine = (
+        MechanismSystem(recording, step_s=1 / 150 / n).simulator().predict(0, [Run((), start)])[0] for n in (8, 16)
+    )
+    off = [(true.inv() * Rotation.from_rotvec(shown[:, 3:6])).as_rotvec() for shown in (coarse, fine)]
+    assert np.abs(2 * off[1] - off[0]).max() < 1e-4
+    assert np.abs(off[1]).max() < 5e-3
+    height = MechanismSystem(recording).context.model.qpos0[2] + 2.0
+    assert fine[:, 2] == pytest.approx(height - 0.5 * G * t**2, abs=1e-6)
+
+
+@pytest.mark.parametrize("mu", [0.2, 0.5])
+def test_a_sliding_box_stops_where_friction_says(tmp_path: Path, mu: float):
+    """Coulomb friction is named by the effect alone: v^2 / (2 mu g)."""
+    system = still(tmp_path)
+    model = system._models.edited((m.ContactFriction("box", mu),))
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 200)  # until it lies
+    begin, speed = data.qpos[0], 1.0
+    data.qvel[:] = [speed, 0, 0, 0, 0, 0]
+    mujoco.mj_step(model, data, round(2 * speed / (mu * G) / model.opt.timestep))
+    assert data.qpos[0] - begin == pytest.approx(speed**2 / (2 * mu * G), rel=0.03)
+
+
+@pytest.mark.parametrize("ratio", [0.2, 0.5, 0.8])
+def test_a_ball_rebounds_as_told(ratio: float):
+    """The speed after a fall onto the floor is that share of the speed before."""
+    model = compiled(
+        """<mujoco><option timestep="0.0002"/><worldbody><geom type="plane" size="1 1 1"/><body name="ball"
+        pos="0 0 0.5"><freejoint name="ball"/><geom type="sphere" size=".03" mass="0.1" solref="0.01 1"
+        solimp="0.95 0.95 0.001" priority="1"/></body></worldbody></mujoco>""",
+        m.Restitution("ball", ratio),
+    )
+    data = mujoco.MjData(model)
+    speeds = []
+    while data.time < 0.5:
+        mujoco.mj_step(model, data)
+        speeds.append(float(data.qvel[2]))
+    assert max(speeds) / -min(speeds) == pytest.approx(ratio, abs=0.06)
+
+
+def test_rebound_and_damping_are_inverse():
+    """Of the same oscillator, below and beyond critical damping."""
+    ratios = (0.05, 0.1, 0.135, 0.5, 0.9)
+    assert [contacts.rebound(contacts.damping_for(e)) for e in ratios] == pytest.approx(ratios)
+    assert contacts.rebound(1.0) == pytest.approx(math.exp(-2))
+
+
+def test_a_body_s_contacts_are_its_own():
+    """A friction is given to one body, whatever the floor has, and not to the next."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><geom type="plane" size="1 1 1" friction="0.8"/>
+        <body name="a"><freejoint/><geom type="sphere" size=".1" friction="0.5"/></body>
+        <body name="b"><freejoint/><geom type="sphere" size=".1" friction="0.6"/></body></worldbody></mujoco>"""
+    )
+    assert contacts.believed(model, "a").sliding[0] == 0.8
+    m.ContactFriction("a", 0.3).edit_model(model)
+    assert contacts.believed(model, "a").sliding[0] == 0.3
+    assert contacts.believed(model, "b").sliding[0] == 0.8
+
+
+def test_mass_of_what_is_tossed_is_not_offered(tmp_path: Path):
+    """No motion without a force depends on it; nor on where along an even floor it happens."""
+    names = {c.name for c in open_case(toss_case(tmp_path, world(), tosses=2)).vocabulary}
+    assert "mass[box]" not in names
+    assert {"friction[box]", "contact_stiffness[box]", "restitution[box]", "body_size[box]", "frame_tilt"} <= names
+    assert "sensor_offset[z]" in names
+    assert not {"sensor_offset[x]", "sensor_scale[z]", "sensor_lag[x]"} & names
+
+
+def test_drag_of_the_air_is_the_coefficient_s():
+    """A box that falls flat is slowed by its coefficient times the speed squared."""
+    plain, airy = (compiled(TOSSED, *e) for e in ((), (m.AirDrag("cube", 0.01),)))
+    slower = []
+    for model in (plain, airy):
+        data = mujoco.MjData(model)
+        data.qpos[2], data.qvel[2] = 5.0, -3.0
+        mujoco.mj_forward(model, data)
+        slower.append(float(data.qacc[2]))
+    assert slower[1] - slower[0] == pytest.approx(0.01 * 9.0 / 1.0, rel=1e-6)
+
+
+def test_replay_begins_in_flight(tmp_path: Path):
+    """Stretches begin before the first touch and end soon after it; every toss has one."""
+    system = open_case(toss_case(tmp_path, world(), tosses=4))
+    spans = system.stretches()
+    assert {s.episode for s in spans} == set(range(4))
+    for s in spans:
+        z = system.values()[s.episode][:, 2]
+        # or the body lies there until the end
+        assert z[s.begin] > 1.1 * BELIEVED["half_size"] or (s.end == len(z) and np.ptp(z[s.begin :]) < 2e-3)
+        assert s.end - s.begin < len(z)
+
+
+def test_velocities_count_where_their_noise_is_stated(tmp_path: Path):
+    """Otherwise a note says why they do not."""
+    toss_case(tmp_path, world(), tosses=2)
+    table = pd.read_parquet(tmp_path / "recording.parquet").assign(vx=0.1, vy=0.0, vz=0.0)
+    table.to_parquet(tmp_path / "recording.parquet", index=False)
+    system = open_case(tmp_path)
+    assert not any(c.name == "vx" for c in system.channels)
+    assert any("vx, vy, vz are not counted" in n for n in system.recording.notes)
+
+
+def test_a_force_with_holes_is_refused(tmp_path: Path):
+    """Where it is measured at some samples of an episode only, nobody knows what acted at the others."""
+    toss_case(tmp_path, world(), tosses=2)
+    table = pd.read_parquet(tmp_path / "recording.parquet")
+    force = np.where(np.arange(len(table)) % 2, 1.0, np.nan)
+    table.assign(fx=force, fy=force, fz=force, px=0.0, py=0.0).to_parquet(tmp_path / "recording.parquet", index=False)
+    with pytest.raises(RecordingError, match="not measured"):
+        free_box(read_case(tmp_path))
+
+
+def test_a_tilted_frame_is_a_tilted_world():
+    """In it gravity and the floor lean alike: a cube at rest on the floor stays at rest."""
+    tilt = math.radians(3.0)
+    model = compiled(TOSSED, m.FrameTilt(tilt, 0.0))
+    assert model.opt.gravity == pytest.approx([G * math.sin(tilt), 0.0, -G * math.cos(tilt)])
+    normal = np.empty(3)
+    mujoco.mju_rotVecQuat(normal, np.array([0.0, 0.0, 1.0]), model.geom_quat[0])
+    assert normal == pytest.approx(-model.opt.gravity / G)
+
+
+def test_a_wrong_friction_is_named(tmp_path: Path):
+    """Four tosses of a box with half of the friction that its owner believes: the cause, and how much."""
+    system = open_case(toss_case(tmp_path, world(friction=0.2), tosses=4))
+    found = diagnose(system, threads=1, advise=False)
+    assert found.ranked[0].effects == ("friction[box]",)
+    mu, error = (of["friction[box]"]["mu"] for of in (found.ranked[0].parameters, found.ranked[0].errors))
+    assert abs(mu - 0.2) < 3 * error < 0.05
+    assert found.gap_closed > 0.7
