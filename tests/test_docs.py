@@ -6,10 +6,13 @@ import re
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 import runner
+from runner import config
 from runner.__main__ import main
 from runner.blind.mechanism import plants
 from runner.effects import mechanism, planar_box
@@ -118,6 +121,25 @@ def test_counts_of_effects_are_those_of_the_vocabulary() -> None:
     assert f"there are {len(joints)}," in (ROOT / "docs" / "mechanisms.md").read_text(encoding="utf-8")
     assert planted <= joints
     assert f"one of {len(planted)} words" in page
+
+
+def test_the_force_sequence_of_the_page_on_experiments_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is offered under its name, its YAML is of its keys, and it gives the same impulse whatever the step is."""
+    for registry in ("_REGISTERED", "_TARGETS"):
+        monkeypatch.setattr(config, registry, dict(getattr(config, registry)))
+    names: dict = {"__name__": "runner.physics.forces"}  # where the page says that it stands
+    exec(compile(blocks("docs/experiment.md"), "docs/experiment.md", "exec"), names)
+    text = (ROOT / "docs" / "experiment.md").read_text(encoding="utf-8")
+    values = yaml.safe_load(re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)[-1])
+    assert f"{values.pop('defaults')[0]}" == "schema_sawtooth"
+    assert config._REGISTERED["forces", "sawtooth"] is names["Sawtooth"]
+    forces = names["Sawtooth"](**values)
+    for steps in (7, 100, 4800):
+        step_s = forces.duration_s / steps
+        force, point = forces.columns(np.arange(steps) * step_s, step_s)
+        assert force.sum(axis=0) * step_s == pytest.approx([50.0, 0.0, 0.0])  # five triangles of 20 N and 1 s
+        assert not point.any()
+    assert force.max() == pytest.approx(20.0, rel=1e-3)
 
 
 def test_the_tutorial_is_true(
