@@ -31,6 +31,13 @@ def blocks(page: str) -> str:
     return "\n".join(lines)
 
 
+def test_effects_that_may_be_of_all_are_named() -> None:
+    """The page on mechanisms names those that one value for all targets may explain, and no other."""
+    page = (ROOT / "docs" / "mechanisms.md").read_text(encoding="utf-8")
+    said = page.split("It is among the answers for")[1].split(", in a mechanism")[0]
+    assert set(re.findall(r"`(\w+)`", said)) == {effect.name for effect in mechanism.EFFECTS if effect.shared}
+
+
 def shell(page: str) -> list[str]:
     """Return the lines of a page's blocks of shell code, without comments."""
     code = re.findall(r"```sh\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL)
