@@ -351,15 +351,15 @@ def test_every_option_of_every_group_is_usable() -> None:
 
 
 def readme_lines() -> list[str]:
-    """Return the command lines of the README and of the page on commands, in blocks of shell code, without comments."""
-    pages = [(CONF_FOLDER.parent / name).read_text(encoding="utf-8") for name in ("README.md", "docs/commands.md")]
+    """Return the command lines of the README and of all other pages, in blocks of shell code, without comments."""
+    root = CONF_FOLDER.parent
+    pages = [page.read_text(encoding="utf-8") for page in (root / "README.md", *sorted((root / "docs").glob("*.md")))]
     blocks = [block for page in pages for block in re.findall(r"```sh\n(.*?)```", page, re.DOTALL)]
-    return [
-        line.partition("#")[0].strip() for block in blocks for line in block.splitlines() if line.startswith("runner")
-    ]
+    lines = [line.partition("#")[0].strip() for block in blocks for line in block.splitlines()]
+    return list(dict.fromkeys(line for line in lines if line.startswith("runner ")))
 
 
 @pytest.mark.parametrize("line", [line for line in readme_lines() if " -m" not in line and "resume=" not in line])
 def test_readme_is_true(line: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """What the README says to type is accepted."""
+    """What the README and the other pages say to type is accepted."""
     assert main([*shlex.split(line)[1:], "--config"]) == 0, capsys.readouterr().err

@@ -20,10 +20,11 @@ from runner.diagnosis.verdict import read_verdicts, verdict
 from runner.effects import planar_box as fx
 from runner.effects.vocabulary import Candidate
 from runner.errors import RecordingError, ResultError
+from runner.inference.contender import Contender
 from runner.inference.evidence import NormalEquations, directions, evidence, normal_equations, sensitivities
 from runner.inference.held_out import confirm, doubt, further
 from runner.inference.least_squares import NONE, Explanation, Fitter
-from runner.inference.search import Contender, Search
+from runner.inference.search import Search
 from runner.noise.measured import measure
 from runner.recording import Episode, Form, Noise, Nominal, Recording
 from runner.storage.writing import write_json

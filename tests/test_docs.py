@@ -1,13 +1,21 @@
-"""The Python of the documentation runs, block after block, and finds what it says."""
+"""The Python of the documentation runs, block after block, and finds what it says; links lead somewhere."""
 
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
+import yaml
 
 import runner
+from runner import config
+from runner.__main__ import main
+from runner.blind.mechanism import plants
+from runner.effects import mechanism, planar_box
 
 ROOT = Path(__file__).parents[1]
 
@@ -21,6 +29,19 @@ def blocks(page: str) -> str:
             line = ""
         lines.append(line if inside else "")
     return "\n".join(lines)
+
+
+def test_effects_that_may_be_of_all_are_named() -> None:
+    """The page on mechanisms names those that one value for all targets may explain, and no other."""
+    page = (ROOT / "docs" / "mechanisms.md").read_text(encoding="utf-8")
+    said = page.split("It is among the answers for")[1].split(", in a mechanism")[0]
+    assert set(re.findall(r"`(\w+)`", said)) == {effect.name for effect in mechanism.EFFECTS if effect.shared}
+
+
+def shell(page: str) -> list[str]:
+    """Return the lines of a page's blocks of shell code, without comments."""
+    code = re.findall(r"```sh\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL)
+    return [line.partition("#")[0].strip() for block in code for line in block.splitlines()]
 
 
 def test_the_page_on_python_is_true(
@@ -66,7 +87,84 @@ def test_the_page_on_the_architecture_is_that_of_the_tree() -> None:
         assert list(ROOT.glob(path)) or list((ROOT / "runner").glob(path)), path
 
 
-def test_the_readme_links_to_every_page() -> None:
-    """No page of the documentation is found by chance alone."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert [p.name for p in (ROOT / "docs").glob("*.md") if f"docs/{p.name}" not in text] == []
+def pages() -> list[Path]:
+    """Return the README and all pages of the documentation."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def anchors(page: Path) -> set[str]:
+    """Return what a link may name within a page: its headings in lower case, words joined by hyphens."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    """Files, pictures and headings that a page links to are there."""
+    links = re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))
+    for link in (link for link in links if not link.startswith("http")):
+        path, _, heading = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        assert target.exists(), link
+        assert not heading or heading in anchors(target), link
+
+
+def test_no_page_is_found_by_chance_alone() -> None:
+    """The README, short enough to be read, leads to the index, and that to every page."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    index = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+    assert len(readme.splitlines()) < 150
+    assert "](docs/README.md)" in readme
+    assert [p.name for p in pages()[1:] if p.name != "README.md" and f"]({p.name}" not in index] == []
+
+
+def test_counts_of_effects_are_those_of_the_vocabulary() -> None:
+    """What the page on the diagnosis counts is what there is."""
+    page = " ".join((ROOT / "docs" / "diagnosis.md").read_text(encoding="utf-8").split())
+    joints = {effect.name for effect in mechanism.EFFECTS}
+    planted = set(plants.VOCABULARY) - {"gravity_tilt"}  # gravity has two kinds
+    assert f"{len(planar_box.EFFECTS)} of the box" in page
+    assert f"and {len(joints)} of mechanisms" in page
+    assert f"there are {len(joints)}," in (ROOT / "docs" / "mechanisms.md").read_text(encoding="utf-8")
+    assert planted <= joints
+    assert f"one of {len(planted)} words" in page
+
+
+def test_the_force_sequence_of_the_page_on_experiments_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is offered under its name, its YAML is of its keys, and it gives the same impulse whatever the step is."""
+    for registry in ("_REGISTERED", "_TARGETS"):
+        monkeypatch.setattr(config, registry, dict(getattr(config, registry)))
+    names: dict = {"__name__": "runner.physics.forces"}  # where the page says that it stands
+    exec(compile(blocks("docs/experiment.md"), "docs/experiment.md", "exec"), names)
+    text = (ROOT / "docs" / "experiment.md").read_text(encoding="utf-8")
+    values = yaml.safe_load(re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)[-1])
+    assert f"{values.pop('defaults')[0]}" == "schema_sawtooth"
+    assert config._REGISTERED["forces", "sawtooth"] is names["Sawtooth"]
+    forces = names["Sawtooth"](**values)
+    for steps in (7, 100, 4800):
+        step_s = forces.duration_s / steps
+        force, point = forces.columns(np.arange(steps) * step_s, step_s)
+        assert force.sum(axis=0) * step_s == pytest.approx([50.0, 0.0, 0.0])  # five triangles of 20 N and 1 s
+        assert not point.any()
+    assert force.max() == pytest.approx(20.0, rel=1e-3)
+
+
+def test_the_tutorial_is_true(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its logs become the cases that it says. The page on Python diagnoses the same box and the same lever."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(blocks("docs/tutorial.md"), "docs/tutorial.md", "exec"), {})
+    pushes, example = runner.read("pushes").data, runner.read("examples/cases/slippery_floor").data
+    pd.testing.assert_frame_equal(pushes, example, check_dtype=False, rtol=1e-6, atol=1e-6)
+    typed = [shlex.split(line)[1:] for line in shell("docs/tutorial.md") if line.startswith("runner import")]
+    proposed, done = typed
+    assert main(proposed) == 0
+    text = Path("map.yaml").read_text()
+    assert "start: free" in text
+    Path("map.yaml").write_text(text.replace("start: free", "start: rest"))
+    assert main(done) == 0, capsys.readouterr().err
+    lever = runner.read("lever")
+    assert len(lever.episodes) == 4
+    assert "joint_friction[hinge]" in set(lever.effects["effect"])

@@ -96,6 +96,17 @@ class CaseDiagnosis:
         return self.result.where
 
     @cached_property
+    def disturbances(self) -> pd.DataFrame:
+        """What pushed once and is in no log: `episode`, `what`, `force`, `from_s`, `until_s`, their errors as `_se`."""
+        names = ("force", "from_s", "until_s")
+        columns = ["episode", "what", *names, *(f"{n}_se" for n in names)]
+        rows = [
+            (d.episode, d.label, *(getattr(d, n)[0] for n in names), *(getattr(d, n)[1] for n in names))
+            for d in self.result.disturbances
+        ]
+        return pd.DataFrame(rows, columns=columns)
+
+    @cached_property
     def closure(self) -> pd.DataFrame:
         """What is missed of each channel on the episodes left out, root mean square, SI units.
 

@@ -9,9 +9,10 @@ from runner.diagnosis.ranking import contender_of
 from runner.diagnosis.result import Ranked
 from runner.effects.vocabulary import Vocabulary
 from runner.inference.confounding import Rival, rivals
+from runner.inference.contender import Contender
 from runner.inference.evidence import directions, normal_equations, sensitivities
 from runner.inference.least_squares import Fitter
-from runner.inference.search import Contender, Search
+from runner.inference.search import Search
 
 WORTH_TELLING = 0.02  # an explanation that is less likely needs no experiment against it
 

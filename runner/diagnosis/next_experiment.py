@@ -66,6 +66,8 @@ def best_experiment(
         difference = white[0] - white[1]
         columns = ((white[2:] - white[1]) / per[:, None]).T
         right = columns.T @ difference
-        left = difference @ difference - right @ np.linalg.solve(columns.T @ columns + prior, right)
+        # what an experiment tells nothing of has no information at all: it takes nothing off
+        taken = right @ np.linalg.lstsq(columns.T @ columns + prior, right, rcond=None)[0]
+        left = difference @ difference - taken
         out.append(NextExperiment(proposal.sentence, float(0.5 * max(left, 0.0))))
     return max(out, key=lambda e: e.log_odds)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from runner.diagnosis.split import HELD_OUT
-from runner.inference.search import Contender
+from runner.inference.contender import Contender
 from runner.noise.measured import Measured
 from runner.systems.recorded import Recorded
 
@@ -29,7 +29,7 @@ def notes(
         held_out: The episodes that it was checked on.
         stretch_s: Over how long models were replayed; None: over whole episodes.
         turned: Whether the first episodes were held out instead of the last.
-        outside: What was said of effects that have no name.
+        outside: What was said of effects that have no name, and of what happened once.
     """
     out = [*recording.notes, *outside]
     if not measured.stated.all():

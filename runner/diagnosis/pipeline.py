@@ -17,6 +17,7 @@ from runner.diagnosis.split import split
 from runner.inference.held_out import unseen
 from runner.inference.least_squares import Fit
 from runner.inference.outside import said_of_outside
+from runner.localise.dated import dated_disturbances
 from runner.localise.regimes import closure_by_regime
 from runner.localise.where import localise
 from runner.localise.windows import check_length
@@ -73,6 +74,7 @@ def diagnose(
     regimes = closure_by_regime(system, measured, found.held_out, effects, where.window_s)
     closure = close(before, after, fitter.measured, fitter, effects, regimes)
     ranked = tuple(replace(r, gap_closed=closure.gap_closed) if r.values == effects else r for r in ranked)
+    disturbances = dated_disturbances(system, simulator, effects, measured) if system.dates_disturbances else ()
     if advise:
         observer.stage("trying what could be taken for it, and what would tell")
     return Diagnosis(
@@ -96,6 +98,7 @@ def diagnose(
         simulated_s=simulator.simulated_s,
         next_push=next_push(ranked, searched, fitter, threads) if advise else None,
         rivals=found_rivals(top, fitter) if advise else (),
+        disturbances=disturbances,
         notes=notes(
             recording,
             measured,
@@ -103,6 +106,6 @@ def diagnose(
             found.held_out,
             stretch_s=found.stretch_s,
             turned=turned,
-            outside=said_of_outside(searched, system),
+            outside=[*said_of_outside(searched, system), *(d.sentence for d in disturbances)],
         ),
     )

@@ -7,10 +7,11 @@ from scipy.special import expit, softmax
 
 from runner.diagnosis.result import Ranked
 from runner.effects.base import Scope
+from runner.inference.contender import Contender, are_confounded
 from runner.inference.held_out import Confirmed
 from runner.inference.least_squares import Fit, Fitter
 from runner.inference.outside import is_outside
-from runner.inference.search import Contender, Search, are_confounded
+from runner.inference.search import Search
 from runner.systems.base import AbstractSystem
 
 TEMPER = 2.0  # log odds are divided by it, against overconfidence; not yet calibrated
@@ -152,10 +153,10 @@ def values_of(contender: Contender, context: Scope) -> tuple[dict[str, dict[str,
     x, covariance = contender.fit.x, contender.evidence.covariance
     parameters, errors = {}, {}
     for candidate, part in contender.fit.explanation.parts(context):
-        value = candidate.make(x[part], context).report()
+        value = candidate.make(x[part], context)[0].report()
         slopes = []
         for step in np.diag([1e-4 * p.scale for p in candidate.parameters(context)]):
-            moved = candidate.make(x[part] + step, context).report()
+            moved = candidate.make(x[part] + step, context)[0].report()
             slopes.append([_turn(name, moved[name] - value[name]) / step.sum() for name in value])
         slope = np.array(slopes).T
         spread = slope @ covariance[part, part] @ slope.T

@@ -10,6 +10,7 @@ import pandas as pd
 
 from runner.effects.base import Effects
 from runner.inference.confounding import Rival
+from runner.localise.dated import DatedDisturbance
 from runner.localise.where import Where
 from runner.noise.measured import Measured
 from runner.recording import Span
@@ -86,6 +87,7 @@ class Diagnosis:
     seconds: float
     simulated_s: float
     next_push: str | None
+    disturbances: tuple[DatedDisturbance, ...]
     notes: tuple[str, ...]
     rivals: tuple[Rival, ...] = ()
 

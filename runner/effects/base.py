@@ -95,6 +95,7 @@ class AbstractEffect(ABC):
     # a first parameter smaller than that is not told from the unevenness of everything
     detection_limit: ClassVar[float] = 0.0
     discontinuous: ClassVar[bool] = False  # one parameter, at some values of which the motion jumps: a push fails
+    shared: ClassVar[bool] = False  # may be one thing on all targets of a kind, by the same numbers
     commonness: ClassVar[int] = 1  # among effects that can't be told apart the least of these stands for the rest
     confounded: ClassVar[tuple[Confounded, ...]] = ()
     # of several variants of a name: the entry of an answer's true values that speaks of this one

@@ -6,39 +6,61 @@ fits, compares and names. Several candidates may share a name: variants of one e
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from runner.effects.base import AbstractEffect, Parameter, Scope, Vector
+from runner.effects.base import AbstractEffect, Effects, Parameter, Scope, Vector
+
+ALL = "*"  # in the place of a target: all of a kind
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect that may be at work: its class, and what it would change (None: there is nothing to choose)."""
+    """An effect that may be at work: its class, and what it would change (None: there is nothing to choose).
+
+    With `targets` it changes all of those by the same numbers: one cause, as the supply of all servos. `target` is then
+    the first of them, by whose measure the numbers are.
+    """
 
     effect: type[AbstractEffect]
     target: str | None = None
+    targets: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
-        """The word of a verdict: `friction`, `joint_friction[elbow]`."""
-        return self.effect.name if self.target is None else f"{self.effect.name}[{self.target}]"
+        """The word of a verdict: `friction`, `joint_friction[elbow]`, `servo_gain[*]`."""
+        shown = ALL if self.targets else self.target
+        return self.effect.name if shown is None else f"{self.effect.name}[{shown}]"
+
+    @property
+    def each(self) -> tuple[Candidate, ...]:
+        """The same effect on each target by itself."""
+        return tuple(Candidate(self.effect, target) for target in self.targets) or (self,)
+
+    def may_join(self, held: Iterable[Candidate]) -> bool:
+        """Whether it may stand beside others: it is none of them, nor one that can't be told from them."""
+        for other in held:
+            names = {other.effect.name, *(o.name for o in other.effect.confounded)}
+            alike = self.effect.name in names
+            if alike and not {c.target for c in self.each}.isdisjoint(c.target for c in other.each):
+                return False
+        return True
 
     @property
     def key(self) -> tuple[str, str]:
         """What candidates are sorted by where their order must not matter."""
-        return self.effect.__name__, self.target or ""
+        return self.effect.__name__, ALL if self.targets else self.target or ""
 
     def parameters(self, context: Scope) -> tuple[Parameter, ...]:
         """Describe the fitted vector, in a system of which this is known."""
         return self.effect.parameters(context.at(self.target))
 
-    def make(self, x: Vector, context: Scope) -> AbstractEffect:
-        """Make the effect from its fitted vector."""
-        return self.effect.from_vector(x, context.at(self.target))
+    def make(self, x: Vector, context: Scope) -> Effects:
+        """Make the effect from its fitted vector: one on each target."""
+        return tuple(self.effect.from_vector(x, context.at(c.target)) for c in self.each)
 
     def with_values(self, values: Mapping[str, float]) -> AbstractEffect:
         """Make the effect from its physical values, by name."""
@@ -81,5 +103,5 @@ class Vocabulary:
         return next(
             c
             for c in (*self.candidates, *self.outside)
-            if c.effect is type(effect) and c.target == getattr(effect, "target", None)
+            if c.effect is type(effect) and c.target == getattr(effect, "target", None) and not c.targets
         )

@@ -64,7 +64,9 @@ def directions(system: AbstractSystem) -> list[Direction]:
         steps = difference_steps(parameters, np.zeros(len(parameters)))
         for i, parameter in enumerate(parameters):
             vector = np.eye(len(parameters))[i] * steps[i]
-            out.append(Direction(candidate, vector, float(steps[i] / parameter.scale), SHARE))
+            # what all of a kind share is a sum of directions that have their mismatch already
+            mismatch = 0.0 if candidate.targets else SHARE
+            out.append(Direction(candidate, vector, float(steps[i] / parameter.scale), mismatch))
     return out
 
 
@@ -80,7 +82,7 @@ def sensitivities(fitter: Fitter, fit: Fit, every: Sequence[Direction]) -> Sensi
     """Simulate all directions around a fit."""
     base = fit.explanation.make(fit.x, fitter.context)
     others = tuple(d for d in every if d.candidate not in fit.explanation.candidates)
-    runs = [(*base, d.candidate.make(d.vector, fitter.context)) for d in others]
+    runs = [(*base, *d.candidate.make(d.vector, fitter.context)) for d in others]
     per = np.array([d.per for d in others])
     return Sensitivities(others, tuple(c / per for c in fitter.changes(base, runs, fit)))
 

@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runner.effects.base import Scope
+from runner.inference.contender import Contender
 from runner.inference.evidence import directions, evidence, normal_equations, sensitivities, together
 from runner.inference.least_squares import NONE, Fit, Fitter, amplitudes
-from runner.inference.search import Contender, Search
+from runner.inference.search import Search
 
 LEADERS = 6  # so many are held against the episodes left out, and the nominal model,
 PLAIN, LEAVES = 1.0, 0.5  # squared noises; share of them

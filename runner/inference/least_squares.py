@@ -64,7 +64,7 @@ class Explanation:
 
     def make(self, x: np.ndarray, context: Scope) -> Effects:
         """Make the effects from a vector, in the order in which they act."""
-        return tuple(c.make(x[part], context) for c, part in self.parts(context))
+        return tuple(effect for c, part in self.parts(context) for effect in c.make(x[part], context))
 
     def __add__(self, other: Explanation) -> Explanation:
         return Explanation(self.candidates + other.candidates)

@@ -14,7 +14,7 @@ import numpy as np
 from runner.inference.breakaway import hanging
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 from runner.inference.parameters import is_out_of_range
-from runner.inference.search import NEAR, RESTED, resumed, search, singles
+from runner.inference.search import NEAR, RESTED, Search, resumed, search, singles
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of
 from runner.progress import UNOBSERVED
 from runner.recording import Span
@@ -37,8 +37,9 @@ class Look:
     Args:
         beginning: Where fits begin.
         hung: From which sample on an episode hangs on a breakaway.
-        cut_s: How long the pieces are, where even in them nothing explains the recording: over longer times what no
-            explanation has piles up, and drowns what they have. None: longer times tell more.
+        cut_s: How long the pieces are, where even in them nothing explains the recording and the best explains less of
+            it over longer times: what no explanation has piles up, and drowns what they have. None: longer times tell
+            more.
     """
 
     beginning: Beginning
@@ -72,12 +73,7 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     lacks = rough.loss - [cut.measured.count([i]) for i in rough.episodes]
     first = np.array([s.begin == 0 for s in spans])
     chosen = np.flatnonzero(first | (lacks > np.quantile(lacks, 1.0 - TOLD)))
-    found = search(cut, chosen.tolist(), most=1, starts=rough.starts[chosen], pieces=True)
-    # before a second effect makes up for what hangs on a breakaway
-    hung = hanging(cut, found.best.fit)
-    cut = replace(cut, measured=cut.measured.without(hung))
-    begin, starts = resumed(found, cut), found.nominal.starts
-    found = search(cut, chosen.tolist(), most=TOGETHER, starts=starts, beginning=begin, pieces=True)
+    found, cut, hung = _searched(cut, chosen.tolist(), rough.starts[chosen])
     fitter.simulator.simulated_s += cut.simulator.simulated_s
     late = _earliest(hung, spans)
     whole = replace(fitter, measured=fitter.measured.without(late))
@@ -92,8 +88,12 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
         if candidates and few and c.log_posterior > near:
             seeds[key_of(c.fit.explanation)] = seed(c.fit)
     best = found.best.fit
-    if cut.measured.excess(best.total, best.episodes) > fitter.system.cut_from:
-        return Look(Beginning(seeds), late, piece_s)
+    if cut.measured.excess(best.total, best.episodes) > fitter.system.cut_from and key_of(best.explanation) in seeds:
+        # over longer times what is lacking may pile up, or what is there may come to show: whichever leaves less tells
+        longer = carried(whole, seeds[key_of(best.explanation)], episodes, longest_s)[-1]
+        if longer.total / nominal.total > best.total / found.nominal.total:
+            return Look(Beginning(seeds), late, piece_s)
+        seeds[key_of(best.explanation)] = longer
     for c in found.contenders[:LIKELIEST]:
         key = key_of(c.fit.explanation)
         if key in seeds:
@@ -104,6 +104,20 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     return Look(
         Beginning(seeds, singles(fitter.system.vocabulary) - set(seeds) if explained else frozenset[Key]()), late
     )
+
+
+def _searched(cut: Fitter, chosen: Sequence[int], starts: np.ndarray) -> tuple[Search, Fitter, dict[int, int]]:
+    """Search pieces; also returns the fitter without what hangs on a breakaway, and from which sample each does."""
+    if cut.system.leaps:
+        found = search(cut, chosen, starts=starts, pieces=True)
+        hung = hanging(cut, found.best.fit)
+        return found, replace(cut, measured=cut.measured.without(hung)), hung
+    found = search(cut, chosen, most=1, starts=starts, pieces=True)
+    # before a second effect makes up for what hangs on a breakaway
+    hung = hanging(cut, found.best.fit)
+    cut = replace(cut, measured=cut.measured.without(hung))
+    begin, starts = resumed(found, cut), found.nominal.starts
+    return search(cut, chosen, most=TOGETHER, starts=starts, beginning=begin, pieces=True), cut, hung
 
 
 def recut(beginning: Beginning, fitter: Fitter, nominal: Fit) -> Beginning:
@@ -164,7 +178,8 @@ def carried(fitter: Fitter, seed: WarmStart, episodes: Sequence[int], longest_s:
             break
         longer = fitter.up_to(longest_s * share)
         fit = longer.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=12, polish=False)
-        if fit.total > ASTRAY_THERE * longer.measured.count(episodes) and len(fit.x) and not left_behind:
+        lacks = fit.total > ASTRAY_THERE * longer.measured.count(episodes) and len(fit.x) and not left_behind
+        if lacks and not fitter.system.leaps:
             left_behind.append(_seed(fitter, fit.explanation, fit.x, fit.starts, episodes))
             fit = _with_another(longer, fit)
         fitter.simulator.simulated_s += longer.simulator.simulated_s

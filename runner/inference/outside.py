@@ -8,9 +8,10 @@ noise's is no sign that those are the cause.
 from __future__ import annotations
 
 from runner.effects.vocabulary import Vocabulary
+from runner.inference.contender import Contender, contend
 from runner.inference.evidence import directions, sensitivities
 from runner.inference.least_squares import Explanation, Fitter
-from runner.inference.search import Contender, Search, contend
+from runner.inference.search import Search
 from runner.systems.base import AbstractSystem
 
 RARE = 10.0  # log prior odds against each, beside those of the vocabulary

@@ -8,24 +8,21 @@ search may begin where an earlier look ended (see `runner.inference.multiple_sho
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from runner.effects.vocabulary import Candidate, Vocabulary
+from runner.inference.contender import Contender, are_confounded, contend
 from runner.inference.evidence import (
     Direction,
-    Evidence,
-    NormalEquations,
     Sensitivities,
     clip,
     directions,
-    evidence,
     joined,
-    normal_equations,
-    predicted_gain,
     sensitivities,
 )
+from runner.inference.leap import leaps
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of, over_edges, where_to_begin
 
@@ -37,7 +34,6 @@ NONLINEAR = 12
 CANDIDATES = 8  # fitted per explanation in the beam, from the second effect on
 FINISHED = 4  # leaders whose fit is carried on until it rests
 SURVEYED = 7  # explanations of one size that are compared by evidence
-ONE_MORE = 15.0  # log prior odds against each further effect
 # An effect must matter: lower the mean square residual by this, in squared noises, and by this share of what
 # the nominal model leaves. Less is what any simulator's own small errors would offer to explain.
 WORTH, WORTH_SHARE = 0.03, 0.004
@@ -46,22 +42,9 @@ SETTLED = 0.03  # of the nominal model's excess: where the leader leaves less, n
 CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, promises hold; so many are fitted anyway
 # Of the nominal model's excess: where a fit leaves less, and no more than the noise, promises of further effects hold.
 LINEAR = 0.1
+AHEAD = 3.0  # times what a larger set leaves beyond the noise: who leaves more is not added to
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
 Offer = tuple[float, Candidate, np.ndarray]  # the promised gain, the effect, where to begin
-
-
-@dataclass(frozen=True)
-class Contender:
-    """A fitted explanation amid its surroundings, and its evidence.
-
-    `log_posterior` includes the prior odds against many effects, and against effects that hardly matter.
-    """
-
-    fit: Fit
-    around: NormalEquations = field(repr=False)
-    evidence: Evidence
-    log_posterior: float
-    gains: dict[Candidate, tuple[float, np.ndarray]] = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -96,14 +79,14 @@ def search(
     most = fitter.system.most_effects if most is None else most
     for size in range(1, most + 1):
         fits = rounds.fitted(size, beam)
-        if not fits:
-            if any(len(key) > size for key in rounds.seeds):
-                continue  # where several are far ahead of each alone, only they come from before
+        # where several are far ahead of each alone, or of fewer, only they come from before
+        new = rounds.weighed(size, fits) if fits else None
+        if size == 1 < most and fitter.system.leaps:
+            rounds.leap()
+        if new is None and not any(len(key) > size for key in rounds.seeds):
             break
-        new = rounds.weighed(size, fits)
-        if new is None:
-            break
-        beam = rounds.beam(new)
+        # in pieces, where fits only begin, a leap is enough
+        beam = [] if pieces and fitter.system.leaps else rounds.beam(new or [])
     return Search(tuple(sorted(rounds.contenders, key=lambda c: -c.log_posterior)), rounds.nominal)
 
 
@@ -124,6 +107,7 @@ class _Rounds:
         ruled_out: What is not to be tried again.
         contenders: Compared by evidence so far.
         seen: What was fitted.
+        last: A fit and what every effect does beside it.
     """
 
     fitter: Fitter
@@ -138,6 +122,7 @@ class _Rounds:
     ruled_out: frozenset[Key]
     contenders: list[Contender]
     seen: set[Key]
+    last: tuple[Fit, Sensitivities]
 
     @classmethod
     def begun(
@@ -161,7 +146,31 @@ class _Rounds:
             ruled_out=beginning.ruled_out,
             contenders=[contend(fitter, nominal, alone)],
             seen={NONE.candidates},
+            last=(nominal, alone),
         )
+
+    def leap(self) -> None:
+        """Go on with what the linear model proposes at once, from the effect or the seed that leaves least."""
+        begin = min((c.fit for c in self.contenders), key=lambda f: f.total)
+        if self.seeds:
+            seed = min(self.seeds.values(), key=lambda s: s.total)
+            if seed.total < begin.total:
+                how = {"x": seed.x, "starts": seed.starts, "iterations": 12, "polish": False}
+                begin = self.fitter.fit(seed.explanation, self.episodes, **how)
+                self._seed(begin)
+        for fit in leaps(self.fitter, begin, self.every, self._around(begin), self.worth)[-1:]:
+            self._seed(fit)
+
+    def _around(self, fit: Fit) -> Sensitivities:
+        """Return what every effect does beside a fit; of the last one that is known."""
+        if fit is not self.last[0]:
+            self.last = fit, sensitivities(self.fitter, fit, self.every)
+        return self.last[1]
+
+    def _seed(self, fit: Fit) -> None:
+        key = key_of(fit.explanation)
+        if key not in self.seeds or self.seeds[key].total > fit.total:
+            self.seeds[key] = WarmStart(fit.explanation, fit.x, fit.starts, fit.total)
 
     def fitted(self, size: int, beam: Sequence[Contender]) -> list[Fit]:
         """Fit explanations of so many effects: those of the beam with one more, and those that an earlier look left."""
@@ -189,7 +198,7 @@ class _Rounds:
         """Finish fits of so many effects and compare them by evidence; None: nothing speaks for a further effect."""
         fits = sorted(fits, key=lambda f: f.total)
         fits = _finished(self.fitter, fits, self.count, BEAM if self.pieces else FINISHED)
-        around_best = sensitivities(self.fitter, fits[0], self.every)
+        around_best = self._around(fits[0])
         new = [self._worthy(fit, around_best) for fit in fits[:SURVEYED]]
         best = max(c.log_posterior for c in self.contenders)
         left_before = min(c.fit.total for c in self.contenders) - self.count
@@ -201,6 +210,12 @@ class _Rounds:
         if not self.pieces:
             new = self._and_with_one_less(new, around_best)
             new.sort(key=lambda c: -c.log_posterior)
+            # of what a leap has put together more than one may go
+            while self.fitter.system.leaps and 1 < len(new[0].fit.explanation.candidates) < size:
+                size, before = len(new[0].fit.explanation.candidates), new[0]
+                new = sorted(self._and_with_one_less(new, around_best), key=lambda c: -c.log_posterior)
+                if new[0] is before:
+                    break
         stalled = (
             min(c.fit.total for c in new) - self.count > self.fitter.system.worth_another * left_before > self.worth
         )
@@ -214,7 +229,10 @@ class _Rounds:
     def beam(self, new: Sequence[Contender]) -> list[Contender]:
         """Return what is worth adding to, of contenders of one size, likeliest first."""
         beam: list[Contender] = []
+        left = min((s.total for k, s in self.seeds.items()), default=np.inf) - self.count
         for contender in new:
+            if contender.fit.total - self.count > AHEAD * max(left, self.worth):
+                continue  # a set of more effects is so far ahead that one more beside this will not reach it
             if beam and beam[0].fit.total - self.count < SETTLED * (self.nominal.total - self.count):
                 break
             near = contender.log_posterior > new[0].log_posterior - NEAR
@@ -236,6 +254,8 @@ class _Rounds:
         if left < self.worth:
             return []  # nothing is left that would be worth an effect
         candidates = FEWEST if self.pieces else CANDIDATES
+        if self.fitter.system.leaps:
+            return [o for o in offers[:FEWEST] if o[0] > OFFERED * self.worth]
         if left < min(LINEAR * (self.nominal.total - self.count), self.count):
             return [o for o in offers[:candidates] if o[0] > OFFERED * self.worth]
         # far from a good fit the linear promise misleads: the commonest effects are always tried
@@ -258,14 +278,23 @@ class _Rounds:
             self.episodes,
             **where_to_begin(self.fitter, explanation, x, contender.fit, self.seeds.pop(key, None)),
             target=target,
-            # what begins at a place or a range of its own has some way to go before it can be judged
-            patience=0 if size == 1 and not placed else 1 if self.pieces else 3,
+            patience=self._patience(size, placed=placed),
             iterations=8 if size == 1 or self.pieces else 12,
             polish=False,
         )
         if candidate.effect.discontinuous and fit.total - self.count > CLOSE * self.count:
             fit = over_edges(self.fitter, fit, contender.fit)
         return fit
+
+    def _patience(self, size: int, *, placed: bool) -> int:
+        """Return after how many steps a fit is judged by whether it will come near the best one.
+
+        What begins at a place or a range of its own has some way to go before it can be judged; a delay, too, where a
+        leap has set the mark and the model is far from it.
+        """
+        if size == 1 and not placed:
+            return 1 if self.fitter.system.leaps else 0
+        return 1 if self.pieces else 3
 
     def _and_with_one_less(self, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
         """Add what the likeliest, and the one that leaves least, are with one effect taken out of them."""
@@ -354,18 +383,6 @@ def _without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], 
     return out
 
 
-def are_confounded(a: Fit, b: Fit) -> bool:
-    """Whether two explanations differ only by effects that such recordings can't tell apart."""
-
-    def plain(fit: Fit) -> list[tuple[str, str]]:
-        return sorted(
-            (min((c.effect.name, *(o.name for o in c.effect.confounded))), c.target or "")
-            for c in fit.explanation.candidates
-        )
-
-    return plain(a) == plain(b)
-
-
 def singles(vocabulary: Vocabulary) -> frozenset[Key]:
     """Return all explanations of one effect."""
     return frozenset((candidate,) for candidate in vocabulary)
@@ -374,23 +391,10 @@ def singles(vocabulary: Vocabulary) -> frozenset[Key]:
 def _offers(contender: Contender, fitter: Fitter) -> list[Offer]:
     """Every effect that is not in yet, nor told apart from one that is, most promising first, with a start vector."""
     held = contender.fit.explanation.candidates
-    taken = {c.name for c in held}
-    alike = {(o.name, c.target) for c in held for o in c.effect.confounded}
     out = []
     for candidates in fitter.system.vocabulary.by_name.values():
         for candidate in candidates:
-            if candidate.name in taken or (candidate.effect.name, candidate.target) in alike:
-                continue
-            if candidate in contender.gains:
+            if candidate in contender.gains and candidate.may_join(held):
                 gain, vector = contender.gains[candidate]
                 out.append((gain, candidate, clip(candidate, vector, fitter.context)))
     return sorted(out, key=lambda o: -o[0])
-
-
-def contend(fitter: Fitter, fit: Fit, *known: Sensitivities, against: float = 0.0) -> Contender:
-    """Return a fit as a contender; `against` are prior log odds that it has against it beside those of its size."""
-    around = normal_equations(fit, *known)
-    found = evidence(around, fitter.system)
-    size = len(fit.explanation.candidates)
-    gains = predicted_gain(around, fitter.system.screening_level)
-    return Contender(fit, around, found, found.log - ONE_MORE * size - against, gains)

@@ -8,10 +8,11 @@ that all of a report is made of (`runner.report.statement`).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 from runner.effects.base import Phrase
+from runner.effects.vocabulary import ALL
 from runner.effects.wording import Values, listed, number, percent, probability
 from runner.report.statement import NOISE_LEFT, NONE, OVER, UNKNOWN, Kind, Left, Statement, state
 from runner.report.suspects import suspects
@@ -35,6 +36,8 @@ def title(effects: Sequence[str]) -> str:
 def _named(effect: str) -> str:
     name, bracket, target = effect.partition("[")
     # the name of a target is the owner's own, underscores and all
+    if target == f"{ALL}]":
+        return f"{name.replace('_', ' ')} of all"
     return name.replace("_", " ") + (f" of {target.removesuffix(']')}" if bracket else "")
 
 
@@ -45,7 +48,8 @@ def label(system: AbstractSystem, effect: str) -> str:
     if effect == UNKNOWN:
         return "something that no known effect explains"
     candidate = system.vocabulary.by_name[effect][0]
-    return candidate.effect.label + (f" ({candidate.target})" if candidate.target else "")
+    target = listed(candidate.targets) or candidate.target
+    return candidate.effect.label + (f" ({target})" if target else "")
 
 
 def phrase(system: AbstractSystem, effect: str, values: Numbers, errors: Numbers) -> Phrase:
@@ -53,7 +57,15 @@ def phrase(system: AbstractSystem, effect: str, values: Numbers, errors: Numbers
     variants = system.vocabulary.by_name[effect]
     known = [{f.name for f in fields(v.effect)} for v in variants]  # type: ignore[arg-type]
     candidate = next(v for v, names in zip(variants, known, strict=True) if set(values) <= names)
-    return candidate.effect.phrase(Values(values, errors), system.beliefs, candidate.target)
+    of_first = candidate.effect.phrase(Values(values, errors), system.beliefs, candidate.target)
+    if not candidate.targets:
+        return of_first
+    others = listed(candidate.targets[1:])
+    return replace(
+        of_first,
+        what=f"{of_first.what}, and so it is with {others}",
+        remedy=f"{of_first.remedy} The same for {others}." if of_first.remedy else "",
+    )
 
 
 def phrases(system: AbstractSystem, ranked: Ranked) -> list[Phrase]:

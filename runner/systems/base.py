@@ -67,12 +67,14 @@ class AbstractSystem(ABC):
             explanations that much less sure.
         unknown_share: Share of the gap that an explanation may leave and still be as likely as none of them.
         most_effects: So many may be at work at once.
+        leaps: Whether a search begins with what the linear model proposes together.
         worth_another: Where the last of several effects leaves more than this share of what fewer left, it is not yet
             another one that is missing.
         searched_s: So many seconds of a recording are searched for an explanation, spread over all of it; where it is
             longer, the rest says where the gap lies and how it closes.
-        cut_from: Squared noises that the best explanation leaves in pieces of a second from which on everything is
-            fitted in such pieces.
+        cut_from: Squared noises that the best explanation leaves in pieces of a second from which on everything may be
+            fitted in such pieces: where it leaves a smaller share in them than over longer times.
+        dates_disturbances: Whether what pushed once, beyond all that was commanded, is looked for.
         screening_level: At which of them effects are screened; the mismatch must not take what an effect could explain.
         plan_view: Positions in `channels` of two lengths that make a map, or None.
         force_views: Further columns of the table of missing forces that are worth a drawing, each with its label.
@@ -98,9 +100,11 @@ class AbstractSystem(ABC):
     errors_overdisperse: bool = True
     unknown_share: float = 0.05
     most_effects: int = 6
+    leaps: bool = True
     worth_another: float = 0.8
     searched_s: float = 48.0
     cut_from: float = 4.0
+    dates_disturbances: bool = True
     plan_view: tuple[int, int] | None = None
     force_views: Mapping[str, str] = MappingProxyType({})
 

@@ -35,6 +35,7 @@ class ActuatorDelay(MechanismEffect):
     """The command of an actuator takes effect `delay_s` late; a position servo gets its target late."""
 
     name: ClassVar[str] = "actuator_delay"
+    shared: ClassVar[bool] = True
     label: ClassVar[str] = "a command that comes late"
     target_kind: ClassVar[str] = "actuator"
     confounded: ClassVar[tuple[Confounded, ...]] = (

@@ -24,6 +24,7 @@ class ActuatorGain(MechanismEffect):
     """The force of an actuator is `gain` times what the model has, up to the same limit. Fitted as its log."""
 
     name: ClassVar[str] = "actuator_gain"
+    shared: ClassVar[bool] = True
     label: ClassVar[str] = "a force that is a multiple of the modelled one"
     target_kind: ClassVar[str] = "actuator"
     target: str

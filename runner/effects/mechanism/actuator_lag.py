@@ -21,6 +21,7 @@ class ActuatorLag(MechanismEffect):
     """What an actuator gets follows its command with a first-order lag, exact for a command held over a step."""
 
     name: ClassVar[str] = "actuator_lag"
+    shared: ClassVar[bool] = True
     label: ClassVar[str] = "an actuator that follows with a lag"
     target_kind: ClassVar[str] = "actuator"
     target: str

@@ -20,6 +20,7 @@ class Armature(MechanismEffect):
     """The drive's inertia at the joint is `armature`, kg m2 or kg. Fitted as the change from the believed one."""
 
     name: ClassVar[str] = "armature"
+    shared: ClassVar[bool] = True
     label: ClassVar[str] = "a different inertia of the drive"
     confounded: ClassVar[tuple[Confounded, ...]] = (
         Confounded(

@@ -26,6 +26,7 @@ class Backlash(MechanismEffect):
     """
 
     name: ClassVar[str] = "backlash"
+    shared: ClassVar[bool] = True
     label: ClassVar[str] = "play between drive and link"
     structural: ClassVar[bool] = True
     target: str

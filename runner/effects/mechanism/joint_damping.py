@@ -20,6 +20,7 @@ class JointDamping(MechanismEffect):
     """Viscous friction of a joint is `damping`, N m s/rad or N s/m. Fitted as the change from the believed one."""
 
     name: ClassVar[str] = "joint_damping"
+    shared: ClassVar[bool] = True
     label: ClassVar[str] = "a different viscous friction"
     target: str
     damping: float

@@ -20,6 +20,7 @@ class JointFriction(MechanismEffect):
     """Dry friction of a joint is `friction`, N m or N. Fitted as the change from the believed one."""
 
     name: ClassVar[str] = "joint_friction"
+    shared: ClassVar[bool] = True
     label: ClassVar[str] = "a different dry friction"
     target: str
     friction: float

@@ -22,6 +22,7 @@ class ServoDamping(MechanismEffect):
     """kv of a position servo is `ratio` times the believed one. Fitted as its log."""
 
     name: ClassVar[str] = "servo_damping"
+    shared: ClassVar[bool] = True
     label: ClassVar[str] = "a servo of another damping"
     target_kind: ClassVar[str] = "actuator"
     commonness: ClassVar[int] = 2

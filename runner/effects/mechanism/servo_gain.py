@@ -30,6 +30,7 @@ class ServoGain(MechanismEffect):
     """kp of a position servo is `ratio` times the believed one. Fitted as its log."""
 
     name: ClassVar[str] = "servo_gain"
+    shared: ClassVar[bool] = True
     label: ClassVar[str] = "a servo of another stiffness"
     target_kind: ClassVar[str] = "actuator"
     target: str
@@ -49,7 +50,7 @@ class ServoGain(MechanismEffect):
 
     @classmethod
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
-        return (Parameter("log_kp_ratio", "", 0.2, -3.0, 3.0),)
+        return (Parameter("log_kp_ratio", "", 0.2, -5.0, 5.0),)
 
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:

@@ -139,15 +139,33 @@ def vocabulary_of(recording: MechanismRecording, scope: Scope, coordinates: Coor
         "channel": [s.name for s in recording.mapping.sources],
         "": [None],
     }
-    return Vocabulary(
-        tuple(
+    candidates = []
+    for cls in EFFECTS:
+        single = [
             Candidate(cls, target)
-            for cls in EFFECTS
             for target in targets[cls.target_kind]
             if cls.applies(scope.at(target))
             and (cls.target_kind != "channel" or _of_its_own(cls, target, recording, scope.model))
-        )
-    )
+        ]
+        candidates += [*single, *_shared(single, scope)]
+    return Vocabulary(tuple(candidates))
+
+
+def _shared(single: Sequence[Candidate], scope: Scope) -> list[Candidate]:
+    """Return the effect on all targets at once, where the same vector means the same numbers on each of them.
+
+    What has one cause, such as the supply of all servos, or parts that are all alike, then takes one number, not one
+    for each.
+    """
+    if len(single) < 2 or not single[0].effect.shared:
+        return []
+    first = single[0].parameters(scope)
+    vectors = [np.zeros(len(first)), np.array([0.1 * p.scale for p in first])]
+    for c in single[1:]:
+        same = [c.make(x, scope)[0].report() == single[0].make(x, scope)[0].report() for x in vectors]
+        if not all(same):
+            return []
+    return [Candidate(single[0].effect, single[0].target, tuple(str(c.target) for c in single))]
 
 
 def _of_its_own(

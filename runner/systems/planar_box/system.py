@@ -62,6 +62,8 @@ class PlanarBox(AbstractSystem):
     screening_level = 1.0
     # a floor, a box and a push: what more than three effects explain is something else; errors stay where they are made
     most_effects = 3
+    leaps = False
+    dates_disturbances = False  # a box is touched by all that pushes it: its commands are that
     errors_overdisperse = False  # the odds of boxes were calibrated without
     unknown_share = 0.0025
     worth_another = 0.5

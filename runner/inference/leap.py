@@ -1,0 +1,222 @@
+"""Leap to several effects at once: what the linear model around a fit says would account for what it leaves.
+
+One effect after the other, each with fits of its own, costs a mechanism with six joints thousands of simulations, and
+the first that is taken may be one that stands in for two others. The linear model has all directions already: forward
+selection in it, and a check whether each that was chosen is still needed beside the others (stepwise regression,
+Efroymson 1960), cost no simulation at all. Only the set that comes out is fitted, and from there the next leap is made:
+what is nonlinear shows by then. What a leap has found is where the search begins, not its answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from runner.effects.vocabulary import Candidate
+from runner.inference.evidence import (
+    Direction,
+    NormalEquations,
+    Sensitivities,
+    clip,
+    normal_equations,
+    sensitivities,
+)
+from runner.inference.least_squares import Explanation, Fit, Fitter
+
+LEAPS = 4
+AT_ONCE = 3  # effects that one leap adds: farther from the fit the linear model says less
+STEPS = 10  # of the fit of what it adds
+FREE = 1e2  # prior widths of what is fitted
+TOLD_APART = 0.03  # share of what is left that each further number has to take off, where one might do for all
+RIDGE = 0.05  # of the information: what nothing measured depends on has none
+
+
+def leaps(fitter: Fitter, fit: Fit, every: Sequence[Direction], known: Sensitivities, worth: float) -> list[Fit]:
+    """Return the fits that leaps from a fit lead to, each of them leaving less than the one before.
+
+    Args:
+        fitter: Of the episodes.
+        fit: Where to begin.
+        every: All directions.
+        known: What they do around the fit.
+        worth: What an effect has to take off the loss.
+    """
+    found: list[Fit] = []
+    for _ in range(LEAPS):
+        room = min(fitter.system.most_effects - len(fit.explanation.candidates), AT_ONCE)
+        extra = chosen(normal_equations(fit, known), fitter, room, worth)
+        if not extra:
+            break
+        explanation = fit.explanation + Explanation(tuple(c for c, _ in extra))
+        x = np.concatenate([fit.x, *(v for _, v in extra)])
+        tried = fitter.fit(explanation, fit.episodes, x=x, near=fit, iterations=STEPS, polish=False)
+        tried = _needed(fitter, tried, worth)
+        if not tried.total < fit.total - worth:
+            break
+        fit = _tied(fitter, _split(fitter, tried))
+        found.append(fit)
+        known = sensitivities(fitter, fit, every)
+    return found
+
+
+@dataclass
+class Linear:
+    """The linear model around a fit.
+
+    Args:
+        gram: Inner products of the derivatives by own parameters, then by directions, (n, n).
+        right: Of those with the residual, (n,).
+        spread: How far each may move: standard deviation, (n,).
+    """
+
+    gram: np.ndarray
+    right: np.ndarray
+    spread: np.ndarray
+
+    def beside(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return metric (n, n) and gradient (n,) once everything has moved as freely as it may, and how far, (n,)."""
+        s = self.spread
+        inner = cho_factor(np.eye(len(s)) + s[:, None] * self.gram * s, lower=True)
+        solved = s[:, None] * cho_solve(inner, s[:, None] * np.column_stack([self.gram, self.right]))
+        return self.gram - self.gram @ solved[:, :-1], self.right - self.gram @ solved[:, -1], -solved[:, -1]
+
+
+def chosen(around: NormalEquations, fitter: Fitter, most: int, worth: float) -> list[tuple[Candidate, np.ndarray]]:
+    """Return the effects that account for what a fit leaves in the linear model around it, with where to begin.
+
+    Args:
+        around: The fit amid all directions.
+        fitter: Of it.
+        most: At most so many.
+        worth: What each of them has to take off the loss, beside the others.
+    """
+    p = len(around.fit.x)
+    total = around.gram.sum(axis=0)
+    mismatch = np.array([d.mismatch for d in around.directions]) * fitter.system.screening_level
+    scale = np.array([q.scale for q in around.fit.explanation.parameters(fitter.context)])
+    linear = Linear(total[:-1, :-1], total[:-1, -1], np.concatenate([FREE * scale, mismatch]))
+    groups = _groups(around, fitter)
+    taken: dict[Candidate, np.ndarray] = {}
+    while len(taken) < most:
+        metric, gradient, _ = linear.beside()
+        gains = {
+            (candidate, tuple(index)): gain_of(metric, gradient, index, linear.spread)
+            for candidate, index in groups
+            if candidate.may_join((*around.fit.explanation.candidates, *taken))
+        }
+        if not gains:
+            break
+        (candidate, index), gain = max(gains.items(), key=lambda item: item[1])
+        if gain < worth:
+            break
+        taken[candidate] = np.array(index)
+        linear.spread[taken[candidate]] = FREE
+        _without_the_needless(linear, taken, mismatch, p, worth)
+    _, _, moved = linear.beside()
+    return [(c, _vector(c, index, moved, around, fitter)) for c, index in taken.items()]
+
+
+def _groups(around: NormalEquations, fitter: Fitter) -> list[tuple[Candidate, np.ndarray]]:
+    """Return the entries that move together: all parameters of an effect, or one of the places that it may have."""
+    p = len(around.fit.x)
+    by_candidate: dict[Candidate, list[int]] = {}
+    for i, d in enumerate(around.directions):
+        by_candidate.setdefault(d.candidate, []).append(p + i)
+    out = []
+    for candidate, members in by_candidate.items():
+        if len(candidate.starts(fitter.context)):
+            out += [(candidate, np.array([m])) for m in members]
+        else:
+            out.append((candidate, np.array(members)))
+    return out
+
+
+def gain_of(metric: np.ndarray, gradient: np.ndarray, index: np.ndarray, spread: np.ndarray) -> float:
+    """Return what some entries would take off the loss beside all the others, but without their own mismatch.
+
+    With it, they would have to explain what it has explained away. An amplitude estimated beside it is as uncertain as
+    the one without it, and as the mismatch is wide; what is taken off is that estimate in its own errors.
+    """
+    uncertain = np.linalg.inv(metric[np.ix_(index, index)] + 1e-12 * np.eye(len(index)))
+    amplitude = uncertain @ gradient[index]
+    values, vectors = np.linalg.eigh(uncertain - np.diag(spread[index] ** 2))
+    values = np.maximum(values, 1e-9 * np.diag(uncertain).max())
+    return float(((vectors.T @ amplitude) ** 2 / (values * (1.0 + RIDGE * values))).sum())
+
+
+def _without_the_needless(
+    linear: Linear, taken: dict[Candidate, np.ndarray], mismatch: np.ndarray, p: int, worth: float
+) -> None:
+    """Take out what the others that were chosen since do as well."""
+    for candidate, index in list(taken.items())[:-1]:
+        linear.spread[index] = mismatch[index - p]
+        metric, gradient, _ = linear.beside()
+        if gain_of(metric, gradient, index, linear.spread) < worth:
+            del taken[candidate]
+        else:
+            linear.spread[index] = FREE
+
+
+def _vector(
+    candidate: Candidate, index: np.ndarray, moved: np.ndarray, around: NormalEquations, fitter: Fitter
+) -> np.ndarray:
+    """Return where the fit of a chosen effect begins."""
+    directions = [around.directions[i - len(around.fit.x)] for i in index]
+    if len(candidate.starts(fitter.context)):
+        vector = directions[0].vector.copy()
+        vector[0] *= float(np.clip(moved[index[0]], -4.0, 4.0))
+        return clip(candidate, vector, fitter.context)
+    unit = np.array([np.abs(d.vector).max() / abs(d.per) for d in directions])
+    return clip(candidate, np.clip(moved[index], -4.0, 4.0) * unit, fitter.context)
+
+
+def _split(fitter: Fitter, fit: Fit) -> Fit:
+    """Return a fit with what all of a kind share put on each of them by itself, if that takes enough off the loss."""
+    held = fit.explanation.candidates
+    count = sum(len(c.each) for c in held)
+    if count == len(held) or count > fitter.system.most_effects:
+        return fit
+    parts = [(each, fit.x[part]) for c, part in fit.explanation.parts(fitter.context) for each in c.each]
+    apart = Explanation(tuple(c for c, _ in parts))
+    x = np.concatenate([v for _, v in parts])
+    tried = fitter.fit(apart, fit.episodes, x=x, near=fit, iterations=STEPS, polish=False)
+    return tried if tried.total < fit.total - TOLD_APART * fit.total * (count - len(held)) else fit
+
+
+def _tied(fitter: Fitter, fit: Fit) -> Fit:
+    """Return a fit with one number for what each of a kind has by itself, if hardly anything is lost by that."""
+    for shared in fitter.system.vocabulary:
+        parts = fit.explanation.parts(fitter.context)
+        members = [part for c, part in parts if c in shared.each]
+        if not shared.targets or len(members) < len(shared.targets):
+            continue
+        others = [(c, fit.x[part]) for c, part in parts if c not in shared.each]
+        explanation = Explanation((*(c for c, _ in others), shared))
+        x = np.concatenate([*(v for _, v in others), np.mean([fit.x[part] for part in members], axis=0)])
+        tried = fitter.fit(explanation, fit.episodes, x=x, near=fit, iterations=STEPS, polish=False)
+        if tried.total < fit.total * (1.0 + TOLD_APART * (len(members) - 1)):
+            fit = tried
+    return fit
+
+
+def _needed(fitter: Fitter, fit: Fit, worth: float) -> Fit:
+    """Return a fit without the effects whose absence the others would make up for, by its own derivatives."""
+    information = fit.information()
+    needless = []
+    for candidate, part in fit.explanation.parts(fitter.context):
+        others = np.setdiff1d(np.arange(len(fit.x)), np.arange(part.start, part.stop))
+        h_oo, h_or, h_rr = information[part, part], information[part][:, others], information[np.ix_(others, others)]
+        alone = h_oo - h_or @ np.linalg.pinv(h_rr, hermitian=True) @ h_or.T
+        if fit.x[part] @ alone @ fit.x[part] < worth:
+            needless.append((candidate, part))
+    if not needless or len(needless) == len(fit.explanation.candidates):
+        return fit
+    keep = np.ones(len(fit.x), dtype=bool)
+    for _, part in needless:
+        keep[part] = False
+    rest = Explanation(tuple(c for c in fit.explanation.candidates if c not in {c for c, _ in needless}))
+    less = fitter.fit(rest, fit.episodes, x=fit.x[keep], near=fit, iterations=STEPS, polish=False)
+    return less if less.total < fit.total + worth * len(needless) else fit
