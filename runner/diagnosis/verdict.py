@@ -1,4 +1,4 @@
-"""The verdict as data: what stands in `verdict.json` and `verdicts.json`."""
+"""The verdict as data: what stands in `verdict.json` and `verdicts.json`; its probabilities come from `ranking`."""
 
 from __future__ import annotations
 

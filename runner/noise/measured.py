@@ -1,6 +1,8 @@
 """What was measured, ready for fitting: one array per episode, the noise of each channel, and which samples count.
 
-Nothing here knows what moved, or how. A channel is a column of numbers with a noise level and a colour.
+How noisy a channel is is estimated here: by `measure` from where the object rests or its counts are rounded, and by
+`refine` from what the best model leaves. Nothing here knows what moved, or how. A channel is a column of numbers with a
+noise level and a colour (`runner.noise.model`).
 """
 
 from __future__ import annotations

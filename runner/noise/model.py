@@ -1,4 +1,4 @@
-"""The colour of measurement noise: how far one sample's error says something of the next.
+"""The colour of measurement noise: how far one sample's error says something of the next. (Its level: `measured`.)
 
 Filters and fusion in a tracking system leave noise that is partly white and partly slow. It is taken for the sum of
 white noise and a first-order autoregression, an ARMA(1, 1) process: its correlation at lag k >= 1 is `share *

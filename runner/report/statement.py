@@ -1,5 +1,7 @@
 """What a diagnosis says, as one value: headline, tiles, text, ranking and figures of a report are all made of it.
 
+The sentences themselves are put together in `runner.report.words`.
+
 A diagnosis holds several figures of what is left once the best explanation is in the model: how much of the gap closed
 on episodes that were not fitted, what the residual has beyond the noise, whether it has a memory. Each alone may sound
 like another answer; which of them decides is settled here, once.

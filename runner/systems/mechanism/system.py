@@ -34,9 +34,10 @@ from runner.systems.mechanism.stretches import Sensitive, impact_stretches, stre
 from runner.systems.windows import Labels, Windows
 
 FORCE_SHARE, LARGE = 0.03, 3.0  # of the usual force: the step of a missing force; how large one may be
-# Of bodies that hit things: what an impact does has many causes, each with a small share of it; no simulator of rigid
-# bodies comes nearer to real tosses than to half of what a wrong friction makes (Acosta et al. 2022), a fifth in
-# squares; a few seconds of flights and impacts tell as much as the tenfold.
+# Of bodies that hit things: what an impact does has many causes, each with a small share of it, and no simulator of
+# rigid bodies follows real tosses closely (Acosta et al. 2022): about half of what a wrong friction makes is left, a
+# fifth in squares. That share was seen on the tosses of one cube and is calibrated on nothing else. A few seconds of
+# flights and impacts tell as much as the tenfold.
 OF_IMPACTS = 0.97, 0.2, 8.0  # `worth_another`, `unknown_share`, `searched_s`
 STEP = 0.005  # of a body's size, and rad: by so much start states differ where sensitivities are taken
 LEAST_FORCE = 1e-3  # N or N m, of a joint that nothing moved
