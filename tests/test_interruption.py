@@ -45,7 +45,7 @@ def family(process: subprocess.Popen[str]) -> set[int]:
             state, _, group, *_ = (entry / "stat").read_text().rpartition(")")[2].split()
         except OSError:
             continue
-        if int(group) == process.pid and state != "Z" and b"resource_tracker" not in command:
+        if int(group) == process.pid and state != "Z" and b"resource_tracker import" not in command:
             found.add(int(entry.name))
     return found
 

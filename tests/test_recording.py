@@ -187,7 +187,7 @@ def test_a_table_and_beliefs_may_be_given_apart(tmp_path: Path) -> None:
 
 def test_the_examples_are_cases() -> None:
     """Both load without a note, are small, and hold what pandas reads from them."""
-    cases = find_cases(EXAMPLES)
+    cases = find_cases(EXAMPLES / "cases")
     assert [case.name for case in cases] == ["nothing_differs", "slippery_floor"]
     for case in cases:
         assert sum(file.stat().st_size for file in case.iterdir()) < 90_000
