@@ -4,52 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import mujoco
-import numpy as np
 import pytest
 
 from runner.localise.dated import DatedDisturbance, dated_disturbances
 from runner.noise.measured import measure
-from tests.mechanism_cases import joint_channels, system_of, write_case
-from tests.test_leap import JOINTS, STEP_S, written
-
-NOISE = {f"q_{j}": 5e-4 for j in JOINTS} | {f"dq_{j}": 5e-3 for j in JOINTS}
-Push = tuple[int, float, float, float]
-
-
-def recorded(seed: int, friction: float, push: Push | None) -> dict[str, np.ndarray]:
-    """Return 8 s of MuJoCo's own, with another step and integrator; a torque on one joint for some time."""
-    random = np.random.default_rng(seed)
-    model = mujoco.MjModel.from_xml_string(written(10.0, 0.4))
-    model.opt.timestep, model.opt.integrator = 5e-4, mujoco.mjtIntegrator.mjINT_RK4
-    model.dof_frictionloss[:] = friction
-    data = mujoco.MjData(model)
-    t = np.arange(801) * STEP_S
-    slow, fast = random.uniform(2, 5, 2)
-    target = np.array([0.8 * np.sin(slow * t), 0.9 * np.sin(fast * t + 1)])
-    q, dq = np.empty((2, len(t))), np.empty((2, len(t)))
-    for k in range(len(t)):
-        q[:, k], dq[:, k] = data.qpos, data.qvel
-        data.ctrl[:] = target[:, k]
-        for _ in range(round(STEP_S / model.opt.timestep)):
-            joint, begin, end, torque = push or (0, 0.0, 0.0, 0.0)
-            data.qfrc_applied[joint] = torque if begin <= data.time < end else 0.0
-            mujoco.mj_step(model, data)
-    q, dq = q + 5e-4 * random.standard_normal(q.shape), dq + 5e-3 * random.standard_normal(dq.shape)
-    out = {"t": t}
-    for i, joint in enumerate(JOINTS):
-        out |= {f"u_{joint}": target[i], f"q_{joint}": q[i], f"dq_{joint}": dq[i]}
-    return out
+from tests.mechanism_cases import system_of, write_case
+from tests.servo_arm import JOINTS, NOMINAL, Push, recorded, written
 
 
 def found_in(folder: Path, friction: float, push: Push | None) -> tuple[DatedDisturbance, ...]:
     """Return what is found in four episodes, the third of which may be disturbed; friction is not in the model."""
-    case = write_case(
-        folder,
-        written(10.0, 0.4),
-        [recorded(k, friction, push if k == 2 else None) for k in range(4)],
-        {"commands": {f"u_{j}": {"actuator": j} for j in JOINTS}, "channels": joint_channels(JOINTS), "noise": NOISE},
-    )
+    model = written(10.0, 0.4)
+    pushes = [push if k == 2 else None for k in range(4)]
+    episodes = [recorded(model, k, samples=801, step_s=5e-4, friction=friction, push=p) for k, p in enumerate(pushes)]
+    case = write_case(folder, model, episodes, NOMINAL)
     system = system_of(case)
     return dated_disturbances(system, system.simulator(threads=1), (), measure(system))
 

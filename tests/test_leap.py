@@ -2,65 +2,25 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 import pytest
 
 from runner.inference.evidence import directions, sensitivities
-from runner.inference.leap import RIDGE, Linear, gain_of, leaps
+from runner.inference.leap import RIDGE, Linear, gain_of, leap
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.noise.measured import measure
 from runner.report import words
 from runner.systems.mechanism import MechanismSystem
-from tests.mechanism_cases import joint_channels, system_of, write_case
-
-ARM = """<mujoco><option timestep="0.001" integrator="implicitfast" gravity="0 0 -9.81"/>
-<default><joint type="hinge" axis="0 -1 0" damping="0.1"/><position kp="{kp}" kv="0.4"/></default>
-<worldbody><body name="upper"><joint name="shoulder"/>
-<inertial pos="0 0 -0.15" mass="0.6" diaginertia=".01 .01 .001"/>
-<body name="forearm" pos="0 0 -0.3"><joint name="elbow"/>
-<inertial pos="0 0 -0.1" mass="{mass}" diaginertia="{inertia} {inertia} .001"/></body></body></worldbody>
-<actuator><position name="shoulder" joint="shoulder"/><position name="elbow" joint="elbow"/></actuator></mujoco>"""
-STEP_S, JOINTS = 0.01, ("shoulder", "elbow")
-
-
-def written(kp: float, mass: float) -> str:
-    """Return the MJCF with servos and a forearm like that; its inertia grows with its mass."""
-    return ARM.format(kp=kp, mass=mass, inertia=0.0125 * mass)
-
-
-def recorded(kp: float, mass: float, seed: int) -> dict[str, np.ndarray]:
-    """Return an episode of MuJoCo's own, with another step and integrator, and white noise."""
-    random = np.random.default_rng(seed)
-    model = mujoco.MjModel.from_xml_string(written(kp, mass).replace("0.001", "0.0002", 1))
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    data = mujoco.MjData(model)
-    t = np.arange(301) * STEP_S
-    target = np.array(
-        [a * np.sin(w * t + p) for a, w, p in zip((0.8, 0.9), random.uniform(2, 5, 2), (0, 1), strict=True)]
-    )
-    q, dq = np.empty((2, len(t))), np.empty((2, len(t)))
-    for k in range(len(t)):
-        q[:, k], dq[:, k] = data.qpos, data.qvel
-        data.ctrl[:] = target[:, k]
-        mujoco.mj_step(model, data, nstep=round(STEP_S / model.opt.timestep))
-    q, dq = q + 5e-4 * random.standard_normal(q.shape), dq + 5e-3 * random.standard_normal(dq.shape)
-    out = {"t": t}
-    for i, joint in enumerate(JOINTS):
-        out |= {f"u_{joint}": target[i], f"q_{joint}": q[i], f"dq_{joint}": dq[i]}
-    return out
+from tests.mechanism_cases import system_of, write_case
+from tests.servo_arm import JOINTS, NOMINAL, recorded, written
 
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory: pytest.TempPathFactory) -> MechanismSystem:
     """Servos of 0.8 times the believed stiffness, both of them, and a forearm of 1.3 times the believed mass."""
-    noise = {f"q_{j}": 5e-4 for j in JOINTS} | {f"dq_{j}": 5e-3 for j in JOINTS}
-    folder = write_case(
-        tmp_path_factory.mktemp("arm"),
-        written(10.0, 0.4),
-        [recorded(8.0, 0.52, seed) for seed in range(3)],
-        {"commands": {f"u_{j}": {"actuator": j} for j in JOINTS}, "channels": joint_channels(JOINTS), "noise": noise},
-    )
+    world = written(8.0, 0.52)
+    episodes = [recorded(world, seed, samples=301, step_s=2e-4) for seed in range(3)]
+    folder = write_case(tmp_path_factory.mktemp("arm"), written(10.0, 0.4), episodes, NOMINAL)
     return system_of(folder)
 
 
@@ -87,7 +47,7 @@ def test_two_causes_are_found_in_one_leap(arm: MechanismSystem) -> None:
     nominal = fitter.fit(NONE, episodes, iterations=20)
     every = directions(arm)
     worth = 0.03 * fitter.measured.count(episodes)
-    fit = leaps(fitter, nominal, every, sensitivities(fitter, nominal, every), worth)[-1]
+    fit = leap(fitter, nominal, every, sensitivities(fitter, nominal, every), worth)
     assert nominal.total > 100 * fitter.measured.count(episodes)
     assert fit.total < 1.1 * fitter.measured.count(episodes)
     assert fit.explanation.names == ("mass[forearm]", "servo_gain[*]")

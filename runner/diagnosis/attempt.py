@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runner.arrays import spread_over
 from runner.diagnosis.ranking import unknown_by_excess
 from runner.effects.base import Effects
 from runner.inference.breakaway import hanging
@@ -116,7 +117,7 @@ def _to_search(fitter: Fitter, episodes: Iterable[int], share: float) -> tuple[i
     of, enough_s = stretches_of(fitter, episodes), share * fitter.system.searched_s
     total_s = sum(fitter.seconds(i) for i in of)
     count = max(min(FEWEST_SEARCHED, len(of)), int(len(of) * min(enough_s / total_s, 1.0)))
-    return tuple(of[i] for i in np.linspace(0, len(of) - 1, count).round().astype(int))
+    return tuple(of[i] for i in spread_over(len(of), count))
 
 
 def unseen_only(found: Attempt) -> bool:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from runner.effects.vocabulary import Candidate
 from runner.inference.evidence import Evidence, NormalEquations, clip
 from runner.inference.least_squares import Explanation, Fit, Fitter, amplitudes
 from runner.systems.base import AbstractSystem
@@ -87,16 +86,13 @@ def _screened(around: NormalEquations, evidence: Evidence, system: AbstractSyste
     p = len(x)
     level = system.mismatch_levels[int(np.argmax(evidence.level))]
     spread = np.array([d.mismatch * level for d in around.directions])
-    by_candidate: dict[Candidate, list[int]] = {}
-    for i, direction in enumerate(around.directions):
-        by_candidate.setdefault(direction.candidate, []).append(i)
     out = []
     for candidate, own in explanation.parts(context):
         move = np.zeros(len(gram))
         moved = amplitudes(candidate, own, context)  # a place and a width do nothing without one
         move[moved] = x[moved]
         scale = np.array([d.scale for d in explanation.parameters(context)])
-        for rival, members in by_candidate.items():
+        for rival, members in around.by_candidate.items():
             free = np.concatenate([FREE * scale, spread])
             free[own] = 0.0
             free[p + np.array(members)] = 0.0

@@ -11,6 +11,7 @@ from runner.inference.evidence import (
     Evidence,
     NormalEquations,
     Sensitivities,
+    clip,
     evidence,
     normal_equations,
     predicted_gain,
@@ -18,6 +19,7 @@ from runner.inference.evidence import (
 from runner.inference.least_squares import Fit, Fitter
 
 ONE_MORE = 15.0  # log prior odds against each further effect
+Offer = tuple[float, Candidate, np.ndarray]  # the promised gain, the effect, where to begin
 
 
 @dataclass(frozen=True)
@@ -52,3 +54,15 @@ def are_confounded(a: Fit, b: Fit) -> bool:
         )
 
     return plain(a) == plain(b)
+
+
+def offers(contender: Contender, fitter: Fitter) -> list[Offer]:
+    """Every effect that is not in yet, nor told apart from one that is, most promising first, with a start vector."""
+    held = contender.fit.explanation.candidates
+    out = []
+    for candidates in fitter.system.vocabulary.by_name.values():
+        for candidate in candidates:
+            if candidate in contender.gains and candidate.may_join(held):
+                gain, vector = contender.gains[candidate]
+                out.append((gain, candidate, clip(candidate, vector, fitter.context)))
+    return sorted(out, key=lambda o: -o[0])

@@ -99,6 +99,14 @@ class NormalEquations:
     directions: tuple[Direction, ...]
     gram: np.ndarray
 
+    @property
+    def by_candidate(self) -> dict[Candidate, list[int]]:
+        """The positions of each effect's directions among `directions`, in order."""
+        out: dict[Candidate, list[int]] = {}
+        for i, direction in enumerate(self.directions):
+            out.setdefault(direction.candidate, []).append(i)
+        return out
+
 
 def normal_equations(fit: Fit, *known: Sensitivities) -> NormalEquations:
     """Set a fit amid the directions of surveys made around it or near it; of each direction the first counts.
@@ -238,10 +246,7 @@ def predicted_gain(around: NormalEquations, level: float) -> dict[Candidate, tup
     # own parameters are free, everything else has its mismatch
     spread = np.concatenate([np.full(p, 1e4), np.array([d.mismatch for d in around.directions]) * level])
     out: dict[Candidate, tuple[float, np.ndarray]] = {}
-    by_candidate: dict[Candidate, list[int]] = {}
-    for i, d in enumerate(around.directions):
-        by_candidate.setdefault(d.candidate, []).append(i)
-    for candidate, members in by_candidate.items():
+    for candidate, members in around.by_candidate.items():
         index = p + np.array(members)
         free = spread.copy()
         free[index] = 0.0  # it must not be explained away by its own mismatch

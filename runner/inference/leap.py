@@ -34,8 +34,8 @@ TOLD_APART = 0.03  # share of what is left that each further number has to take 
 RIDGE = 0.05  # of the information: what nothing measured depends on has none
 
 
-def leaps(fitter: Fitter, fit: Fit, every: Sequence[Direction], known: Sensitivities, worth: float) -> list[Fit]:
-    """Return the fits that leaps from a fit lead to, each of them leaving less than the one before.
+def leap(fitter: Fitter, fit: Fit, every: Sequence[Direction], known: Sensitivities, worth: float) -> Fit:
+    """Return the fit that leaps from a fit lead to, each of which leaves less; the fit itself, where none does.
 
     Args:
         fitter: Of the episodes.
@@ -44,9 +44,12 @@ def leaps(fitter: Fitter, fit: Fit, every: Sequence[Direction], known: Sensitivi
         known: What they do around the fit.
         worth: What an effect has to take off the loss.
     """
-    found: list[Fit] = []
-    for _ in range(LEAPS):
+    for number in range(LEAPS):
         room = min(fitter.system.most_effects - len(fit.explanation.candidates), AT_ONCE)
+        if not room:
+            break
+        if number:
+            known = sensitivities(fitter, fit, every)
         extra = chosen(normal_equations(fit, known), fitter, room, worth)
         if not extra:
             break
@@ -57,9 +60,7 @@ def leaps(fitter: Fitter, fit: Fit, every: Sequence[Direction], known: Sensitivi
         if not tried.total < fit.total - worth:
             break
         fit = _tied(fitter, _split(fitter, tried))
-        found.append(fit)
-        known = sensitivities(fitter, fit, every)
-    return found
+    return fit
 
 
 @dataclass
@@ -122,15 +123,10 @@ def chosen(around: NormalEquations, fitter: Fitter, most: int, worth: float) -> 
 def _groups(around: NormalEquations, fitter: Fitter) -> list[tuple[Candidate, np.ndarray]]:
     """Return the entries that move together: all parameters of an effect, or one of the places that it may have."""
     p = len(around.fit.x)
-    by_candidate: dict[Candidate, list[int]] = {}
-    for i, d in enumerate(around.directions):
-        by_candidate.setdefault(d.candidate, []).append(p + i)
     out = []
-    for candidate, members in by_candidate.items():
-        if len(candidate.starts(fitter.context)):
-            out += [(candidate, np.array([m])) for m in members]
-        else:
-            out.append((candidate, np.array(members)))
+    for candidate, members in around.by_candidate.items():
+        scattered = len(candidate.starts(fitter.context)) > 0
+        out += [(candidate, p + np.array(g)) for g in ([[m] for m in members] if scattered else [members])]
     return out
 
 

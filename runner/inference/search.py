@@ -13,16 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runner.effects.vocabulary import Candidate, Vocabulary
-from runner.inference.contender import Contender, are_confounded, contend
+from runner.inference.contender import Contender, Offer, are_confounded, contend, offers
 from runner.inference.evidence import (
     Direction,
     Sensitivities,
-    clip,
     directions,
     joined,
     sensitivities,
 )
-from runner.inference.leap import leaps
+from runner.inference.leap import leap
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of, over_edges, where_to_begin
 
@@ -44,7 +43,6 @@ CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, p
 LINEAR = 0.1
 AHEAD = 3.0  # times what a larger set leaves beyond the noise: who leaves more is not added to
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
-Offer = tuple[float, Candidate, np.ndarray]  # the promised gain, the effect, where to begin
 
 
 @dataclass(frozen=True)
@@ -158,7 +156,8 @@ class _Rounds:
                 how = {"x": seed.x, "starts": seed.starts, "iterations": 12, "polish": False}
                 begin = self.fitter.fit(seed.explanation, self.episodes, **how)
                 self._seed(begin)
-        for fit in leaps(self.fitter, begin, self.every, self._around(begin), self.worth)[-1:]:
+        fit = leap(self.fitter, begin, self.every, self._around(begin), self.worth)
+        if fit is not begin:
             self._seed(fit)
 
     def _around(self, fit: Fit) -> Sensitivities:
@@ -208,14 +207,7 @@ class _Rounds:
         if size == 1:
             return new
         if not self.pieces:
-            new = self._and_with_one_less(new, around_best)
-            new.sort(key=lambda c: -c.log_posterior)
-            # of what a leap has put together more than one may go
-            while self.fitter.system.leaps and 1 < len(new[0].fit.explanation.candidates) < size:
-                size, before = len(new[0].fit.explanation.candidates), new[0]
-                new = sorted(self._and_with_one_less(new, around_best), key=lambda c: -c.log_posterior)
-                if new[0] is before:
-                    break
+            new = self._pared(size, new, around_best)
         stalled = (
             min(c.fit.total for c in new) - self.count > self.fitter.system.worth_another * left_before > self.worth
         )
@@ -229,7 +221,7 @@ class _Rounds:
     def beam(self, new: Sequence[Contender]) -> list[Contender]:
         """Return what is worth adding to, of contenders of one size, likeliest first."""
         beam: list[Contender] = []
-        left = min((s.total for k, s in self.seeds.items()), default=np.inf) - self.count
+        left = min((s.total for s in self.seeds.values()), default=np.inf) - self.count
         for contender in new:
             if contender.fit.total - self.count > AHEAD * max(left, self.worth):
                 continue  # a set of more effects is so far ahead that one more beside this will not reach it
@@ -242,24 +234,24 @@ class _Rounds:
 
     def _worth_a_fit(self, contender: Contender, size: int) -> list[Offer]:
         """Return the effects that are tried beside those of a contender, most promising first."""
-        offers = _offers(contender, self.fitter)
+        promised = offers(contender, self.fitter)
         left = contender.fit.total - self.count
         if size == 1 and self.pieces:
-            jumps = [o for o in offers if o[1].effect.discontinuous or len(o[1].starts(self.fitter.context))]
+            jumps = [o for o in promised if o[1].effect.discontinuous or len(o[1].starts(self.fitter.context))]
             nonlinear = {o[1] for o in jumps[:NONLINEAR]}
-            return [o for i, o in enumerate(offers) if i < CANDIDATES or o[1] in nonlinear]
+            return [o for i, o in enumerate(promised) if i < CANDIDATES or o[1] in nonlinear]
         if size == 1:
             every = left >= CLOSE * self.count
-            return [o for i, o in enumerate(offers) if every or i < FEWEST or o[0] > OFFERED * self.worth]
+            return [o for i, o in enumerate(promised) if every or i < FEWEST or o[0] > OFFERED * self.worth]
         if left < self.worth:
             return []  # nothing is left that would be worth an effect
         candidates = FEWEST if self.pieces else CANDIDATES
         if self.fitter.system.leaps:
-            return [o for o in offers[:FEWEST] if o[0] > OFFERED * self.worth]
+            return [o for o in promised[:FEWEST] if o[0] > OFFERED * self.worth]
         if left < min(LINEAR * (self.nominal.total - self.count), self.count):
-            return [o for o in offers[:candidates] if o[0] > OFFERED * self.worth]
+            return [o for o in promised[:candidates] if o[0] > OFFERED * self.worth]
         # far from a good fit the linear promise misleads: the commonest effects are always tried
-        return [o for i, o in enumerate(offers) if i < candidates or o[1].effect.common]
+        return [o for i, o in enumerate(promised) if i < candidates or o[1].effect.common]
 
     def _with_one_more(
         self, contender: Contender, candidate: Candidate, vector: np.ndarray, size: int, target: float
@@ -295,6 +287,18 @@ class _Rounds:
         if size == 1 and not placed:
             return 1 if self.fitter.system.leaps else 0
         return 1 if self.pieces else 3
+
+    def _pared(self, size: int, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
+        """Return contenders of one size and what they are with less in them, likeliest first.
+
+        Of what a leap has put together more than one effect may go.
+        """
+        while True:
+            new = sorted(self._and_with_one_less(new, around_best), key=lambda c: -c.log_posterior)
+            likeliest = len(new[0].fit.explanation.candidates)
+            if not (self.fitter.system.leaps and 1 < likeliest < size):
+                return new
+            size = likeliest
 
     def _and_with_one_less(self, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
         """Add what the likeliest, and the one that leaves least, are with one effect taken out of them."""
@@ -386,15 +390,3 @@ def _without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], 
 def singles(vocabulary: Vocabulary) -> frozenset[Key]:
     """Return all explanations of one effect."""
     return frozenset((candidate,) for candidate in vocabulary)
-
-
-def _offers(contender: Contender, fitter: Fitter) -> list[Offer]:
-    """Every effect that is not in yet, nor told apart from one that is, most promising first, with a start vector."""
-    held = contender.fit.explanation.candidates
-    out = []
-    for candidates in fitter.system.vocabulary.by_name.values():
-        for candidate in candidates:
-            if candidate in contender.gains and candidate.may_join(held):
-                gain, vector = contender.gains[candidate]
-                out.append((gain, candidate, clip(candidate, vector, fitter.context)))
-    return sorted(out, key=lambda o: -o[0])

@@ -18,6 +18,7 @@ from runner.effects.base import Effects
 from runner.effects.wording import plus_minus
 from runner.localise.excess import window_excess
 from runner.localise.linearised import DEGREE, Model
+from runner.localise.missing_force import missing_force
 from runner.noise.measured import Measured
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import AbstractSimulator
@@ -101,11 +102,9 @@ def dated_disturbances(
 
 def _missing(model: Model, windows: Windows, measured: Measured) -> tuple[FloatArray, FloatArray]:
     """Return the force that is missing in windows, and its standard error, (W, D) each."""
-    disturbance = model.system.disturbance
     found = window_excess(model, windows, measured, np.ones(len(model.system.channels)))
-    steps, covariance = found.local.missing_force(disturbance.prior / disturbance.steps)
-    error = np.sqrt(np.einsum("wdd->wd", covariance) * float(found.noise.max()))
-    return steps * disturbance.steps, error * disturbance.steps
+    value, covariance = missing_force(model.system, found)
+    return value, np.sqrt(np.einsum("wdd->wd", covariance))
 
 
 def _usual(value: FloatArray) -> FloatArray:

@@ -15,11 +15,17 @@ from runner.systems.base import AbstractSystem
 WEAK = 0.25  # a force known no better than this share of its prior is not known
 
 
-def missing_force_table(system: AbstractSystem, windows: WindowExcess) -> pd.DataFrame:
-    """Return the missing force of each window, with its errors and the system's further views of it, one row each."""
+def missing_force(system: AbstractSystem, windows: WindowExcess) -> tuple[np.ndarray, np.ndarray]:
+    """Return the force that is missing in each window, (W, D), and its covariance, (W, D, D)."""
     step, prior = system.disturbance.steps, system.disturbance.prior
     steps, covariance = windows.local.missing_force(prior / step)
-    value, spread = steps * step, covariance * float(windows.noise.max()) * step[:, None] * step
+    return steps * step, covariance * float(windows.noise.max()) * step[:, None] * step
+
+
+def missing_force_table(system: AbstractSystem, windows: WindowExcess) -> pd.DataFrame:
+    """Return the missing force of each window, with its errors and the system's further views of it, one row each."""
+    prior = system.disturbance.prior
+    value, spread = missing_force(system, windows)
     error = np.sqrt(np.einsum("wdd->wd", spread))
     known = error < WEAK * prior
     out = {}

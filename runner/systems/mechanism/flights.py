@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
+from runner.arrays import spread_over
 from runner.recording import Span
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
 from runner.systems.mechanism.coordinates import FREE, Coordinates
@@ -112,8 +113,7 @@ def rests(recording: MechanismRecording, coordinates: Coordinates, model: mujoco
         begin = max(begin, len(episode) - round(LONGEST_S / episode.step_s))
         if len(episode) - begin >= 2 * FEWEST:
             out.append(Span(e, begin, len(episode)))
-    spread = np.linspace(0, len(out) - 1, min(RESTS, len(out))).round().astype(int)
-    return [out[i] for i in np.unique(spread)]
+    return [out[i] for i in spread_over(len(out), RESTS)]
 
 
 def into_impacts(recording: MechanismRecording, found: Sequence[Sequence[Span]], after_s: float) -> tuple[Span, ...]:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from runner.arrays import FloatArray
+from runner.arrays import FloatArray, spread_over
 from runner.effects.base import Effects
 from runner.effects.mechanism import ContactStiffness, contacts
 from runner.recording import Span
@@ -37,7 +37,7 @@ def scatter(
     bodies = [model.body(b).name for b in range(1, model.nbody)]
     harder: Effects = tuple(ContactStiffness(b, HARDER) for b in bodies if contacts.touches(model, b))
     squares = []
-    for i in np.unique(np.linspace(0, len(spans) - 1, min(LOOKS, len(spans))).round().astype(int)):
+    for i in spread_over(len(spans), LOOKS):
         span = spans[i]
         shown = simulator.simulate(
             [Stretch(span.episode, span.begin, span.end, effects, starts[i]) for effects in ((), harder)]

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from runner.arrays import FloatArray
+from runner.arrays import FloatArray, spread_over
 from runner.recording import Span
 from runner.systems.channels import Signals
 from runner.systems.initial import AbstractInitialState
@@ -132,8 +132,7 @@ def _windows(simulator: MechanismSimulator, length_s: float) -> Windows:
 
 def _spread(index: FloatArray, samples: int) -> Windows:
     """Return some windows of those with these episodes and first samples, (W, 2), spread over all."""
-    some = np.linspace(0, len(index) - 1, min(LOOKS, len(index))).round().astype(int)
-    chosen = index[np.unique(some)]
+    chosen = index[spread_over(len(index), LOOKS)]
     return Windows(chosen[:, 0], chosen[:, 1], samples)
 
 
