@@ -15,8 +15,8 @@ from importlib.metadata import version
 
 from runner.commands import _arguments, load
 from runner.errors import RunnerError
-from runner.interruption import exit_code, interruptible
-from runner.interruption import line as interrupted
+from runner.processes.interruption import exit_code, interruptible
+from runner.processes.interruption import line as interrupted
 
 os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn; else GLFW warns where there is no display
 

@@ -204,7 +204,7 @@ def test_workers_end_with_their_parent(command: tuple[str, ...], tmp_path: Path)
 def test_the_one_line_is_the_only_one() -> None:
     """Where the main thread does not come back, Python's resource tracker has nothing to add to the line."""
     left = (
-        "import os; from multiprocessing import get_context; from runner.interruption import interruptible\n"
+        "import os; from multiprocessing import get_context; from runner.processes.interruption import interruptible\n"
         "with interruptible():\n"
         "    lock = get_context('spawn').Lock()\n"
         "    os._exit(143)\n"

@@ -16,8 +16,8 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 # a layer imports only from those above it; a package counts as one
 LAYERS = (
-    "arrays errors",
-    "interruption storage levenberg_marquardt",
+    "errors numerics",
+    "processes storage",
     "config progress viewer",
     "physics recording",
     "effects importing",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from runner.levenberg_marquardt import Schedule, Trial, damped, descend
+from runner.numerics.levenberg_marquardt import Schedule, Trial, damped, descend
 
 SCHEDULE = Schedule(1e-3, most=1e12)
 STARTS = np.array([[-1.2, 1.0], [4.0, -7.0], [0.9, 0.8], [1.0, 1.0]])

@@ -25,7 +25,7 @@ from runner.commands._jobs import overridden, write_config
 from runner.commands._sweep import explain_sweep, sweep, whole_chunk
 from runner.commands._trust import check_kept
 from runner.errors import ConfigError
-from runner.interruption import going_on
+from runner.processes.interruption import going_on
 from runner.storage.holding import holding
 from runner.storage.limits import check_size
 from runner.storage.run_status import check_belongs, only_begun, running

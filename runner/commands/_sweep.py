@@ -35,7 +35,7 @@ from runner.commands._explain import built, explain
 from runner.commands._jobs import ConfigWriter, JobComposer
 from runner.commands._trust import read_nothing_kept
 from runner.errors import ConfigError, RunnerError
-from runner.interruption import joblib_workers
+from runner.processes.workers import joblib_workers
 from runner.progress import progress
 from runner.storage.writing import write_text
 from runner.teleop import tables

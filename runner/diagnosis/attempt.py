@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runner.arrays import spread_over
 from runner.diagnosis.ranking import unknown_by_excess
 from runner.effects.base import Effects
 from runner.inference.breakaway import hanging
@@ -22,6 +21,7 @@ from runner.inference.multiple_shooting import look, recut
 from runner.inference.outside import with_outside
 from runner.inference.search import RESTED, Beginning, Search, resumed, search
 from runner.noise.measured import materially_different, measure, refine
+from runner.numerics.arrays import spread_over
 from runner.progress import UNOBSERVED, ProgressObserver
 from runner.recording import Span
 from runner.systems.base import AbstractSystem

@@ -11,7 +11,7 @@ import numpy as np
 
 from runner.estimation.belief import Belief, times
 from runner.estimation.copies import STATE
-from runner.levenberg_marquardt import damped
+from runner.numerics.levenberg_marquardt import damped
 
 _STRIDE, _FARTHEST = 1.5, 4.0  # of the parameters: the longest step, and how far from the prior, in its deviations
 

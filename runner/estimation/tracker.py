@@ -45,7 +45,7 @@ from runner.estimation.linearised import (
     solved,
     unexplained,
 )
-from runner.levenberg_marquardt import Schedule, Trial, descend
+from runner.numerics.levenberg_marquardt import Schedule, Trial, descend
 
 VAGUE = 100.0  # so many times the noise of the first measurement the start state may be off
 _AT_REST = 0.01  # of the loss: so little is not worth a step

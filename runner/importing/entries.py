@@ -10,10 +10,10 @@ from typing import Any
 
 import mujoco
 
-from runner.arrays import FloatArray
 from runner.errors import RecordingError, nearest
 from runner.importing import units
 from runner.importing.map_file import ChannelKeys, Converted, Map, Order, Up
+from runner.numerics.arrays import FloatArray
 from runner.recording.model_form_mapping import ModelMapping, read_mapping
 
 # x, y, z of a world whose y points up are x, -z, y of one whose z does

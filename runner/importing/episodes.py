@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from runner.arrays import FloatArray
 from runner.errors import RecordingError
 from runner.importing.clocks import NS
 from runner.importing.entries import Entry, Role
 from runner.importing.map_file import By, EpisodeKeys
 from runner.importing.signals import Integers, Part, Signal
+from runner.numerics.arrays import FloatArray
 
 BACK = 0.1  # of the length of a part: stamps that fall back by more are a new start, not samples out of order
 

@@ -11,10 +11,10 @@ import mujoco
 import numpy as np
 import pandas as pd
 
-from runner.arrays import FloatArray
 from runner.errors import RecordingError
 from runner.importing.entries import Entry, Plan
 from runner.importing.units import allowed
+from runner.numerics.arrays import FloatArray
 from runner.recording.model_form_mapping import ChannelSource
 
 FAR = 2.0  # widths of the range beyond it: in another unit

@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from runner.arrays import FloatArray
 from runner.errors import RecordingError
 from runner.importing.clocks import NS
 from runner.importing.entries import Role
 from runner.importing.episodes import Cut, Series
 from runner.importing.map_file import ALL, EVEN, RowKeys
 from runner.importing.signals import Integers
+from runner.numerics.arrays import FloatArray
 
 GAP_STEPS = 2.5  # of a channel's own median steps: over longer gaps nothing is interpolated
 HELD_STEPS = 5.0  # a command that is held for more of its own steps is worth a note

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from runner.arrays import FloatArray
 from runner.errors import RecordingError, nearest
+from runner.numerics.arrays import FloatArray
 
 Integers = NDArray[np.int64]
 

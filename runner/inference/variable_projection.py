@@ -17,7 +17,7 @@ from scipy.optimize import lsq_linear
 
 from runner.effects.base import Parameter
 from runner.inference.parameters import bounds
-from runner.levenberg_marquardt import Schedule, Trial, descend
+from runner.numerics.levenberg_marquardt import Schedule, Trial, descend
 
 BEHIND = 0.05  # squared noises by which a fit may be behind what others have reached, and is finished all the same
 DAMPING = Schedule(1e-4, least=1e-8, least_refused=1e-2, most=1e7)

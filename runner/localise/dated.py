@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from runner.arrays import FloatArray
 from runner.effects.base import Effects
 from runner.effects.wording import plus_minus
 from runner.localise.excess import window_excess
 from runner.localise.linearised import DEGREE, Model
 from runner.localise.missing_force import missing_force
 from runner.noise.measured import Measured
+from runner.numerics.arrays import FloatArray
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import AbstractSimulator
 from runner.systems.windows import Windows

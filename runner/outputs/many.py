@@ -18,7 +18,7 @@ from runner.diagnosis.pipeline import diagnose
 from runner.diagnosis.result import Diagnosis
 from runner.diagnosis.verdict import ALL, FILE, verdict
 from runner.errors import ConfigError, ResultError, RunnerError, WriteError
-from runner.interruption import kill_workers, shielded, worker_of
+from runner.processes.workers import kill_workers, shielded, worker_of
 from runner.progress import progress
 from runner.recording.case import TABLES, content_hash
 from runner.report import words

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from runner.arrays import FloatArray
 from runner.errors import RecordingError
+from runner.numerics.arrays import FloatArray
 from runner.recording import nominal as nominal_file
 from runner.recording.checks import check_finite, check_times, check_yaw, episode_spans, unit_quaternions
 from runner.recording.data import Episode, Form, Nominal, Recording

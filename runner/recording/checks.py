@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from runner.arrays import FloatArray
+from runner.numerics.arrays import FloatArray
 from runner.recording.data import Form, Nominal
 from runner.recording.table import FORCE, OPTIONAL, POINT, POSE, QUATERNION, TWIST, UNITS, Table
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from runner.arrays import FloatArray
 from runner.errors import RecordingError
+from runner.numerics.arrays import FloatArray
 
 WARNING = "warning: "  # a note begins with it where something is wrong and yet something may follow
 

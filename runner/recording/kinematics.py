@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runner.arrays import FloatArray
+from runner.numerics.arrays import FloatArray
 
 LONE = 50.0  # times what is usual, and more: a sample that stands alone; heavy-tailed noise of practice cases: 15
 APART, TOGETHER = 0.5, 0.1  # of the displacement is left unexplained: no integral of it at all; plainly one

@@ -16,8 +16,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from runner.arrays import FloatArray
 from runner.errors import RecordingError, nearest
+from runner.numerics.arrays import FloatArray
 from runner.recording.case import table_file
 from runner.recording.checks import episode_spans, rising_steps
 from runner.recording.data import frozen_array

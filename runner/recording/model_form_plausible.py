@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from runner.arrays import FloatArray
+from runner.numerics.arrays import FloatArray
 from runner.recording.data import WARNING
 from runner.recording.kinematics import APART, Follows, follows, lone_samples
 from runner.recording.model_form_mapping import ChannelSource, ModelMapping

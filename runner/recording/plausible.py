@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from runner.arrays import FloatArray
+from runner.numerics.arrays import FloatArray
 from runner.recording.data import WARNING, Form, Nominal
 from runner.recording.kinematics import APART, TOGETHER, Follows, follows, lone_samples
 from runner.recording.table import POSE, TWIST, Table

@@ -11,8 +11,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from runner.arrays import FloatArray
 from runner.errors import RecordingError
+from runner.numerics.arrays import FloatArray
 from runner.storage.csv_text import CsvError, number, read_csv
 from runner.storage.limits import check_bytes, check_shape, check_size
 

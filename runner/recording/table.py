@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from runner.arrays import FloatArray
 from runner.errors import RecordingError
+from runner.numerics.arrays import FloatArray
 from runner.recording.data import Form
 from runner.recording.raw_table import numbers, read_raw, row_place
 from runner.storage.limits import check_shape

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from runner.arrays import FloatArray
+from runner.numerics.arrays import FloatArray
 from runner.recording.data import Form, Nominal
 from runner.recording.table import METRES, POINT, POSE, QUATERNION, RATES, SPEEDS, TWIST, Table
 

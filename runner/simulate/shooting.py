@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runner.levenberg_marquardt import Schedule, Trial, damped, descend
 from runner.noise.measured import Measured
+from runner.numerics.levenberg_marquardt import Schedule, Trial, damped, descend
 from runner.systems.windows import Windows
 
 PRIOR_SIGMAS = 10.0  # a fitted start state may lie some such distances from the measured one, and hardly more

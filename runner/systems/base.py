@@ -22,9 +22,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol
 
-from runner.arrays import FloatArray
 from runner.effects.base import Effects
 from runner.effects.vocabulary import Vocabulary
+from runner.numerics.arrays import FloatArray
 from runner.recording import Span
 from runner.systems.channels import Channel, Signals
 from runner.systems.disturbance import Disturbance

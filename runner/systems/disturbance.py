@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from runner.arrays import FloatArray
+from runner.numerics.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from runner.arrays import FloatArray
+from runner.numerics.arrays import FloatArray
 from runner.systems.channels import Signals
 from runner.systems.windows import Windows
 

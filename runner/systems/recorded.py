@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
-from runner.arrays import FloatArray
+from runner.numerics.arrays import FloatArray
 
 
 class RecordedEpisode(Protocol):

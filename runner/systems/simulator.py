@@ -6,8 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from runner.arrays import FloatArray
 from runner.effects.base import Effects
+from runner.numerics.arrays import FloatArray
 from runner.recording import Span
 from runner.systems.windows import Windows
 

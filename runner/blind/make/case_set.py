@@ -17,7 +17,7 @@ from runner.blind.checkpoint import Checkpoint
 from runner.blind.make.maker import AbstractMaker, CasePlan, Purpose
 from runner.blind.make.plan import Mix, case_names, plan_cases
 from runner.errors import ConfigError, check_range
-from runner.interruption import joblib_workers
+from runner.processes.workers import joblib_workers
 from runner.progress import track
 from runner.storage.writing import write_text
 

@@ -18,7 +18,7 @@ from joblib import Parallel, delayed
 from runner.blind.checkpoint import Checkpoint
 from runner.blind.oracle import oracle_closed
 from runner.diagnosis.score import full_name
-from runner.interruption import joblib_workers
+from runner.processes.workers import joblib_workers
 from runner.progress import track
 from runner.systems.case import open_case
 

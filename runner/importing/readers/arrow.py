@@ -13,8 +13,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute
 
-from runner.arrays import FloatArray
 from runner.importing.signals import Clock, Integers, Signal
+from runner.numerics.arrays import FloatArray
 
 compute: Any = pyarrow.compute  # its functions are made when it is imported, unseen by type checkers
 WIDEST = 128  # of a list that is taken apart; images and point clouds are wider

@@ -13,8 +13,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from runner.arrays import FloatArray
 from runner.errors import RecordingError
+from runner.numerics.arrays import FloatArray
 from runner.recording import Episode, Recording
 from runner.recording.model_form import MechanismEpisode, MechanismRecording, with_episode_to_check
 from runner.recording.model_form_mapping import ChannelSource, ForceColumns, ModelMapping, OrientationColumns

@@ -5,9 +5,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from runner.arrays import FloatArray
 from runner.effects.base import Effects
 from runner.effects.mechanism.base import Command, MechanismEffect
+from runner.numerics.arrays import FloatArray
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import is_servo
 from runner.systems.mechanism.held import even_times, step_means

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from runner.arrays import FloatArray
+from runner.numerics.arrays import FloatArray
 from runner.systems.drawing import DrawnBody, Shape
 
 VISIBLE_GROUPS = 3  # MuJoCo's viewer shows groups 0, 1 and 2

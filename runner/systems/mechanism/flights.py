@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from runner.arrays import spread_over
+from runner.numerics.arrays import spread_over
 from runner.recording import Span
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
 from runner.systems.mechanism.coordinates import FREE, Coordinates

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from runner.arrays import FloatArray
+from runner.numerics.arrays import FloatArray
 from runner.recording.model_form_mapping import ChannelSource
 from runner.systems.mechanism import quaternions
 from runner.systems.mechanism.models import OWN, Compiled

@@ -8,10 +8,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from runner.arrays import FloatArray
 from runner.effects.base import AbstractEffect, Effects
 from runner.effects.mechanism import MechanismEffect
 from runner.errors import ResultError
+from runner.numerics.arrays import FloatArray
 from runner.physics.joint_law import SIZE
 from runner.recording.model_form_mjcf import quiet
 from runner.storage.writing import write_text

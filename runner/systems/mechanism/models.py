@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from runner.arrays import FloatArray
 from runner.effects.base import Effects
 from runner.effects.mechanism.base import MechanismEffect
+from runner.numerics.arrays import FloatArray
 from runner.physics import joint_law
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import AFFINE_BIAS, AT_JOINT, ForceColumns

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from runner.arrays import FloatArray
+from runner.numerics.arrays import FloatArray
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
 from runner.recording.model_form_mapping import AFFINE_BIAS, AT_JOINT, NO_BIAS, ChannelSource
 from runner.systems.mechanism import quaternions

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from runner.arrays import FloatArray
+from runner.numerics.arrays import FloatArray
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
 from runner.recording.model_form_mapping import is_servo
 from runner.systems.mechanism.held import even_times

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from runner.arrays import FloatArray
 from runner.effects.base import Effects
 from runner.effects.mechanism.base import MechanismEffect, Reading
+from runner.numerics.arrays import FloatArray
 from runner.recording.model_form import MechanismRecording
 from runner.systems.mechanism import quaternions
 from runner.systems.mechanism.held import even_times

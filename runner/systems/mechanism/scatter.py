@@ -12,9 +12,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from runner.arrays import FloatArray, spread_over
 from runner.effects.base import Effects
 from runner.effects.mechanism import ContactStiffness, contacts
+from runner.numerics.arrays import FloatArray, spread_over
 from runner.recording import Span
 from runner.systems.mechanism.simulator import MechanismSimulator, Stretch
 

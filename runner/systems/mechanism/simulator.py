@@ -15,9 +15,9 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from runner.arrays import FloatArray
 from runner.effects.base import Effects
 from runner.effects.mechanism.base import MechanismEffect
+from runner.numerics.arrays import FloatArray
 from runner.recording import Span
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import is_servo

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from runner.arrays import FloatArray
+from runner.numerics.arrays import FloatArray
 from runner.recording.model_form import MechanismRecording
 from runner.systems.mechanism.models import Models
 from runner.systems.mechanism.simulator import MechanismSimulator, Stretch

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from runner.arrays import FloatArray, spread_over
+from runner.numerics.arrays import FloatArray, spread_over
 from runner.recording import Span
 from runner.systems.channels import Signals
 from runner.systems.initial import AbstractInitialState

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from runner.arrays import FloatArray
 from runner.effects.base import Effects
+from runner.numerics.arrays import FloatArray
 from runner.recording import Span
 from runner.recording.model_form import MechanismRecording, read_model_case, with_episode_to_check
 from runner.recording.model_form_mapping import ChannelSource

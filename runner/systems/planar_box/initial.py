@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from runner.arrays import FloatArray
+from runner.numerics.arrays import FloatArray
 from runner.systems.channels import Signals
 from runner.systems.initial import AbstractInitialState
 from runner.systems.windows import Windows

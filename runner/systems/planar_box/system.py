@@ -9,12 +9,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from runner.arrays import FloatArray
 from runner.effects.base import Effects
 from runner.effects.planar_box import EFFECTS, DeadBand
 from runner.effects.vocabulary import Candidate, Vocabulary
 from runner.effects.wording import number
 from runner.errors import RecordingError
+from runner.numerics.arrays import FloatArray
 from runner.recording import Form, Recording, Support
 from runner.systems.base import AbstractSystem, Proposal
 from runner.systems.channels import Channel, Signals, Space

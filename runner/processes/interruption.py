@@ -2,28 +2,24 @@
 
 A signal raises `KeyboardInterrupt` in the main thread, as Python does it, once; a second one does not disturb what is
 put in order then. Where the main thread is deep in compiled code and does not come back in time, a thread that was
-woken by the signal itself ends the process in its place. Workers take no notice of Ctrl-C, which reaches all processes
-of a terminal, and are killed by the kernel when their parent ends, however it ends.
+woken by the signal itself ends the process in its place.
 """
 
 from __future__ import annotations
 
-import ctypes
 import os
-import pickle
 import signal
 import socket
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from multiprocessing import active_children
 from types import FrameType
-from typing import Any
+
+from runner.processes.workers import kill_workers
 
 PATIENCE_S = 1.0  # for the main thread to come back; the line is there within two seconds
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-PR_SET_PDEATHSIG = 1
 QUIET_TRACKER = "ignore:resource_tracker:UserWarning"  # it unlinks what an ended process left: the line says enough
 
 _go_on = ""
@@ -117,50 +113,3 @@ def _watch(read: socket.socket, over: threading.Event) -> None:
     with suppress(OSError, ValueError):
         os.write(sys.stderr.fileno(), (line(_go_on) + "\n").encode())
     os._exit(128 + number)
-
-
-def kill_workers() -> None:
-    """End the processes that this one has started for its work; what they had not finished is done on going on."""
-    for child in active_children():
-        child.kill()
-
-
-@contextmanager
-def shielded() -> Iterator[None]:
-    """Start processes that Ctrl-C does not reach, from their first instruction: they inherit what is blocked here."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def joblib_workers() -> dict[str, Any]:
-    """Return joblib's settings for workers that end with this process."""
-    return {"initializer": end_with_parent, "initargs": (os.getpid(),)}
-
-
-def worker_of(parent: int, begin: bytes) -> None:
-    """Begin a worker: see to its end before anything of size is imported, which takes seconds.
-
-    Args:
-        parent: Process id of the parent.
-        begin: A function and its arguments, pickled by the parent: only to be unpickled imports what they are of.
-    """
-    end_with_parent(parent)
-    function, arguments = pickle.loads(begin)
-    function(*arguments)
-
-
-def end_with_parent(parent: int) -> None:
-    """Have the kernel kill this process when its parent ends; to be called first in a worker.
-
-    Args:
-        parent: Process id of the parent. A process whose parent is another one, as of a cluster, is left alone.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if sys.platform != "linux":
-        return
-    ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-    if os.getppid() != parent:  # it ended before it could be asked for
-        os._exit(1)
