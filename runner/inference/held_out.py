@@ -91,11 +91,12 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     best = next((c for c in leaders if c is not nominal), nominal)
     around_best = alone if best is nominal else sensitivities(fitter, there_by[id(best)], every)
     weighed, loss = [], {}
+    dispersion = finite[0].evidence.dispersion
     for c in leaders:
         there = normal_equations(there_by[id(c)], *((alone,) if c is nominal else (around_best, alone)))
-        whole = evidence(together(c.around, there), fitter.system)
+        whole = evidence(together(c.around, there), fitter.system, dispersion=dispersion)
         weighed.append(replace(c, log_posterior=c.log_posterior + whole.log - c.evidence.log))
-        loss[id(c.fit)] = evidence(there, fitter.system, c.evidence.covariance).loss
+        loss[id(c.fit)] = evidence(there, fitter.system, c.evidence.covariance, dispersion=dispersion).loss
     fits = {id(c.fit): there_by[id(c)] for c in leaders}
     weighed = _with_what_is_left(weighed, fits, fitter)
     everything = (*nominal.fit.episodes, *held_out)
@@ -113,37 +114,10 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     contenders = sorted((*weighed, *others), key=lambda c: -c.log_posterior)
     top = weighed[0]
     fitted = fitter.measured.excess(top.evidence.loss, top.fit.episodes)
-    if fitter.system.errors_overdisperse:
-        contenders = tempered(contenders, 1.0 + max(fitted, 0.0) * memory(top.fit, fitter))
     there = fitter.measured.excess(loss[id(top.fit)], held_out)
     gap, left = (fitter.measured.excess(f.total, held_out) for f in (before, fits[id(top.fit)]))
     found = Search(tuple(contenders), found.nominal)
     return Confirmed(found, before, fits, float(fitted), float(there), whole_gap, gap, left)
-
-
-def tempered(contenders: Sequence[Contender], dispersion: float) -> list[Contender]:
-    """Return contenders with their log odds against the first divided by how much more uncertain residuals are.
-
-    Where the best explanation leaves more than noise and mismatch, its errors are those of a model that is wrong
-    everywhere and changes slowly: as many residuals as such an error lasts tell no more than one. That is a
-    quasi-likelihood with an estimated dispersion (Wedderburn 1974): what leaves almost as little is almost as likely.
-    """
-    best = contenders[0].log_posterior
-    return [replace(c, log_posterior=best + (c.log_posterior - best) / dispersion) for c in contenders]
-
-
-def memory(fit: Fit, fitter: Fitter) -> float:
-    """Return over how many samples what a fit leaves remains alike: its integrated autocorrelation time, at least 1."""
-    channels = len(fitter.system.channels)
-    parts = [r.reshape(-1, channels) for r in fit.residual]
-    size = 2 * max(len(p) for p in parts)
-    spectra = [np.abs(np.fft.rfft(p, n=size, axis=0)) ** 2 for p in parts]
-    covariance = np.fft.irfft(np.sum(spectra, axis=(0, 2)), n=size)[: size // 2]
-    if not covariance[0] > 0:
-        return 1.0
-    alike = covariance / covariance[0]
-    last = int(np.argmax(alike <= 0)) if (alike <= 0).any() else len(alike)
-    return float(max(1.0 + 2.0 * alike[1:last].sum(), 1.0))
 
 
 def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], fitter: Fitter) -> list[Contender]:

@@ -8,12 +8,12 @@ search may begin where an earlier look ended (see `runner.inference.multiple_sho
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from runner.effects.vocabulary import Candidate, Vocabulary
-from runner.inference.contender import Contender, Offer, are_confounded, contend, offers
+from runner.inference.contender import Contender, Offer, are_confounded, contend, dispersion_of, offers
 from runner.inference.evidence import (
     Direction,
     Sensitivities,
@@ -106,6 +106,7 @@ class _Rounds:
         contenders: Compared by evidence so far.
         seen: What was fitted.
         last: A fit and what every effect does beside it.
+        dispersion: How many times as uncertain as noise residuals are, from the fit that leaves least.
     """
 
     fitter: Fitter
@@ -121,6 +122,7 @@ class _Rounds:
     contenders: list[Contender]
     seen: set[Key]
     last: tuple[Fit, Sensitivities]
+    dispersion: float
 
     @classmethod
     def begun(
@@ -131,6 +133,7 @@ class _Rounds:
         nominal = fitter.fit(NONE, episodes, starts=starts, iterations=RESTED)
         count = fitter.measured.count(episodes)
         alone = sensitivities(fitter, nominal, every)
+        dispersion = dispersion_of(nominal, fitter)
         return cls(
             fitter=fitter,
             episodes=episodes,
@@ -142,7 +145,8 @@ class _Rounds:
             worth=WORTH * count + WORTH_SHARE * max(nominal.total - count, 0.0),
             seeds=dict(beginning.seeds),
             ruled_out=beginning.ruled_out,
-            contenders=[contend(fitter, nominal, alone)],
+            contenders=[contend(fitter, nominal, alone, dispersion=dispersion)],
+            dispersion=dispersion,
             seen={NONE.candidates},
             last=(nominal, alone),
         )
@@ -198,6 +202,7 @@ class _Rounds:
         fits = sorted(fits, key=lambda f: f.total)
         fits = _finished(self.fitter, fits, self.count, BEAM if self.pieces else FINISHED)
         around_best = self._around(fits[0])
+        self._disperse(fits[0])
         new = [self._worthy(fit, around_best) for fit in fits[:SURVEYED]]
         best = max(c.log_posterior for c in self.contenders)
         left_before = min(c.fit.total for c in self.contenders) - self.count
@@ -212,6 +217,12 @@ class _Rounds:
             min(c.fit.total for c in new) - self.count > self.fitter.system.worth_another * left_before > self.worth
         )
         return None if new[0].log_posterior < best or stalled else new
+
+    def _disperse(self, fit: Fit) -> None:
+        """Weigh all contenders by how uncertain residuals are by what a fit leaves, if it leaves least."""
+        if fit.total < min(c.fit.total for c in self.contenders):
+            self.dispersion = dispersion_of(fit, self.fitter)
+            self.contenders = [c.weighed(self.fitter.system, self.dispersion) for c in self.contenders]
 
     def _tell_best(self) -> None:
         """Tell the observer of the likeliest so far."""
@@ -241,6 +252,9 @@ class _Rounds:
             nonlinear = {o[1] for o in jumps[:NONLINEAR]}
             return [o for i, o in enumerate(promised) if i < CANDIDATES or o[1] in nonlinear]
         if size == 1:
+            foreseen = min((s.total for s in self.seeds.values()), default=np.inf) - self.count
+            if self.fitter.system.leaps and foreseen < SETTLED * left:
+                return promised[:FEWEST]  # an earlier look has found where to begin
             every = left >= CLOSE * self.count
             return [o for i, o in enumerate(promised) if every or i < FEWEST or o[0] > OFFERED * self.worth]
         if left < self.worth:
@@ -317,9 +331,9 @@ class _Rounds:
 
     def _worthy(self, fit: Fit, around_best: Sensitivities) -> Contender:
         """Return a fit as a contender; a single effect that hardly matters has that against it."""
-        contender = contend(self.fitter, fit, around_best, self.alone)
         lacks = self.worth - (self.nominal.total - fit.total) if len(fit.explanation.candidates) == 1 else 0.0
-        return replace(contender, log_posterior=contender.log_posterior - 0.5 * max(lacks, 0.0))
+        against = 0.5 * max(lacks, 0.0)
+        return contend(self.fitter, fit, around_best, self.alone, against=against, dispersion=self.dispersion)
 
 
 def resumed(before: Search, fitter: Fitter) -> Beginning:
