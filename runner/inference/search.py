@@ -22,7 +22,8 @@ from runner.inference.evidence import (
     sensitivities,
 )
 from runner.inference.leap import leap
-from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
+from runner.inference.least_squares import NONE, Fit, Fitter
+from runner.inference.shortlist import WORTH, finished, gain, with_fit, without_one
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of, over_edges, where_to_begin
 
 BEAM = 2
@@ -33,9 +34,7 @@ NONLINEAR = 12
 CANDIDATES = 8  # fitted per explanation in the beam, from the second effect on
 FINISHED = 4  # leaders whose fit is carried on until it rests
 SURVEYED = 7  # explanations of one size that are compared by evidence
-# An effect must matter: lower the mean square residual by this, in squared noises, and by this share of what
-# the nominal model leaves. Less is what any simulator's own small errors would offer to explain.
-WORTH, WORTH_SHARE = 0.03, 0.004
+WORTH_SHARE = 0.004  # of what the nominal model leaves: so much an effect must take off beyond `WORTH`
 NEAR = 1000.0  # log odds within which an explanation is worth adding to
 SETTLED = 0.03  # of the nominal model's excess: where the leader leaves less, nothing else is worth adding to
 CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, promises hold; so many are fitted anyway
@@ -183,8 +182,8 @@ class _Rounds:
         for contender in beam:
             for _, candidate, vector in self._worth_a_fit(contender, size):
                 fit = self._with_one_more(contender, candidate, vector, size, target)
-                if fit is not None and (size == 1 or _gain(fit, self.contenders) > self.worth):
-                    fits = _with(fits, fit)
+                if fit is not None and (size == 1 or gain(fit, self.contenders) > self.worth):
+                    fits = with_fit(fits, fit)
                     target = min(target, fit.total)
         for key in [k for k in self.seeds if len(k) == size]:
             seed = self.seeds.pop(key)
@@ -192,15 +191,15 @@ class _Rounds:
             begin = where_to_begin(self.fitter, seed.explanation, seed.x, self.nominal, seed)
             how = {"target": target, "patience": 3, "iterations": 12, "polish": False}
             fit = self.fitter.fit(seed.explanation, self.episodes, **begin, **how)
-            if size == 1 or _gain(fit, self.contenders) > self.worth:
-                fits = _with(fits, fit)
+            if size == 1 or gain(fit, self.contenders) > self.worth:
+                fits = with_fit(fits, fit)
                 target = min(target, fit.total)
         return fits
 
     def weighed(self, size: int, fits: Sequence[Fit]) -> list[Contender] | None:
         """Finish fits of so many effects and compare them by evidence; None: nothing speaks for a further effect."""
         fits = sorted(fits, key=lambda f: f.total)
-        fits = _finished(self.fitter, fits, self.count, BEAM if self.pieces else FINISHED)
+        fits = finished(self.fitter, fits, self.count, BEAM if self.pieces else FINISHED)
         around_best = self._around(fits[0])
         self._disperse(fits[0])
         new = [self._worthy(fit, around_best) for fit in fits[:SURVEYED]]
@@ -318,7 +317,7 @@ class _Rounds:
         """Add what the likeliest, and the one that leaves least, are with one effect taken out of them."""
         least = min(new, key=lambda c: c.fit.total)
         for whole in {id(c): c for c in (least, new[0])}.values():
-            for fit in _without_one(self.fitter, whole, self.contenders, self.episodes):
+            for fit in without_one(self.fitter, whole, self.contenders, self.episodes):
                 fewer, key = self._worthy(fit, around_best), key_of(fit.explanation)
                 self.seen.add(key)
                 others = [c for c in self.contenders if key_of(c.fit.explanation) != key]
@@ -348,57 +347,6 @@ def resumed(before: Search, fitter: Fitter) -> Beginning:
         for f in fits
     }
     return Beginning(seeds, singles(fitter.system.vocabulary) - tried)
-
-
-def _gain(fit: Fit, contenders: Sequence[Contender]) -> float:
-    """Return by how much a fit leaves less than those of fewer of its effects, whichever their variants."""
-    names, size = set(fit.explanation.names), len(fit.explanation.candidates)
-    simpler = [
-        c.fit for c in contenders if set(c.fit.explanation.names) <= names and len(c.fit.explanation.candidates) < size
-    ]
-    return min(f.total for f in simpler) - fit.total
-
-
-def _with(fits: list[Fit], new: Fit) -> list[Fit]:
-    """Add a fit; of one explanation only the fit that leaves least is kept."""
-    key = key_of(new.explanation)
-    if any(f.total <= new.total for f in fits if key_of(f.explanation) == key):
-        return fits
-    return [*(f for f in fits if key_of(f.explanation) != key), new]
-
-
-def _finished(fitter: Fitter, fits: list[Fit], count: int, leaders: int) -> list[Fit]:
-    """Let the leaders come to rest, so that no further effect gains by what a longer fit would have.
-
-    Whatever is far behind the first of them, once that has come to rest, is left as it is.
-    """
-    out: list[Fit] = []
-    for i, fit in enumerate(fits):
-        lags = out and fit.total > out[0].total + 5 * WORTH * count + 0.5 * max(out[0].total - count, 0.0)
-        if i < leaders and not fit.converged and not lags:
-            fit = fitter.fit(fit.explanation, fit.episodes, x=fit.x, near=fit, iterations=20)
-        out.append(fit)
-    return sorted(out, key=lambda f: f.total)
-
-
-def _without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], episodes: Sequence[int]) -> list[Fit]:
-    """Drop each effect of an explanation in turn: what came in first may have stood in for what came later.
-
-    What is left was perhaps fitted before, but had not found the place that it has now: a patch or a tether that is far
-    from where it is said to be needs the help of another effect to get there. Returns what is new, or leaves less.
-    """
-    before = {key_of(c.fit.explanation): c.fit.total for c in others}
-    count = fitter.measured.count(episodes)
-    out = []
-    for candidate, part in whole.fit.explanation.parts(fitter.context):
-        rest = Explanation(tuple(c for c in whole.fit.explanation.candidates if c != candidate))
-        x = np.delete(whole.fit.x, part)
-        reached = before.get(key_of(rest), np.inf)
-        if reached - whole.fit.total > WORTH * count:
-            fit = fitter.fit(rest, episodes, x=x, near=whole.fit, target=whole.fit.total, patience=3, iterations=25)
-            if reached - fit.total > WORTH * count:
-                out.append(fit)
-    return out
 
 
 def singles(vocabulary: Vocabulary) -> frozenset[Key]:
