@@ -54,7 +54,7 @@ class Direction:
 def directions(system: AbstractSystem) -> list[Direction]:
     """Return the directions of all effects of a system, amplitudes in units of each parameter's `scale`."""
     out = []
-    for candidate in system.vocabulary:
+    for candidate in (*system.vocabulary, *system.vocabulary.uncertain):
         parameters = candidate.parameters(system.context)
         starts = candidate.starts(system.context)
         if len(starts):

@@ -25,9 +25,10 @@ CLOSE = 20.0  # and whatever is so near in log odds
 # errors of the model that what the best explanation leaves is the doing of: of the unseen episodes, and of the fitted
 # ones, where parameters may have taken up some of them
 INDEPENDENT_UNSEEN, INDEPENDENT_FITTED = 3.0, 1.0
-# Log odds against an effect that is nothing beside its own standard error; none from one of them on; and more where it
-# is less than such a share.
-DOUBT, LOST, LOST_BELOW = 25.0, 1000.0, 0.6
+# Log odds against an effect that is nothing beside its own standard error; none from so many of them on: for one
+# effect, and for each of several. Of thirty that are not there, one stands out by two in three cases of four, and by
+# three in one of twelve: where the first effect is there already, a second has to be surer than that.
+DOUBT, STANDS_OUT, BESIDE_OTHERS = 1000.0, 2.0, 3.0
 FAINT = 1000.0  # the same against one that is nothing beside the unevenness of any surface
 # A gap of this share of the noise's variance is as likely none; log odds by which each e-fold changes that; and the gap
 # from which on the odds grow in proportion to it: what small errors of a simulator add up to has no heavy tail.
@@ -147,10 +148,11 @@ def doubt(contender: Contender, context: Scope) -> float:
     included, how far it is from not being there at all. Effects that make up for another's wrong form fail that.
     """
     x, covariance, found = contender.fit.x, contender.evidence.covariance, 0.0
+    enough = STANDS_OUT if len(contender.fit.explanation.candidates) == 1 else BESIDE_OTHERS
     for candidate, whole in contender.fit.explanation.parts(context):
         part = amplitudes(candidate, whole, context)
         errors_off = float(np.sqrt(x[part] @ np.linalg.pinv(covariance[part, part], hermitian=True) @ x[part]))
-        found += DOUBT * max(1.0 - errors_off, 0.0) + LOST * max(1.0 - errors_off / LOST_BELOW, 0.0)
+        found += DOUBT * max(1.0 - errors_off / enough, 0.0)
         limit = candidate.effect.detection_limit
         if limit > 0:
             found += FAINT * max(1.0 - abs(float(x[whole.start])) / limit, 0.0)
