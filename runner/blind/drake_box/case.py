@@ -23,7 +23,7 @@ from runner.blind.make.noise import draw_character
 from runner.blind.planar_box.case import KINDS
 from runner.blind.planar_box.excite import Drive
 from runner.blind.planar_box.files import nominal_of, table_of
-from runner.blind.planar_box.physics import PlannedEpisode, World
+from runner.blind.planar_box.physics import PlannedEpisode
 from runner.blind.planar_box.plants import TOGETHER_ALIKE, UnplantedCase
 from runner.blind.planar_box.reality import Reality, draw_noise, draw_world
 from runner.blind.planar_box.reality import simulate_or_none as by_equations

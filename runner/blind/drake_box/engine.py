@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import logging
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 from runner.errors import ConfigError
 
 
+@functools.cache
 def drake(module: str) -> Any:
     """Return a module of pydrake by its name below the package.
 

@@ -69,7 +69,9 @@ def _vibrating_floor(s: UnplantedCase, g: np.random.Generator) -> Outsider:
 
 def _warming(s: UnplantedCase, g: np.random.Generator) -> Outsider:
     unit, cooling = 1.0 / s.friction_n, float(g.uniform(2.0, 10.0))
-    return _strange(1.5, lambda size: {"warming": size * unit, "cooling_s": cooling}, unit_per_j=unit, cooling_s=cooling)
+    return _strange(
+        1.5, lambda size: {"warming": size * unit, "cooling_s": cooling}, unit_per_j=unit, cooling_s=cooling
+    )
 
 
 def _wall(s: UnplantedCase, g: np.random.Generator) -> Outsider:
@@ -79,7 +81,10 @@ def _wall(s: UnplantedCase, g: np.random.Generator) -> Outsider:
     def reach(rows: np.ndarray, way: float) -> np.ndarray:
         turned = rows[:, 2] - way
         return (
-            rows[:, 0] * math.cos(way) + rows[:, 1] * math.sin(way) + hx * abs(np.cos(turned)) + hy * abs(np.sin(turned))
+            rows[:, 0] * math.cos(way)
+            + rows[:, 1] * math.sin(way)
+            + hx * abs(np.cos(turned))
+            + hy * abs(np.sin(turned))
         )
 
     starts, rows = np.array([e.start for e in s.episodes]), np.concatenate(s.paths)
@@ -100,7 +105,10 @@ def _wall(s: UnplantedCase, g: np.random.Generator) -> Outsider:
 def _loose_mass(s: UnplantedCase, g: np.random.Generator) -> Outsider:
     hz, damping = float(g.uniform(0.5, 2.5)), float(g.uniform(0.05, 0.3))
     return _strange(
-        0.6, lambda size: {"loose_share": size, "loose_hz": hz, "loose_damping": damping}, frequency_hz=hz, damping=damping
+        0.6,
+        lambda size: {"loose_share": size, "loose_hz": hz, "loose_damping": damping},
+        frequency_hz=hz,
+        damping=damping,
     )
 
 
@@ -113,9 +121,7 @@ def _quantised_push(s: UnplantedCase, g: np.random.Generator) -> Outsider:
 
 def _dropouts(s: UnplantedCase, g: np.random.Generator) -> Outsider:
     seed, mean_s = int(g.integers(2**31)), float(g.uniform(0.04, 0.25))
-    return _strange(
-        0.6, lambda size: {"dropouts": size, "dropout_s": mean_s, "dropout_seed": seed}, mean_s=mean_s
-    )
+    return _strange(0.6, lambda size: {"dropouts": size, "dropout_s": mean_s, "dropout_seed": seed}, mean_s=mean_s)
 
 
 def _slew_limit(s: UnplantedCase, g: np.random.Generator) -> Outsider:

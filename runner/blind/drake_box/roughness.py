@@ -1,4 +1,4 @@
-"""How far a world is from what its owner believes, besides the effect: sizes, floor, timing, and what is said of noise."""
+"""How far a world is from what its owner believes, besides the effect: sizes, floor, timing, the noise as stated."""
 
 from __future__ import annotations
 

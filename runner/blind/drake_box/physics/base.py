@@ -50,7 +50,9 @@ def base_of(world: World, nodes: int = NODES) -> Base:
     x, y = (a.ravel() for a in np.meshgrid(z, z, indexing="ij"))
     share = np.outer(v, v).ravel() / 4.0
     if world.pressure > 0.0:
-        profile = np.maximum(abs(x), abs(y)) ** 8 if world.pressure_where == "rim" else np.exp(-0.5 * (x**2 + y**2) / 0.35**2)
+        profile = (
+            np.maximum(abs(x), abs(y)) ** 8 if world.pressure_where == "rim" else np.exp(-0.5 * (x**2 + y**2) / 0.35**2)
+        )
         profile = profile * share
         share = (1.0 - world.pressure) * share + world.pressure * profile / profile.sum()
     omega = 2.0 * math.pi * BOUNCE_HZ

@@ -73,6 +73,7 @@ def _run(
     box.place(ahead)
     shown = np.empty((len(episode.command), 6))
     shown[0] = start
+    settled = world.mass_leak == 0.0 and not floor.restless
     yaw, last, still = float(ahead[2]), None, False
     place, twist = (ahead[0], ahead[1], yaw), (start[3], start[4], start[5])
     for k in range(steps):
@@ -81,7 +82,7 @@ def _run(
         if not (still and wrench == last):
             if world.mass_leak != 0.0 and k % substeps == 0:
                 box.lighten(1.0 - world.mass_leak * t)
-            if not floor.uniform:
+            if not floor.uniform and k % floor.every == 0:
                 box.rub(floor.coefficients(place, twist, episode.elapsed_s + t, step_s))
             box.step(wrench)
             state, velocity = box.state(), box.positions
@@ -92,7 +93,7 @@ def _run(
             yaw = turned + 2.0 * math.pi * round((yaw - turned) / (2.0 * math.pi))
             place = float(state[4]), float(state[5]), yaw
             twist = float(state[velocity + 3]), float(state[velocity + 4]), float(state[velocity + 2])
-            still = bool(np.max(np.abs(state[velocity:])) < STILL) and world.mass_leak == 0.0 and floor.uniform
+            still = settled and bool(np.max(np.abs(state[velocity:])) < STILL)
         last = wrench
         if (k + 1) % substeps == 0:
             row = np.array([*place, *twist])

@@ -30,6 +30,17 @@ class Floor:
         w, s = self._scene.world, self._scene.strange
         return not any((w.texture, w.patch, w.stribeck, w.stiction, s.nap, s.vibration, s.warming))
 
+    @property
+    def restless(self) -> bool:
+        """Whether friction changes under a box that is at rest."""
+        return self._scene.strange.vibration != 0.0 or self._scene.strange.warming != 0.0
+
+    @property
+    def every(self) -> int:
+        """In how many steps once friction is looked up: what depends on the place alone changes slowly."""
+        w, s = self._scene.world, self._scene.strange
+        return 1 if any((w.stribeck, w.stiction, s.nap, s.vibration, s.warming)) else 2
+
     def begin(self) -> None:
         """Forget the heat of another episode."""
         self._worked_j = 0.0

@@ -121,10 +121,8 @@ class BoxOnFloor:
         for name, axis, inertia in (("x", [1.0, 0.0, 0.0], small), ("y", [0.0, 1.0, 0.0], ball)):
             child = self._plant.AddRigidBody(f"loose_{name}", inertia)
             damping = 2.0 * s.loose_damping * math.sqrt(stiffness * mass)
-            joint = tree.PrismaticJoint(
-                f"loose_{name}", parent.body_frame(), child.body_frame(), axis, damping=damping
-            )
-            self._plant.AddJoint(joint)
+            slide = tree.PrismaticJoint(f"loose_{name}", parent.body_frame(), child.body_frame(), axis, damping=damping)
+            joint = self._plant.AddJoint(slide)
             self._plant.AddForceElement(tree.PrismaticSpring(joint, 0.0, stiffness))
             parent = child
 
@@ -197,6 +195,6 @@ def inertia_of(world: World, share: float) -> Any:
     mass = world.mass * share
     # of a box of uniform density; another yaw inertia scales all three, or no body could have it
     ratio = world.yaw_inertia / (world.mass * (hx * hx + hy * hy) / 3.0)
-    third = mass * ratio / 3.0
-    central = tree.RotationalInertia(third * (hy * hy + hz * hz), third * (hx * hx + hz * hz), third * (hx * hx + hy * hy))
+    third, hx2, hy2, hz2 = mass * ratio / 3.0, hx * hx, hy * hy, hz * hz
+    central = tree.RotationalInertia(third * (hy2 + hz2), third * (hx2 + hz2), third * (hx2 + hy2))
     return tree.SpatialInertia.MakeFromCentralInertia(mass, np.array([*world.com, 0.0]), central)
