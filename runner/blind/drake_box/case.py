@@ -138,6 +138,7 @@ def _try_case(plan: CasePlan, maker: DrakeBoxMaker, g: np.random.Generator) -> t
             "system": maker.system,
             "roughness": roughness,
             "moved": ratios,
+            "reserved": [e["true"]["what"] for e in effects if e["true"].get("what") in maker.reserved],
             "mismatch_ratio": round(error_ratio(plain_fine, nominal_paths, sigma), 4),
             "mismatch": mismatch,
             "engine_ratio": round(apart, 4),
