@@ -105,6 +105,7 @@ def test_a_box_slides_down_a_floor_by_what_friction_leaves() -> None:
 
 WORLDS = {
     "nothing": CUBE,
+    "corners": replace(CUBE, contact="corners", half_size=(0.3, 0.45, 0.2)),
     "body": replace(CUBE, mass=3.6, friction=0.27, inertia=0.7, com=(0.1, -0.06), mass_leak=0.03, tether=2.0,
                     tether_place=(1.0, -0.5), tether_rest=0.3),
     "around": replace(CUBE, viscous_drag=0.8, film=0.6, air_drag=0.5, rotational_damping=0.2, wind=(0.6, -0.3),

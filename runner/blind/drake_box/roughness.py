@@ -58,10 +58,10 @@ def roughened(
     texture = found(0.02, WIDEST["texture"], wanted[1], lambda v: Scene(replace(floor, texture=v)))
     late = found(0.5, min(roughness, 1.0), wanted[2], lambda v: Scene(case.world, late=v, late_seed=late_seed))
     real = Scene(resized(replace(floor, texture=texture), share), late=late, late_seed=late_seed)
-    return real, {
-        "half_size": round(sides * share, 6), "texture": round(texture, 6), "texture_length_m": round(length, 3),
-        "late_samples": round(late, 4),
-    }  # fmt: skip
+    told = {"half_size": sides * share, "texture": texture, "texture_length_m": length, "late_samples": late}
+    # what of the lateness is no more than a constant delay
+    told["late_mean_s"] = 0.5 * late / case.episodes[0].rate_hz
+    return real, {name: round(float(value), 6) for name, value in told.items()}
 
 
 def misstated(noise: dict[str, float], roughness: float, g: np.random.Generator) -> dict[str, float]:
