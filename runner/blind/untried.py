@@ -12,6 +12,12 @@ BOX = (
     "friction have the same form; patches, pressures and the anisotropy differ in kind. Episodes whose outcome hangs "
     "on a hair are drawn anew, up to 60 times."
 )
+DRAKE_BOX = (
+    "What this set does not try: friction that differs along two axes, which Drake's contact does not have; episodes "
+    "in which it moves a box without any effect otherwise than the equations of motion do, by more than half a noise, "
+    "are drawn anew. But for friction, an effect has the form that the vocabulary gives it. A null case may be "
+    "moved by several noises through its sizes, its floor and the timing of its pushes."
+)
 MECHANISM = (
     "What this set does not try: besides what is planted, the mechanism is exactly as believed, so that between a null "
     "case and a subtle effect there is nothing. The equations of motion and the integrator are not the simulator's, "
@@ -24,5 +30,11 @@ def untried(answers: Iterable[Mapping[str, Any]]) -> str:
     """Return what the cases of these answers do not try; answers without a word of their system are of boxes."""
     systems = {answer.get("made", {}).get("system", "planar_box") for answer in answers}
     return " ".join(
-        text for text, fits in ((BOX, "planar_box" in systems), (MECHANISM, systems - {"planar_box"})) if fits
+        text
+        for text, fits in (
+            (BOX, "planar_box" in systems),
+            (DRAKE_BOX, "planar_box_drake" in systems),
+            (MECHANISM, systems - {"planar_box", "planar_box_drake"}),
+        )
+        if fits
     )

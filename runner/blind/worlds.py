@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from runner.blind.drake_box.case import DrakeBoxMaker
 from runner.blind.make import AbstractMaker
 from runner.blind.mechanism.case import SYSTEMS
 from runner.blind.mechanism.maker import MechanismMaker
 from runner.blind.planar_box.case import PlanarBoxMaker
 
-MAKERS: dict[str, AbstractMaker] = {maker.system: maker for maker in (PlanarBoxMaker(), *map(MechanismMaker, SYSTEMS))}
+MAKERS: dict[str, AbstractMaker] = {
+    maker.system: maker for maker in (PlanarBoxMaker(), DrakeBoxMaker(), *map(MechanismMaker, SYSTEMS))
+}

@@ -6,9 +6,13 @@ nobody can change them after a diagnosis. Without `seed` one is drawn, and print
 after an interruption, it goes on with the cases that are missing.
 
 `system` says of what: `planar_box` (the default), `pendulum`, `arm2` (two links in a vertical plane) or `slider_servo`,
-each by a physics of its own. With `purpose=tuning` half of the kinds of effects that no verdict has a word for are left
-out, the same half in every such set: what a diagnosis does with the others shows only in a set that is made to be
-scored (`purpose=sealed`, the default), which has all, and no case in common with a tuning set of the same seed.
+each by a physics of its own, or `planar_box_drake`: boxes in a second world, by Drake (`pip install '.[blind]'`), with
+pushes and outsiders of its own. How far that world is from what its owner believes is `roughness`: 0 not at all, 1 (the
+default there) by up to two noises.
+
+With `purpose=tuning` half of the kinds of effects that no verdict has a word for are left out, the same half in every
+such set: what a diagnosis does with the others shows only in a set that is made to be scored (`purpose=sealed`, the
+default), which has all, and no case in common with a tuning set of the same seed.
 
     runner blind make n=200 out=blind
     runner blind run blind out=blind_verdicts
@@ -41,6 +45,7 @@ class BlindMakeConfig:
     out: Path
     system: str = "planar_box"
     purpose: str = Purpose.SEALED.value
+    roughness: float | None = None
     seed: int | None = None
     answers: Path | None = None
     workers: int | None = None
@@ -68,6 +73,9 @@ def main(config: BlindMakeConfig, job: Job) -> None:
         # a small seed could be found again from the names that follow from it, and the answers with it
         seed, drawn = begun.get("seed", secrets.randbelow(2**63)), ", drawn"
     maker, purpose = MAKERS[config.system], Purpose(config.purpose)
+    if config.roughness is not None:
+        maker = maker.with_roughness(config.roughness)
+    maker.check_ready()
     print(f"{config.n} cases: {config.out} (seed {seed}{drawn})", flush=True)
     made = make_cases(config.n, seed, config.out, answers, maker, purpose=purpose, workers=config.workers)
     print(f"answers: {made.answers}")

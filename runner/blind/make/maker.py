@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from runner.errors import ConfigError
+
 BANDS: dict[str, tuple[float, float]] = {"subtle": (1.6, 3.0), "moderate": (4.0, 7.0), "strong": (10.0, 30.0)}
 PAIR_BANDS: dict[str, tuple[float, float]] = {"moderate": (4.0, 7.0), "strong": (10.0, 16.0)}
 # drawn once, by chance: which kinds outside the vocabulary no tuning set ever has
@@ -61,6 +63,21 @@ class AbstractMaker(ABC):
     @abstractmethod
     def settings(self) -> Mapping[str, Any]:
         """Return what else cases depend on, as plain data: an interrupted set is taken up with the same alone."""
+
+    def check_ready(self) -> None:
+        """Check that what it needs is installed.
+
+        Raises:
+            ConfigError: If not, with what to install.
+        """
+
+    def with_roughness(self, roughness: float) -> AbstractMaker:
+        """Return the same maker of worlds that are so far from what their owners believe.
+
+        Raises:
+            ConfigError: If its worlds have no such setting.
+        """
+        raise ConfigError(f"roughness: cases of '{self.system}' have none, got {roughness:g}.")
 
     def outside_for(self, purpose: Purpose) -> list[str]:
         """Return the effects without a word that sets of a purpose have."""

@@ -102,7 +102,7 @@ def mismatched(
     real = case.world
     if texture > 0.0:
         real = replace(real, texture=texture, texture_seed=seed, texture_length=length)
-        real = replace(real, texture_mean=_mean_texture(real, case.paths))
+        real = replace(real, texture_mean=mean_texture(real, case.paths))
     # each by itself within its half (in squares) of the limit
     limit = reality.mismatch_limit / math.sqrt(2.0)
 
@@ -124,7 +124,7 @@ def mismatched(
     return real, {"texture": round(texture, 6), "texture_length_m": round(length, 3), "half_size": round(wrong, 6)}
 
 
-def _mean_texture(world: World, paths: list[np.ndarray]) -> float:
+def mean_texture(world: World, paths: list[np.ndarray]) -> float:
     """Return the mean of the texture under the moving box, in units of its standard deviation."""
     x, y, share, _ = base_points(world, 6)
     path = np.concatenate(paths)
