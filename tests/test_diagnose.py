@@ -240,7 +240,7 @@ def contended(recording: Recording, kind: type[fx.PlanarEffect], vector: list[fl
     fitter = fitter_of(recording)
     fit = fitter.fit(Explanation((Candidate(kind),)), (0, 1), x=np.array(vector), iterations=0)
     around = normal_equations(fit, sensitivities(fitter, fit, directions(fitter.system)))
-    return fitter, Contender(fit, around, evidence(around, fitter.system), 0.0, {})
+    return fitter, Contender(fit, around, evidence(around, fitter.system), 0.0, 0.0, {})
 
 
 def test_a_tether_from_as_far_as_can_be_is_no_tether(tilted: Recording) -> None:
@@ -267,15 +267,22 @@ def test_a_patch_as_faint_as_texture_is_doubted(tilted: Recording) -> None:
     assert doubt(sticky, fitter.context) > 100.0
 
 
-@pytest.mark.parametrize(("share", "least", "most"), [(0.02, 900, 1100), (0.3, 500, 550), (0.8, 4, 6), (1.1, 0, 0)])
-def test_an_effect_within_its_own_standard_error_is_doubted(
-    tilted: Recording, share: float, least: float, most: float
+@pytest.mark.parametrize(("share", "alone", "beside"), [(0.2, 900, 933), (1.5, 250, 500), (2.5, 0, 167), (3.1, 0, 0)])
+def test_an_effect_near_its_own_standard_error_is_doubted(
+    tilted: Recording, share: float, alone: float, beside: float
 ) -> None:
-    """By how much of its error it is away from nothing."""
+    """By how much of its error it is away from nothing; more is asked of one that stands beside another."""
     fitter, some = contended(tilted, fx.MassLeak, [0.03])
     error = math.sqrt(some.evidence.covariance[0, 0])
     moved = dataclasses.replace(some, fit=dataclasses.replace(some.fit, x=np.array([share * error])))
-    assert least <= doubt(moved, fitter.context) <= most
+    assert doubt(moved, fitter.context) == pytest.approx(alone, abs=1.0)
+    both = Explanation((*some.fit.explanation.candidates, Candidate(fx.Friction)))
+    plain = dataclasses.replace(moved.fit, explanation=both, x=np.array([share * error, 1.0]))
+    covariance = np.diag([error**2, 0.01])
+    beside_one = dataclasses.replace(moved.evidence, covariance=covariance)
+    assert doubt(dataclasses.replace(moved, fit=plain, evidence=beside_one), fitter.context) == pytest.approx(
+        beside, abs=1.0
+    )
 
 
 def test_what_takes_the_simulator_further_away_is_doubted(tilted: Recording) -> None:
@@ -300,7 +307,7 @@ def test_what_strains_the_simulator_s_trust_is_not_explained(tilted: Recording) 
 
     def strain(kind: type[fx.PlanarEffect]) -> float:
         around = normal_equations(fitter.fit(Explanation((Candidate(kind),)), episodes, near=nominal), known)
-        return strained(Contender(around.fit, around, evidence(around, fitter.system), 0.0, {}), nominal, fitter)
+        return strained(Contender(around.fit, around, evidence(around, fitter.system), 0.0, 0.0, {}), nominal, fitter)
 
     assert strain(fx.FloorTilt) < 0.01
     assert strain(fx.Inertia) > 0.5
