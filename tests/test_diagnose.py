@@ -198,7 +198,7 @@ def test_what_fails_on_unseen_episodes_loses_its_lead(tilted: Recording) -> None
     alone = normal_equations(nominal, sensitivities(fitter, nominal, every))
 
     def contender(around: NormalEquations, log: float) -> Contender:
-        return Contender(around.fit, around, evidence(around, fitter.system), log, {})
+        return Contender(around.fit, around, evidence(around, fitter.system), 0.0, log, {})
 
     for fit, stays in ((true, True), (wild, False)):
         search = Search((contender(normal_equations(fit, known), 0.0), contender(alone, -20.0)), nominal)
@@ -261,10 +261,10 @@ def test_a_patch_as_faint_as_texture_is_doubted(tilted: Recording) -> None:
     place = [cx, cy, math.log(0.5 * reach)]
     fitter, faint = contended(tilted, fx.FrictionPatch, [0.003, *place])
     _, plain = contended(tilted, fx.FrictionPatch, [-0.3, *place])
-    assert doubt(faint, fitter.context) > 100.0
-    assert doubt(plain, fitter.context) == 0.0
+    assert doubt(faint, fitter.context, gap=0.5) > 100.0
+    assert doubt(plain, fitter.context, gap=0.5) == 0.0
     _, sticky = contended(tilted, fx.Stiction, [0.02])
-    assert doubt(sticky, fitter.context) > 100.0
+    assert doubt(sticky, fitter.context, gap=0.5) > 100.0
 
 
 @pytest.mark.parametrize(("share", "alone", "beside"), [(0.2, 900, 933), (1.5, 250, 500), (2.5, 0, 167), (3.1, 0, 0)])
@@ -275,12 +275,13 @@ def test_an_effect_near_its_own_standard_error_is_doubted(
     fitter, some = contended(tilted, fx.MassLeak, [0.03])
     error = math.sqrt(some.evidence.covariance[0, 0])
     moved = dataclasses.replace(some, fit=dataclasses.replace(some.fit, x=np.array([share * error])))
-    assert doubt(moved, fitter.context) == pytest.approx(alone, abs=1.0)
+    assert doubt(moved, fitter.context, gap=0.5) == pytest.approx(alone, abs=1.0)
+    assert doubt(moved, fitter.context, gap=5.0) == 0.0  # a plain gap has a cause
     both = Explanation((*some.fit.explanation.candidates, Candidate(fx.Friction)))
     plain = dataclasses.replace(moved.fit, explanation=both, x=np.array([share * error, 1.0]))
     covariance = np.diag([error**2, 0.01])
     beside_one = dataclasses.replace(moved.evidence, covariance=covariance)
-    assert doubt(dataclasses.replace(moved, fit=plain, evidence=beside_one), fitter.context) == pytest.approx(
+    assert doubt(dataclasses.replace(moved, fit=plain, evidence=beside_one), fitter.context, gap=5.0) == pytest.approx(
         beside, abs=1.0
     )
 
@@ -313,5 +314,5 @@ def test_what_strains_the_simulator_s_trust_is_not_explained(tilted: Recording) 
     assert strain(fx.Inertia) > 0.5
     # where nothing is claimed, nothing is strained, however far off the simulator has to be
     alone = normal_equations(nominal, known)
-    none = Contender(nominal, alone, evidence(alone, fitter.system), 0.0, {})
+    none = Contender(nominal, alone, evidence(alone, fitter.system), 0.0, 0.0, {})
     assert strained(none, nominal, fitter) == 0.0

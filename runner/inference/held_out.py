@@ -25,9 +25,10 @@ CLOSE = 20.0  # and whatever is so near in log odds
 # errors of the model that what the best explanation leaves is the doing of: of the unseen episodes, and of the fitted
 # ones, where parameters may have taken up some of them
 INDEPENDENT_UNSEEN, INDEPENDENT_FITTED = 3.0, 1.0
-# Log odds against an effect that is nothing beside its own standard error; none from so many of them on: for one
-# effect, and for each of several. Of thirty that are not there, one stands out by two in three cases of four, and by
-# three in one of twelve: where the first effect is there already, a second has to be surer than that.
+# Log odds against an effect that is nothing beside its own standard error; none from so many of them on: one effect where
+# the gap is no larger than `VISIBLE`, and each of several. Of thirty that are not there, one stands out by two in three
+# cases of four, and by three in one of twelve: where an effect explains the gap, a second has to be surer. A plain gap
+# has a cause, however many small errors could do the same.
 DOUBT, STANDS_OUT, BESIDE_OTHERS = 1000.0, 2.0, 3.0
 FAINT = 1000.0  # the same against one that is nothing beside the unevenness of any surface
 # A gap of this share of the noise's variance is as likely none; log odds by which each e-fold changes that; and the gap
@@ -76,8 +77,9 @@ class Confirmed:
 
 def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed:
     """Weigh the leading contenders by all episodes."""
+    gap = fitter.measured.excess(found.nominal.total, found.nominal.episodes)
     finite = [
-        replace(c, log_posterior=c.log_posterior - doubt(c, fitter.context))
+        replace(c, log_posterior=c.log_posterior - doubt(c, fitter.context, gap=gap))
         for c in found.contenders
         if np.isfinite(c.log_posterior)
     ]
@@ -116,9 +118,9 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     top = weighed[0]
     fitted = fitter.measured.excess(top.evidence.loss, top.fit.episodes)
     there = fitter.measured.excess(loss[id(top.fit)], held_out)
-    gap, left = (fitter.measured.excess(f.total, held_out) for f in (before, fits[id(top.fit)]))
+    gap_unseen, left = (fitter.measured.excess(f.total, held_out) for f in (before, fits[id(top.fit)]))
     found = Search(tuple(contenders), found.nominal)
-    return Confirmed(found, before, fits, float(fitted), float(there), whole_gap, gap, left)
+    return Confirmed(found, before, fits, float(fitted), float(there), whole_gap, gap_unseen, left)
 
 
 def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], fitter: Fitter) -> list[Contender]:
@@ -141,18 +143,20 @@ def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], f
     return [replace(c, log_posterior=float(p)) for c, p in zip(weighed, posterior, strict=True)]
 
 
-def doubt(contender: Contender, context: Scope) -> float:
+def doubt(contender: Contender, context: Scope, *, gap: float) -> float:
     """Return the log odds against effects that do not stand out of their own errors or of a surface's unevenness.
 
     The evidence asks whether an effect's pattern is in the residual; the plain errors, the simulator's own mismatch
-    included, how far it is from not being there at all. Effects that make up for another's wrong form fail that.
+    included, how far it is from not being there at all. Effects that make up for another's wrong form fail that. `gap` is
+    what the nominal model leaves of what was fitted, in squared noises.
     """
     x, covariance, found = contender.fit.x, contender.evidence.covariance, 0.0
-    enough = STANDS_OUT if len(contender.fit.explanation.candidates) == 1 else BESIDE_OTHERS
+    alone = len(contender.fit.explanation.candidates) == 1
+    enough = BESIDE_OTHERS if not alone else STANDS_OUT if gap <= VISIBLE else 0.0
     for candidate, whole in contender.fit.explanation.parts(context):
         part = amplitudes(candidate, whole, context)
         errors_off = float(np.sqrt(x[part] @ np.linalg.pinv(covariance[part, part], hermitian=True) @ x[part]))
-        found += DOUBT * max(1.0 - errors_off / enough, 0.0)
+        found += DOUBT * max(1.0 - errors_off / enough, 0.0) if enough else 0.0
         limit = candidate.effect.detection_limit
         if limit > 0:
             found += FAINT * max(1.0 - abs(float(x[whole.start])) / limit, 0.0)
