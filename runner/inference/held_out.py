@@ -25,10 +25,10 @@ CLOSE = 20.0  # and whatever is so near in log odds
 # errors of the model that what the best explanation leaves is the doing of: of the unseen episodes, and of the fitted
 # ones, where parameters may have taken up some of them
 INDEPENDENT_UNSEEN, INDEPENDENT_FITTED = 3.0, 1.0
-# Log odds against an effect that is nothing beside its own standard error; none from so many of them on: one effect where
-# the gap is no larger than `VISIBLE`, and each of several. Of thirty that are not there, one stands out by two in three
-# cases of four, and by three in one of twelve: where an effect explains the gap, a second has to be surer. A plain gap
-# has a cause, however many small errors could do the same.
+# Log odds against an effect that is nothing beside its own standard error; none from so many of them on: one effect
+# where the gap is no larger than `VISIBLE`, and each of several. Of thirty that are not there, one stands out by two in
+# three cases of four, and by three in one of twelve: where an effect explains the gap, a second has to be surer. A
+# plain gap has a cause, however many small errors could do the same.
 DOUBT, STANDS_OUT, BESIDE_OTHERS = 1000.0, 2.0, 3.0
 FAINT = 1000.0  # the same against one that is nothing beside the unevenness of any surface
 # A gap of this share of the noise's variance is as likely none; log odds by which each e-fold changes that; and the gap
@@ -147,8 +147,8 @@ def doubt(contender: Contender, context: Scope, *, gap: float) -> float:
     """Return the log odds against effects that do not stand out of their own errors or of a surface's unevenness.
 
     The evidence asks whether an effect's pattern is in the residual; the plain errors, the simulator's own mismatch
-    included, how far it is from not being there at all. Effects that make up for another's wrong form fail that. `gap` is
-    what the nominal model leaves of what was fitted, in squared noises.
+    included, how far it is from not being there at all. Effects that make up for another's wrong form fail that. `gap`
+    is what the nominal model leaves of what was fitted, in squared noises.
     """
     x, covariance, found = contender.fit.x, contender.evidence.covariance, 0.0
     alone = len(contender.fit.explanation.candidates) == 1
