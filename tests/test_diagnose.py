@@ -22,7 +22,7 @@ from runner.effects.vocabulary import Candidate
 from runner.errors import RecordingError, ResultError
 from runner.inference.contender import Contender
 from runner.inference.evidence import NormalEquations, directions, evidence, normal_equations, sensitivities
-from runner.inference.held_out import confirm, doubt, further
+from runner.inference.held_out import BESIDE_OTHERS, confirm, doubted, faint, further, unsure
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.search import Search
 from runner.noise.measured import measure
@@ -259,31 +259,36 @@ def test_a_patch_as_faint_as_texture_is_doubted(tilted: Recording) -> None:
     """However well its size is known; and so is a static friction of a few percent."""
     (cx, cy), reach = (c := context_of(tilted)).centre_m, c.reach_m
     place = [cx, cy, math.log(0.5 * reach)]
-    fitter, faint = contended(tilted, fx.FrictionPatch, [0.003, *place])
+    fitter, slight = contended(tilted, fx.FrictionPatch, [0.003, *place])
     _, plain = contended(tilted, fx.FrictionPatch, [-0.3, *place])
-    assert doubt(faint, fitter.context, gap=0.5) > 100.0
-    assert doubt(plain, fitter.context, gap=0.5) == 0.0
+    assert faint(slight, fitter.context) > 100.0
+    assert faint(plain, fitter.context) == 0.0
     _, sticky = contended(tilted, fx.Stiction, [0.02])
-    assert doubt(sticky, fitter.context, gap=0.5) > 100.0
+    assert faint(sticky, fitter.context) > 100.0
 
 
-@pytest.mark.parametrize(("share", "alone", "beside"), [(0.2, 900, 933), (1.5, 250, 500), (2.5, 0, 167), (3.1, 0, 0)])
+@pytest.mark.parametrize(("share", "least", "most"), [(0.2, 920, 925), (1.5, 420, 428), (2.5, 35, 45), (2.7, 0, 0)])
 def test_an_effect_near_its_own_standard_error_is_doubted(
-    tilted: Recording, share: float, alone: float, beside: float
+    tilted: Recording, share: float, least: float, most: float
 ) -> None:
-    """By how much of its error it is away from nothing; more is asked of one that stands beside another."""
+    """By how much of its error it is away from nothing."""
     fitter, some = contended(tilted, fx.MassLeak, [0.03])
     error = math.sqrt(some.evidence.covariance[0, 0])
     moved = dataclasses.replace(some, fit=dataclasses.replace(some.fit, x=np.array([share * error])))
-    assert doubt(moved, fitter.context, gap=0.5) == pytest.approx(alone, abs=1.0)
-    assert doubt(moved, fitter.context, gap=5.0) == 0.0  # a plain gap has a cause
-    both = Explanation((*some.fit.explanation.candidates, Candidate(fx.Friction)))
-    plain = dataclasses.replace(moved.fit, explanation=both, x=np.array([share * error, 1.0]))
-    covariance = np.diag([error**2, 0.01])
-    beside_one = dataclasses.replace(moved.evidence, covariance=covariance)
-    assert doubt(dataclasses.replace(moved, fit=plain, evidence=beside_one), fitter.context, gap=5.0) == pytest.approx(
-        beside, abs=1.0
-    )
+    assert least <= unsure(moved, fitter.context, BESIDE_OTHERS) <= most
+
+
+def test_whether_there_is_an_effect_is_asked_of_the_likeliest(tilted: Recording) -> None:
+    """All single effects share its doubt, so that their order stays; where the gap is plain there is none."""
+    fitter, leak = contended(tilted, fx.MassLeak, [0.03])
+    _, scale = contended(tilted, fx.SensorScale, [0.5])
+    error = math.sqrt(leak.evidence.covariance[0, 0])
+    weak = dataclasses.replace(leak, fit=dataclasses.replace(leak.fit, x=np.array([0.2 * error])))
+    weak, sure = (dataclasses.replace(c, log_posterior=p) for c, p in ((weak, -10.0), (scale, -30.0)))
+    lowered = [c.log_posterior for c in doubted([weak, sure], fitter.context, 0.5)]
+    assert lowered[0] == pytest.approx(-10.0 - unsure(weak, fitter.context, math.sqrt(2.0)))
+    assert lowered[0] - lowered[1] == pytest.approx(20.0)
+    assert [c.log_posterior for c in doubted([weak, sure], fitter.context, 5.0)] == [-10.0, -30.0]
 
 
 def test_what_takes_the_simulator_further_away_is_doubted(tilted: Recording) -> None:

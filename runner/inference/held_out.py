@@ -25,11 +25,11 @@ CLOSE = 20.0  # and whatever is so near in log odds
 # errors of the model that what the best explanation leaves is the doing of: of the unseen episodes, and of the fitted
 # ones, where parameters may have taken up some of them
 INDEPENDENT_UNSEEN, INDEPENDENT_FITTED = 3.0, 1.0
-# Log odds against an effect that is nothing beside its own standard error; none from so many of them on: one effect
-# where the gap is no larger than `VISIBLE`, and each of several. Of thirty that are not there, one stands out by two in
-# three cases of four, and by three in one of twelve: where an effect explains the gap, a second has to be surer. A
-# plain gap has a cause, however many small errors could do the same.
-DOUBT, STANDS_OUT, BESIDE_OTHERS = 1000.0, 2.0, 3.0
+# Log odds against an effect that is nothing beside its own standard error; none from so many of them on. One effect has
+# to take off more than a number is worth (Akaike 1974), and that is asked only where the gap is no larger than
+# `VISIBLE`: a plain gap has a cause, however many small errors could do the same. Each of several has to take off more
+# than the best of some thirty that are not there would (Foster & George 1994).
+DOUBT, STANDS_OUT, BESIDE_OTHERS = 1000.0, float(np.sqrt(2.0)), float(np.sqrt(2.0 * np.log(30.0)))
 FAINT = 1000.0  # the same against one that is nothing beside the unevenness of any surface
 # A gap of this share of the noise's variance is as likely none; log odds by which each e-fold changes that; and the gap
 # from which on the odds grow in proportion to it: what small errors of a simulator add up to has no heavy tail.
@@ -78,11 +78,7 @@ class Confirmed:
 def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed:
     """Weigh the leading contenders by all episodes."""
     gap = fitter.measured.excess(found.nominal.total, found.nominal.episodes)
-    finite = [
-        replace(c, log_posterior=c.log_posterior - doubt(c, fitter.context, gap=gap))
-        for c in found.contenders
-        if np.isfinite(c.log_posterior)
-    ]
+    finite = doubted([c for c in found.contenders if np.isfinite(c.log_posterior)], fitter.context, gap)
     finite.sort(key=lambda c: -c.log_posterior)
     nominal = next(c for c in finite if not c.fit.explanation.candidates)
     near = finite[0].log_posterior - CLOSE
@@ -143,23 +139,47 @@ def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], f
     return [replace(c, log_posterior=float(p)) for c, p in zip(weighed, posterior, strict=True)]
 
 
-def doubt(contender: Contender, context: Scope, *, gap: float) -> float:
-    """Return the log odds against effects that do not stand out of their own errors or of a surface's unevenness.
+def doubted(contenders: Sequence[Contender], context: Scope, gap: float) -> list[Contender]:
+    """Return contenders with the odds against effects that do not stand out of their own errors.
 
     The evidence asks whether an effect's pattern is in the residual; the plain errors, the simulator's own mismatch
-    included, how far it is from not being there at all. Effects that make up for another's wrong form fail that. `gap`
-    is what the nominal model leaves of what was fitted, in squared noises.
+    included, how far it is from not being there at all. Effects that make up for another's wrong form fail that.
+    Whether there is one effect at all is asked of the likeliest: which it is, the evidence tells.
+
+    Args:
+        contenders: All of them.
+        context: What candidates are told.
+        gap: What the nominal model leaves of what was fitted, in squared noises.
     """
+    alone = [c for c in contenders if len(c.fit.explanation.candidates) == 1]
+    common = 0.0
+    if alone and gap <= VISIBLE:
+        common = unsure(max(alone, key=lambda c: c.log_posterior), context, STANDS_OUT)
+    out = []
+    for c in contenders:
+        size = len(c.fit.explanation.candidates)
+        against = (common if size == 1 else unsure(c, context, BESIDE_OTHERS)) + faint(c, context) if size else 0.0
+        out.append(replace(c, log_posterior=c.log_posterior - against))
+    return out
+
+
+def unsure(contender: Contender, context: Scope, enough: float) -> float:
+    """Return the log odds against effects that are no `enough` standard errors away from not being there."""
     x, covariance, found = contender.fit.x, contender.evidence.covariance, 0.0
-    alone = len(contender.fit.explanation.candidates) == 1
-    enough = BESIDE_OTHERS if not alone else STANDS_OUT if gap <= VISIBLE else 0.0
     for candidate, whole in contender.fit.explanation.parts(context):
         part = amplitudes(candidate, whole, context)
         errors_off = float(np.sqrt(x[part] @ np.linalg.pinv(covariance[part, part], hermitian=True) @ x[part]))
-        found += DOUBT * max(1.0 - errors_off / enough, 0.0) if enough else 0.0
+        found += DOUBT * max(1.0 - errors_off / enough, 0.0)
+    return found
+
+
+def faint(contender: Contender, context: Scope) -> float:
+    """Return the log odds against effects that are nothing beside the unevenness of any surface."""
+    found = 0.0
+    for candidate, whole in contender.fit.explanation.parts(context):
         limit = candidate.effect.detection_limit
         if limit > 0:
-            found += FAINT * max(1.0 - abs(float(x[whole.start])) / limit, 0.0)
+            found += FAINT * max(1.0 - abs(float(contender.fit.x[whole.start])) / limit, 0.0)
     return found
 
 

@@ -64,7 +64,6 @@ class PlanarBox(AbstractSystem):
     leaps = False
     dates_disturbances = False  # a box is touched by all that pushes it: its commands are that
     errors_overdisperse = False  # the odds of boxes were calibrated without
-    unknown_share = 0.0025
     worth_another = 0.5
     searched_s = cut_from = float("inf")
     plan_view = (0, 1)
