@@ -44,7 +44,7 @@ SAMPLES = 4000
 def test_memory_is_that_of_an_autoregression(alike: float) -> None:
     """Of a first-order autoregression with coefficient a it is (1 + a) / (1 - a)."""
     rng = np.random.default_rng(3)
-    rows = [lfilter([1.0], [1.0, -alike], rng.normal(size=(SAMPLES, 2)), axis=0) for _ in range(4)]
+    rows = [np.asarray(lfilter([1.0], [1.0, -alike], rng.normal(size=(SAMPLES, 2)), axis=0)) for _ in range(4)]
     assert memory(left(rows), fitter_of(2)) == pytest.approx((1 + alike) / (1 - alike), rel=0.12)
 
 
