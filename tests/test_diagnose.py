@@ -22,7 +22,7 @@ from runner.effects.vocabulary import Candidate
 from runner.errors import RecordingError, ResultError
 from runner.inference.contender import Contender
 from runner.inference.evidence import NormalEquations, directions, evidence, normal_equations, sensitivities
-from runner.inference.held_out import confirm, doubt, further
+from runner.inference.held_out import BESIDE_OTHERS, confirm, doubted, faint, further, unsure
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.search import Search
 from runner.noise.measured import measure
@@ -198,7 +198,7 @@ def test_what_fails_on_unseen_episodes_loses_its_lead(tilted: Recording) -> None
     alone = normal_equations(nominal, sensitivities(fitter, nominal, every))
 
     def contender(around: NormalEquations, log: float) -> Contender:
-        return Contender(around.fit, around, evidence(around, fitter.system), log, {})
+        return Contender(around.fit, around, evidence(around, fitter.system), 0.0, log, {})
 
     for fit, stays in ((true, True), (wild, False)):
         search = Search((contender(normal_equations(fit, known), 0.0), contender(alone, -20.0)), nominal)
@@ -240,7 +240,7 @@ def contended(recording: Recording, kind: type[fx.PlanarEffect], vector: list[fl
     fitter = fitter_of(recording)
     fit = fitter.fit(Explanation((Candidate(kind),)), (0, 1), x=np.array(vector), iterations=0)
     around = normal_equations(fit, sensitivities(fitter, fit, directions(fitter.system)))
-    return fitter, Contender(fit, around, evidence(around, fitter.system), 0.0, {})
+    return fitter, Contender(fit, around, evidence(around, fitter.system), 0.0, 0.0, {})
 
 
 def test_a_tether_from_as_far_as_can_be_is_no_tether(tilted: Recording) -> None:
@@ -259,23 +259,36 @@ def test_a_patch_as_faint_as_texture_is_doubted(tilted: Recording) -> None:
     """However well its size is known; and so is a static friction of a few percent."""
     (cx, cy), reach = (c := context_of(tilted)).centre_m, c.reach_m
     place = [cx, cy, math.log(0.5 * reach)]
-    fitter, faint = contended(tilted, fx.FrictionPatch, [0.003, *place])
+    fitter, slight = contended(tilted, fx.FrictionPatch, [0.003, *place])
     _, plain = contended(tilted, fx.FrictionPatch, [-0.3, *place])
-    assert doubt(faint, fitter.context) > 100.0
-    assert doubt(plain, fitter.context) == 0.0
+    assert faint(slight, fitter.context) > 100.0
+    assert faint(plain, fitter.context) == 0.0
     _, sticky = contended(tilted, fx.Stiction, [0.02])
-    assert doubt(sticky, fitter.context) > 100.0
+    assert faint(sticky, fitter.context) > 100.0
 
 
-@pytest.mark.parametrize(("share", "least", "most"), [(0.02, 900, 1100), (0.3, 500, 550), (0.8, 4, 6), (1.1, 0, 0)])
-def test_an_effect_within_its_own_standard_error_is_doubted(
+@pytest.mark.parametrize(("share", "least", "most"), [(0.2, 920, 925), (1.5, 420, 428), (2.5, 35, 45), (2.7, 0, 0)])
+def test_an_effect_near_its_own_standard_error_is_doubted(
     tilted: Recording, share: float, least: float, most: float
 ) -> None:
     """By how much of its error it is away from nothing."""
     fitter, some = contended(tilted, fx.MassLeak, [0.03])
     error = math.sqrt(some.evidence.covariance[0, 0])
     moved = dataclasses.replace(some, fit=dataclasses.replace(some.fit, x=np.array([share * error])))
-    assert least <= doubt(moved, fitter.context) <= most
+    assert least <= unsure(moved, fitter.context, BESIDE_OTHERS) <= most
+
+
+def test_whether_there_is_an_effect_is_asked_of_the_likeliest(tilted: Recording) -> None:
+    """All single effects share its doubt, so that their order stays; where the gap is plain there is none."""
+    fitter, leak = contended(tilted, fx.MassLeak, [0.03])
+    _, scale = contended(tilted, fx.SensorScale, [0.5])
+    error = math.sqrt(leak.evidence.covariance[0, 0])
+    weak = dataclasses.replace(leak, fit=dataclasses.replace(leak.fit, x=np.array([0.2 * error])))
+    weak, sure = (dataclasses.replace(c, log_posterior=p) for c, p in ((weak, -10.0), (scale, -30.0)))
+    lowered = [c.log_posterior for c in doubted([weak, sure], fitter.context, 0.5)]
+    assert lowered[0] == pytest.approx(-10.0 - unsure(weak, fitter.context, math.sqrt(2.0)))
+    assert lowered[0] - lowered[1] == pytest.approx(20.0)
+    assert [c.log_posterior for c in doubted([weak, sure], fitter.context, 5.0)] == [-10.0, -30.0]
 
 
 def test_what_takes_the_simulator_further_away_is_doubted(tilted: Recording) -> None:
@@ -300,11 +313,11 @@ def test_what_strains_the_simulator_s_trust_is_not_explained(tilted: Recording) 
 
     def strain(kind: type[fx.PlanarEffect]) -> float:
         around = normal_equations(fitter.fit(Explanation((Candidate(kind),)), episodes, near=nominal), known)
-        return strained(Contender(around.fit, around, evidence(around, fitter.system), 0.0, {}), nominal, fitter)
+        return strained(Contender(around.fit, around, evidence(around, fitter.system), 0.0, 0.0, {}), nominal, fitter)
 
     assert strain(fx.FloorTilt) < 0.01
     assert strain(fx.Inertia) > 0.5
     # where nothing is claimed, nothing is strained, however far off the simulator has to be
     alone = normal_equations(nominal, known)
-    none = Contender(nominal, alone, evidence(alone, fitter.system), 0.0, {})
+    none = Contender(nominal, alone, evidence(alone, fitter.system), 0.0, 0.0, {})
     assert strained(none, nominal, fitter) == 0.0

@@ -78,11 +78,13 @@ class Vocabulary:
 
     Args:
         candidates: What a verdict may name.
+        uncertain: What every owner has slightly wrong and nobody asks for: never fitted, part of any mismatch.
         outside: What it has no word for, yet is weighed lest it be taken for what has one: then it is `unknown`.
     """
 
     candidates: tuple[Candidate, ...]
     outside: tuple[Candidate, ...] = ()
+    uncertain: tuple[Candidate, ...] = ()
 
     def __iter__(self) -> Iterator[Candidate]:
         return iter(self.candidates)

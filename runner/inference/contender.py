@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from runner.inference.evidence import (
     predicted_gain,
 )
 from runner.inference.least_squares import Fit, Fitter
+from runner.systems.base import AbstractSystem
 
 ONE_MORE = 15.0  # log prior odds against each further effect
 Offer = tuple[float, Candidate, np.ndarray]  # the promised gain, the effect, where to begin
@@ -26,23 +27,70 @@ Offer = tuple[float, Candidate, np.ndarray]  # the promised gain, the effect, wh
 class Contender:
     """A fitted explanation amid its surroundings, and its evidence.
 
-    `log_posterior` includes the prior odds against many effects, and against effects that hardly matter.
+    `against` are prior log odds that it has against it beside those of its size.
     """
 
     fit: Fit
     around: NormalEquations = field(repr=False)
     evidence: Evidence
+    against: float
     log_posterior: float
     gains: dict[Candidate, tuple[float, np.ndarray]] = field(repr=False)
 
+    def weighed(self, system: AbstractSystem, dispersion: float) -> Contender:
+        """Return it with its evidence where residuals are so many times as uncertain as noise is."""
+        found = evidence(self.around, system, dispersion=dispersion)
+        return replace(self, evidence=found, log_posterior=log_posterior(self.fit, found, self.against))
 
-def contend(fitter: Fitter, fit: Fit, *known: Sensitivities, against: float = 0.0) -> Contender:
-    """Return a fit as a contender; `against` are prior log odds that it has against it beside those of its size."""
+
+def log_posterior(fit: Fit, found: Evidence, against: float) -> float:
+    """Return the log posterior of a fit, up to a constant that all explanations of a recording share."""
+    return found.log - ONE_MORE * len(fit.explanation.candidates) - against
+
+
+def contend(
+    fitter: Fitter, fit: Fit, *known: Sensitivities, against: float = 0.0, dispersion: float = 1.0
+) -> Contender:
+    """Return a fit as a contender.
+
+    Args:
+        fitter: Of the fit.
+        fit: It.
+        known: What all effects do around it, or near it.
+        against: Prior log odds that it has against it beside those of its size.
+        dispersion: How many times as uncertain residuals are as noise is; see `dispersion_of`.
+    """
     around = normal_equations(fit, *known)
-    found = evidence(around, fitter.system)
-    size = len(fit.explanation.candidates)
+    found = evidence(around, fitter.system, dispersion=dispersion)
     gains = predicted_gain(around, fitter.system.screening_level)
-    return Contender(fit, around, found, found.log - ONE_MORE * size - against, gains)
+    return Contender(fit, around, found, against, log_posterior(fit, found, against), gains)
+
+
+def dispersion_of(fit: Fit, fitter: Fitter) -> float:
+    """Return how many times as uncertain as noise the residuals of a recording are, from what its best fit leaves.
+
+    What the best explanation leaves beyond noise are errors of a model that is wrong everywhere and that change slowly:
+    as many residuals as such an error lasts tell no more than one. That is a quasi-likelihood with an estimated
+    dispersion (Wedderburn 1974): what leaves almost as little is almost as likely, and what leaves many times as much
+    is as unlikely as ever.
+    """
+    if not fitter.system.errors_overdisperse:
+        return 1.0
+    return 1.0 + max(fitter.measured.excess(fit.total, fit.episodes), 0.0) * memory(fit, fitter)
+
+
+def memory(fit: Fit, fitter: Fitter) -> float:
+    """Return over how many samples what a fit leaves remains alike: its integrated autocorrelation time, at least 1."""
+    channels = len(fitter.system.channels)
+    parts = [r.reshape(-1, channels) for r in fit.residual]
+    size = 2 * max(len(p) for p in parts)
+    spectra = [np.abs(np.fft.rfft(p, n=size, axis=0)) ** 2 for p in parts]
+    covariance = np.fft.irfft(np.sum(spectra, axis=(0, 2)), n=size)[: size // 2]
+    if not covariance[0] > 0:
+        return 1.0
+    alike = covariance / covariance[0]
+    last = int(np.argmax(alike <= 0)) if (alike <= 0).any() else len(alike)
+    return float(max(1.0 + 2.0 * alike[1:last].sum(), 1.0))
 
 
 def are_confounded(a: Fit, b: Fit) -> bool:

@@ -54,7 +54,7 @@ class Direction:
 def directions(system: AbstractSystem) -> list[Direction]:
     """Return the directions of all effects of a system, amplitudes in units of each parameter's `scale`."""
     out = []
-    for candidate in system.vocabulary:
+    for candidate in (*system.vocabulary, *system.vocabulary.uncertain):
         parameters = candidate.parameters(system.context)
         starts = candidate.starts(system.context)
         if len(starts):
@@ -150,12 +150,14 @@ class Evidence:
             with beforehand.
         covariance: Of the parameters as they were fitted, by plain least squares, (p, p): the mismatch has moved them
             by what it looks like to them, so that it counts in full (the "sandwich" of White 1982).
+        dispersion: How many times as uncertain as noise residuals were taken for.
     """
 
     log: float
     level: np.ndarray
     loss: float
     covariance: np.ndarray
+    dispersion: float
 
 
 def log_densities(fit: Fit, context: Scope) -> np.ndarray:
@@ -174,7 +176,9 @@ def log_densities(fit: Fit, context: Scope) -> np.ndarray:
     return np.array(out)
 
 
-def evidence(around: NormalEquations, system: AbstractSystem, known: np.ndarray | None = None) -> Evidence:
+def evidence(
+    around: NormalEquations, system: AbstractSystem, known: np.ndarray | None = None, *, dispersion: float = 1.0
+) -> Evidence:
     """Integrate the mismatch and the parameters out.
 
     A parameter that may rest on its bound stays there; any other one there makes the explanation impossible.
@@ -183,14 +187,15 @@ def evidence(around: NormalEquations, system: AbstractSystem, known: np.ndarray 
         around: The fit amid the directions of mismatch.
         system: What was recorded; how large the mismatch is, is not known beforehand: its levels are equally likely.
         known: Covariance of the parameters from elsewhere, (p, p): they may move so far only. None: their prior.
+        dispersion: How many times as uncertain residuals are as noise is; see `contender.dispersion_of`.
     """
     fit, whole = around.fit, len(around.fit.x)
     context, levels = system.context, system.mismatch_levels
     if is_out_of_range(fit.explanation.parameters(context), fit.x):
         nothing = np.full((whole, whole), np.nan)
-        return Evidence(-np.inf, np.full(len(levels), -np.inf), float(fit.total), nothing)
+        return Evidence(-np.inf, np.full(len(levels), -np.inf), float(fit.total), nothing, dispersion)
     free = np.flatnonzero(~fit.at_bound)
-    total = around.gram.sum(axis=0)
+    total = around.gram.sum(axis=0) / dispersion
     keep = np.concatenate([free, np.arange(whole, len(total))])
     total, p = total[np.ix_(keep, keep)], len(free)
     spread = np.array([d.mismatch for d in around.directions])
@@ -229,8 +234,9 @@ def evidence(around: NormalEquations, system: AbstractSystem, known: np.ndarray 
     return Evidence(
         float(np.logaddexp.reduce(logs) - np.log(len(levels))),
         np.array(logs),
-        float(losses[levels.index(1.0)]),
+        float(losses[levels.index(1.0)]) * dispersion,
         covariance,
+        dispersion,
     )
 
 

@@ -25,9 +25,11 @@ CLOSE = 20.0  # and whatever is so near in log odds
 # errors of the model that what the best explanation leaves is the doing of: of the unseen episodes, and of the fitted
 # ones, where parameters may have taken up some of them
 INDEPENDENT_UNSEEN, INDEPENDENT_FITTED = 3.0, 1.0
-# Log odds against an effect that is nothing beside its own standard error; none from one of them on; and more where it
-# is less than such a share.
-DOUBT, LOST, LOST_BELOW = 25.0, 1000.0, 0.6
+# Log odds against an effect that is nothing beside its own standard error; none from so many of them on. One effect has
+# to take off more than a number is worth (Akaike 1974), and that is asked only where the gap is no larger than
+# `VISIBLE`: a plain gap has a cause, however many small errors could do the same. Each of several has to take off more
+# than the best of some thirty that are not there would (Foster & George 1994).
+DOUBT, STANDS_OUT, BESIDE_OTHERS = 1000.0, float(np.sqrt(2.0)), float(np.sqrt(2.0 * np.log(30.0)))
 FAINT = 1000.0  # the same against one that is nothing beside the unevenness of any surface
 # A gap of this share of the noise's variance is as likely none; log odds by which each e-fold changes that; and the gap
 # from which on the odds grow in proportion to it: what small errors of a simulator add up to has no heavy tail.
@@ -75,11 +77,8 @@ class Confirmed:
 
 def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed:
     """Weigh the leading contenders by all episodes."""
-    finite = [
-        replace(c, log_posterior=c.log_posterior - doubt(c, fitter.context))
-        for c in found.contenders
-        if np.isfinite(c.log_posterior)
-    ]
+    gap = fitter.measured.excess(found.nominal.total, found.nominal.episodes)
+    finite = doubted([c for c in found.contenders if np.isfinite(c.log_posterior)], fitter.context, gap)
     finite.sort(key=lambda c: -c.log_posterior)
     nominal = next(c for c in finite if not c.fit.explanation.candidates)
     near = finite[0].log_posterior - CLOSE
@@ -91,11 +90,12 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     best = next((c for c in leaders if c is not nominal), nominal)
     around_best = alone if best is nominal else sensitivities(fitter, there_by[id(best)], every)
     weighed, loss = [], {}
+    dispersion = finite[0].evidence.dispersion
     for c in leaders:
         there = normal_equations(there_by[id(c)], *((alone,) if c is nominal else (around_best, alone)))
-        whole = evidence(together(c.around, there), fitter.system)
+        whole = evidence(together(c.around, there), fitter.system, dispersion=dispersion)
         weighed.append(replace(c, log_posterior=c.log_posterior + whole.log - c.evidence.log))
-        loss[id(c.fit)] = evidence(there, fitter.system, c.evidence.covariance).loss
+        loss[id(c.fit)] = evidence(there, fitter.system, c.evidence.covariance, dispersion=dispersion).loss
     fits = {id(c.fit): there_by[id(c)] for c in leaders}
     weighed = _with_what_is_left(weighed, fits, fitter)
     everything = (*nominal.fit.episodes, *held_out)
@@ -113,37 +113,10 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     contenders = sorted((*weighed, *others), key=lambda c: -c.log_posterior)
     top = weighed[0]
     fitted = fitter.measured.excess(top.evidence.loss, top.fit.episodes)
-    if fitter.system.errors_overdisperse:
-        contenders = tempered(contenders, 1.0 + max(fitted, 0.0) * memory(top.fit, fitter))
     there = fitter.measured.excess(loss[id(top.fit)], held_out)
-    gap, left = (fitter.measured.excess(f.total, held_out) for f in (before, fits[id(top.fit)]))
+    gap_unseen, left = (fitter.measured.excess(f.total, held_out) for f in (before, fits[id(top.fit)]))
     found = Search(tuple(contenders), found.nominal)
-    return Confirmed(found, before, fits, float(fitted), float(there), whole_gap, gap, left)
-
-
-def tempered(contenders: Sequence[Contender], dispersion: float) -> list[Contender]:
-    """Return contenders with their log odds against the first divided by how much more uncertain residuals are.
-
-    Where the best explanation leaves more than noise and mismatch, its errors are those of a model that is wrong
-    everywhere and changes slowly: as many residuals as such an error lasts tell no more than one. That is a
-    quasi-likelihood with an estimated dispersion (Wedderburn 1974): what leaves almost as little is almost as likely.
-    """
-    best = contenders[0].log_posterior
-    return [replace(c, log_posterior=best + (c.log_posterior - best) / dispersion) for c in contenders]
-
-
-def memory(fit: Fit, fitter: Fitter) -> float:
-    """Return over how many samples what a fit leaves remains alike: its integrated autocorrelation time, at least 1."""
-    channels = len(fitter.system.channels)
-    parts = [r.reshape(-1, channels) for r in fit.residual]
-    size = 2 * max(len(p) for p in parts)
-    spectra = [np.abs(np.fft.rfft(p, n=size, axis=0)) ** 2 for p in parts]
-    covariance = np.fft.irfft(np.sum(spectra, axis=(0, 2)), n=size)[: size // 2]
-    if not covariance[0] > 0:
-        return 1.0
-    alike = covariance / covariance[0]
-    last = int(np.argmax(alike <= 0)) if (alike <= 0).any() else len(alike)
-    return float(max(1.0 + 2.0 * alike[1:last].sum(), 1.0))
+    return Confirmed(found, before, fits, float(fitted), float(there), whole_gap, gap_unseen, left)
 
 
 def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], fitter: Fitter) -> list[Contender]:
@@ -166,20 +139,47 @@ def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], f
     return [replace(c, log_posterior=float(p)) for c, p in zip(weighed, posterior, strict=True)]
 
 
-def doubt(contender: Contender, context: Scope) -> float:
-    """Return the log odds against effects that do not stand out of their own errors or of a surface's unevenness.
+def doubted(contenders: Sequence[Contender], context: Scope, gap: float) -> list[Contender]:
+    """Return contenders with the odds against effects that do not stand out of their own errors.
 
     The evidence asks whether an effect's pattern is in the residual; the plain errors, the simulator's own mismatch
     included, how far it is from not being there at all. Effects that make up for another's wrong form fail that.
+    Whether there is one effect at all is asked of the likeliest: which it is, the evidence tells.
+
+    Args:
+        contenders: All of them.
+        context: What candidates are told.
+        gap: What the nominal model leaves of what was fitted, in squared noises.
     """
+    alone = [c for c in contenders if len(c.fit.explanation.candidates) == 1]
+    common = 0.0
+    if alone and gap <= VISIBLE:
+        common = unsure(max(alone, key=lambda c: c.log_posterior), context, STANDS_OUT)
+    out = []
+    for c in contenders:
+        size = len(c.fit.explanation.candidates)
+        against = (common if size == 1 else unsure(c, context, BESIDE_OTHERS)) + faint(c, context) if size else 0.0
+        out.append(replace(c, log_posterior=c.log_posterior - against))
+    return out
+
+
+def unsure(contender: Contender, context: Scope, enough: float) -> float:
+    """Return the log odds against effects that are no `enough` standard errors away from not being there."""
     x, covariance, found = contender.fit.x, contender.evidence.covariance, 0.0
     for candidate, whole in contender.fit.explanation.parts(context):
         part = amplitudes(candidate, whole, context)
         errors_off = float(np.sqrt(x[part] @ np.linalg.pinv(covariance[part, part], hermitian=True) @ x[part]))
-        found += DOUBT * max(1.0 - errors_off, 0.0) + LOST * max(1.0 - errors_off / LOST_BELOW, 0.0)
+        found += DOUBT * max(1.0 - errors_off / enough, 0.0)
+    return found
+
+
+def faint(contender: Contender, context: Scope) -> float:
+    """Return the log odds against effects that are nothing beside the unevenness of any surface."""
+    found = 0.0
+    for candidate, whole in contender.fit.explanation.parts(context):
         limit = candidate.effect.detection_limit
         if limit > 0:
-            found += FAINT * max(1.0 - abs(float(x[whole.start])) / limit, 0.0)
+            found += FAINT * max(1.0 - abs(float(contender.fit.x[whole.start])) / limit, 0.0)
     return found
 
 

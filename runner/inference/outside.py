@@ -34,7 +34,15 @@ def with_outside(found: Search, fitter: Fitter) -> Search:
         fit = min(tries, key=lambda f: f.total)
         if fit.total < best.total + COMPARABLE * count and not fit.at_bound.any():
             every = directions(fitter.system)
-            new.append(contend(fitter, fit, sensitivities(fitter, fit, every), against=RARE))
+            new.append(
+                contend(
+                    fitter,
+                    fit,
+                    sensitivities(fitter, fit, every),
+                    against=RARE,
+                    dispersion=found.best.evidence.dispersion,
+                )
+            )
     return Search(tuple(sorted((*found.contenders, *new), key=lambda c: -c.log_posterior)), found.nominal)
 
 

@@ -8,12 +8,12 @@ search may begin where an earlier look ended (see `runner.inference.multiple_sho
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from runner.effects.vocabulary import Candidate, Vocabulary
-from runner.inference.contender import Contender, Offer, are_confounded, contend, offers
+from runner.inference.contender import Contender, Offer, are_confounded, contend, dispersion_of, offers
 from runner.inference.evidence import (
     Direction,
     Sensitivities,
@@ -22,7 +22,8 @@ from runner.inference.evidence import (
     sensitivities,
 )
 from runner.inference.leap import leap
-from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
+from runner.inference.least_squares import NONE, Fit, Fitter
+from runner.inference.shortlist import WORTH, finished, gain, with_fit, without_one
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of, over_edges, where_to_begin
 
 BEAM = 2
@@ -33,9 +34,7 @@ NONLINEAR = 12
 CANDIDATES = 8  # fitted per explanation in the beam, from the second effect on
 FINISHED = 4  # leaders whose fit is carried on until it rests
 SURVEYED = 7  # explanations of one size that are compared by evidence
-# An effect must matter: lower the mean square residual by this, in squared noises, and by this share of what
-# the nominal model leaves. Less is what any simulator's own small errors would offer to explain.
-WORTH, WORTH_SHARE = 0.03, 0.004
+WORTH_SHARE = 0.004  # of what the nominal model leaves: so much an effect must take off beyond `WORTH`
 NEAR = 1000.0  # log odds within which an explanation is worth adding to
 SETTLED = 0.03  # of the nominal model's excess: where the leader leaves less, nothing else is worth adding to
 CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, promises hold; so many are fitted anyway
@@ -106,6 +105,7 @@ class _Rounds:
         contenders: Compared by evidence so far.
         seen: What was fitted.
         last: A fit and what every effect does beside it.
+        dispersion: How many times as uncertain as noise residuals are, from the fit that leaves least.
     """
 
     fitter: Fitter
@@ -121,6 +121,7 @@ class _Rounds:
     contenders: list[Contender]
     seen: set[Key]
     last: tuple[Fit, Sensitivities]
+    dispersion: float
 
     @classmethod
     def begun(
@@ -131,6 +132,7 @@ class _Rounds:
         nominal = fitter.fit(NONE, episodes, starts=starts, iterations=RESTED)
         count = fitter.measured.count(episodes)
         alone = sensitivities(fitter, nominal, every)
+        dispersion = dispersion_of(nominal, fitter)
         return cls(
             fitter=fitter,
             episodes=episodes,
@@ -142,7 +144,8 @@ class _Rounds:
             worth=WORTH * count + WORTH_SHARE * max(nominal.total - count, 0.0),
             seeds=dict(beginning.seeds),
             ruled_out=beginning.ruled_out,
-            contenders=[contend(fitter, nominal, alone)],
+            contenders=[contend(fitter, nominal, alone, dispersion=dispersion)],
+            dispersion=dispersion,
             seen={NONE.candidates},
             last=(nominal, alone),
         )
@@ -179,8 +182,8 @@ class _Rounds:
         for contender in beam:
             for _, candidate, vector in self._worth_a_fit(contender, size):
                 fit = self._with_one_more(contender, candidate, vector, size, target)
-                if fit is not None and (size == 1 or _gain(fit, self.contenders) > self.worth):
-                    fits = _with(fits, fit)
+                if fit is not None and (size == 1 or gain(fit, self.contenders) > self.worth):
+                    fits = with_fit(fits, fit)
                     target = min(target, fit.total)
         for key in [k for k in self.seeds if len(k) == size]:
             seed = self.seeds.pop(key)
@@ -188,16 +191,17 @@ class _Rounds:
             begin = where_to_begin(self.fitter, seed.explanation, seed.x, self.nominal, seed)
             how = {"target": target, "patience": 3, "iterations": 12, "polish": False}
             fit = self.fitter.fit(seed.explanation, self.episodes, **begin, **how)
-            if size == 1 or _gain(fit, self.contenders) > self.worth:
-                fits = _with(fits, fit)
+            if size == 1 or gain(fit, self.contenders) > self.worth:
+                fits = with_fit(fits, fit)
                 target = min(target, fit.total)
         return fits
 
     def weighed(self, size: int, fits: Sequence[Fit]) -> list[Contender] | None:
         """Finish fits of so many effects and compare them by evidence; None: nothing speaks for a further effect."""
         fits = sorted(fits, key=lambda f: f.total)
-        fits = _finished(self.fitter, fits, self.count, BEAM if self.pieces else FINISHED)
+        fits = finished(self.fitter, fits, self.count, BEAM if self.pieces else FINISHED)
         around_best = self._around(fits[0])
+        self._disperse(fits[0])
         new = [self._worthy(fit, around_best) for fit in fits[:SURVEYED]]
         best = max(c.log_posterior for c in self.contenders)
         left_before = min(c.fit.total for c in self.contenders) - self.count
@@ -212,6 +216,12 @@ class _Rounds:
             min(c.fit.total for c in new) - self.count > self.fitter.system.worth_another * left_before > self.worth
         )
         return None if new[0].log_posterior < best or stalled else new
+
+    def _disperse(self, fit: Fit) -> None:
+        """Weigh all contenders by how uncertain residuals are by what a fit leaves, if it leaves least."""
+        if fit.total < min(c.fit.total for c in self.contenders):
+            self.dispersion = dispersion_of(fit, self.fitter)
+            self.contenders = [c.weighed(self.fitter.system, self.dispersion) for c in self.contenders]
 
     def _tell_best(self) -> None:
         """Tell the observer of the likeliest so far."""
@@ -241,6 +251,9 @@ class _Rounds:
             nonlinear = {o[1] for o in jumps[:NONLINEAR]}
             return [o for i, o in enumerate(promised) if i < CANDIDATES or o[1] in nonlinear]
         if size == 1:
+            foreseen = min((s.total for s in self.seeds.values()), default=np.inf) - self.count
+            if self.fitter.system.leaps and foreseen < SETTLED * left:
+                return promised[:FEWEST]  # an earlier look has found where to begin
             every = left >= CLOSE * self.count
             return [o for i, o in enumerate(promised) if every or i < FEWEST or o[0] > OFFERED * self.worth]
         if left < self.worth:
@@ -304,7 +317,7 @@ class _Rounds:
         """Add what the likeliest, and the one that leaves least, are with one effect taken out of them."""
         least = min(new, key=lambda c: c.fit.total)
         for whole in {id(c): c for c in (least, new[0])}.values():
-            for fit in _without_one(self.fitter, whole, self.contenders, self.episodes):
+            for fit in without_one(self.fitter, whole, self.contenders, self.episodes):
                 fewer, key = self._worthy(fit, around_best), key_of(fit.explanation)
                 self.seen.add(key)
                 others = [c for c in self.contenders if key_of(c.fit.explanation) != key]
@@ -317,9 +330,9 @@ class _Rounds:
 
     def _worthy(self, fit: Fit, around_best: Sensitivities) -> Contender:
         """Return a fit as a contender; a single effect that hardly matters has that against it."""
-        contender = contend(self.fitter, fit, around_best, self.alone)
         lacks = self.worth - (self.nominal.total - fit.total) if len(fit.explanation.candidates) == 1 else 0.0
-        return replace(contender, log_posterior=contender.log_posterior - 0.5 * max(lacks, 0.0))
+        against = 0.5 * max(lacks, 0.0)
+        return contend(self.fitter, fit, around_best, self.alone, against=against, dispersion=self.dispersion)
 
 
 def resumed(before: Search, fitter: Fitter) -> Beginning:
@@ -334,57 +347,6 @@ def resumed(before: Search, fitter: Fitter) -> Beginning:
         for f in fits
     }
     return Beginning(seeds, singles(fitter.system.vocabulary) - tried)
-
-
-def _gain(fit: Fit, contenders: Sequence[Contender]) -> float:
-    """Return by how much a fit leaves less than those of fewer of its effects, whichever their variants."""
-    names, size = set(fit.explanation.names), len(fit.explanation.candidates)
-    simpler = [
-        c.fit for c in contenders if set(c.fit.explanation.names) <= names and len(c.fit.explanation.candidates) < size
-    ]
-    return min(f.total for f in simpler) - fit.total
-
-
-def _with(fits: list[Fit], new: Fit) -> list[Fit]:
-    """Add a fit; of one explanation only the fit that leaves least is kept."""
-    key = key_of(new.explanation)
-    if any(f.total <= new.total for f in fits if key_of(f.explanation) == key):
-        return fits
-    return [*(f for f in fits if key_of(f.explanation) != key), new]
-
-
-def _finished(fitter: Fitter, fits: list[Fit], count: int, leaders: int) -> list[Fit]:
-    """Let the leaders come to rest, so that no further effect gains by what a longer fit would have.
-
-    Whatever is far behind the first of them, once that has come to rest, is left as it is.
-    """
-    out: list[Fit] = []
-    for i, fit in enumerate(fits):
-        lags = out and fit.total > out[0].total + 5 * WORTH * count + 0.5 * max(out[0].total - count, 0.0)
-        if i < leaders and not fit.converged and not lags:
-            fit = fitter.fit(fit.explanation, fit.episodes, x=fit.x, near=fit, iterations=20)
-        out.append(fit)
-    return sorted(out, key=lambda f: f.total)
-
-
-def _without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], episodes: Sequence[int]) -> list[Fit]:
-    """Drop each effect of an explanation in turn: what came in first may have stood in for what came later.
-
-    What is left was perhaps fitted before, but had not found the place that it has now: a patch or a tether that is far
-    from where it is said to be needs the help of another effect to get there. Returns what is new, or leaves less.
-    """
-    before = {key_of(c.fit.explanation): c.fit.total for c in others}
-    count = fitter.measured.count(episodes)
-    out = []
-    for candidate, part in whole.fit.explanation.parts(fitter.context):
-        rest = Explanation(tuple(c for c in whole.fit.explanation.candidates if c != candidate))
-        x = np.delete(whole.fit.x, part)
-        reached = before.get(key_of(rest), np.inf)
-        if reached - whole.fit.total > WORTH * count:
-            fit = fitter.fit(rest, episodes, x=x, near=whole.fit, target=whole.fit.total, patience=3, iterations=25)
-            if reached - fit.total > WORTH * count:
-                out.append(fit)
-    return out
 
 
 def singles(vocabulary: Vocabulary) -> frozenset[Key]:

@@ -16,6 +16,7 @@ from runner.effects.planar_box.actuator_saturation import ActuatorSaturation as 
 from runner.effects.planar_box.application_point_offset import ApplicationPointOffset as ApplicationPointOffset
 from runner.effects.planar_box.force_misalignment import ForceMisalignment as ForceMisalignment
 from runner.effects.planar_box.dead_band import DeadBand as DeadBand
+from runner.effects.planar_box.body_size import BodySize as BodySize
 from runner.effects.planar_box.friction import Friction as Friction
 from runner.effects.planar_box.anisotropic_friction import AnisotropicFriction as AnisotropicFriction
 from runner.effects.planar_box.anisotropic_friction import AxisFriction as AxisFriction

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from runner.effects.base import Effects
-from runner.effects.planar_box import EFFECTS, DeadBand
+from runner.effects.planar_box import EFFECTS, BodySize, DeadBand
 from runner.effects.vocabulary import Candidate, Vocabulary
 from runner.effects.wording import number
 from runner.errors import RecordingError
@@ -43,7 +43,7 @@ FORCE_SHARE, LARGE = 0.03, 3.0  # of friction: the step of a missing force; time
 def vocabulary() -> Vocabulary:
     """Return every effect that is registered for a box, whoever has written it."""
     known = tuple(Candidate(cls) for variants in EFFECTS.values() for cls in variants)
-    return Vocabulary(known, outside=(Candidate(DeadBand),))
+    return Vocabulary(known, outside=(Candidate(DeadBand),), uncertain=(Candidate(BodySize),))
 
 
 class PlanarBox(AbstractSystem):
@@ -59,13 +59,11 @@ class PlanarBox(AbstractSystem):
     reach_further = "push harder, or elsewhere"
     # floors are never even: their texture is never below half of a hundredth of an effect's usual size
     mismatch_levels = (0.5, 1.0, 2.0, 4.0, 8.0)
-    screening_level = 1.0
     # a floor, a box and a push: what more than three effects explain is something else; errors stay where they are made
     most_effects = 3
     leaps = False
     dates_disturbances = False  # a box is touched by all that pushes it: its commands are that
     errors_overdisperse = False  # the odds of boxes were calibrated without
-    unknown_share = 0.0025
     worth_another = 0.5
     searched_s = cut_from = float("inf")
     plan_view = (0, 1)

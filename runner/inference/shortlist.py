@@ -1,0 +1,66 @@
+"""The fits of one size that a search goes on with: the best of each explanation, carried on until they rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from runner.inference.contender import Contender
+from runner.inference.least_squares import Explanation, Fit, Fitter
+from runner.inference.warm_start import key_of
+
+# An effect must matter: lower the mean square residual by this, in squared noises. Less is what any simulator's own
+# small errors would offer to explain.
+WORTH = 0.03
+
+
+def gain(fit: Fit, contenders: Sequence[Contender]) -> float:
+    """Return by how much a fit leaves less than those of fewer of its effects, whichever their variants."""
+    names, size = set(fit.explanation.names), len(fit.explanation.candidates)
+    simpler = [
+        c.fit for c in contenders if set(c.fit.explanation.names) <= names and len(c.fit.explanation.candidates) < size
+    ]
+    return min(f.total for f in simpler) - fit.total
+
+
+def with_fit(fits: list[Fit], new: Fit) -> list[Fit]:
+    """Add a fit; of one explanation only the fit that leaves least is kept."""
+    key = key_of(new.explanation)
+    if any(f.total <= new.total for f in fits if key_of(f.explanation) == key):
+        return fits
+    return [*(f for f in fits if key_of(f.explanation) != key), new]
+
+
+def finished(fitter: Fitter, fits: list[Fit], count: int, leaders: int) -> list[Fit]:
+    """Let the leaders come to rest, so that no further effect gains by what a longer fit would have.
+
+    Whatever is far behind the first of them, once that has come to rest, is left as it is.
+    """
+    out: list[Fit] = []
+    for i, fit in enumerate(fits):
+        lags = out and fit.total > out[0].total + 5 * WORTH * count + 0.5 * max(out[0].total - count, 0.0)
+        if i < leaders and not fit.converged and not lags:
+            fit = fitter.fit(fit.explanation, fit.episodes, x=fit.x, near=fit, iterations=20)
+        out.append(fit)
+    return sorted(out, key=lambda f: f.total)
+
+
+def without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], episodes: Sequence[int]) -> list[Fit]:
+    """Drop each effect of an explanation in turn: what came in first may have stood in for what came later.
+
+    What is left was perhaps fitted before, but had not found the place that it has now: a patch or a tether that is far
+    from where it is said to be needs the help of another effect to get there. Returns what is new, or leaves less.
+    """
+    before = {key_of(c.fit.explanation): c.fit.total for c in others}
+    count = fitter.measured.count(episodes)
+    out = []
+    for candidate, part in whole.fit.explanation.parts(fitter.context):
+        rest = Explanation(tuple(c for c in whole.fit.explanation.candidates if c != candidate))
+        x = np.delete(whole.fit.x, part)
+        reached = before.get(key_of(rest), np.inf)
+        if reached - whole.fit.total > WORTH * count:
+            fit = fitter.fit(rest, episodes, x=x, near=whole.fit, target=whole.fit.total, patience=3, iterations=25)
+            if reached - fit.total > WORTH * count:
+                out.append(fit)
+    return out

@@ -1,0 +1,83 @@
+"""What one explanation is weighed by: how uncertain residuals are, and which effects stand out of their own errors."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from runner.effects.planar_box import BodySize
+from runner.inference.contender import dispersion_of, memory
+from runner.inference.evidence import directions
+from runner.recording import Nominal, Recording
+from runner.systems.planar_box.simulator import Simulator
+from runner.systems.planar_box.system import PlanarBox
+from runner.systems.simulator import Run
+from tests.cases import NOMINAL, made
+
+
+def left(rows: list[np.ndarray]) -> Any:
+    """Return what a fit is to those who look at its residuals alone; each (T, C)."""
+    flat = tuple(r.ravel() for r in rows)
+    return SimpleNamespace(residual=flat, episodes=range(len(rows)), total=sum(float(r @ r) for r in flat))
+
+
+def fitter_of(channels: int, *, disperse: bool = True) -> Any:
+    """Return a fitter that knows how many channels there are."""
+
+    def excess(loss: float, episodes: range) -> float:
+        return loss / (SAMPLES * channels * len(episodes)) - 1.0
+
+    return SimpleNamespace(
+        system=SimpleNamespace(channels=range(channels), errors_overdisperse=disperse),
+        measured=SimpleNamespace(excess=excess),
+    )
+
+
+SAMPLES = 4000
+
+
+@pytest.mark.parametrize("alike", [0.0, 0.5, 0.9])
+def test_memory_is_that_of_an_autoregression(alike: float) -> None:
+    """Of a first-order autoregression with coefficient a it is (1 + a) / (1 - a)."""
+    rng = np.random.default_rng(3)
+    rows = [np.asarray(lfilter([1.0], [1.0, -alike], rng.normal(size=(SAMPLES, 2)), axis=0)) for _ in range(4)]
+    assert memory(left(rows), fitter_of(2)) == pytest.approx((1 + alike) / (1 - alike), rel=0.12)
+
+
+def test_errors_that_last_make_residuals_uncertain() -> None:
+    """Noise alone leaves them as they are; an error that is constant for 100 samples counts once for those."""
+    rng = np.random.default_rng(4)
+    noise = [rng.normal(size=(SAMPLES, 1)) for _ in range(3)]
+    assert dispersion_of(left(noise), fitter_of(1)) == pytest.approx(1.0, abs=0.1)
+    lasting = [n + 3.0 * np.repeat(rng.normal(size=(SAMPLES // 100, 1)), 100, axis=0) for n in noise]
+    # a piecewise constant error of variance 9 with a triangular correlation, in white noise of variance 1
+    expected = 1.0 + 9.0 * (0.1 + 0.9 * 100.0)
+    assert dispersion_of(left(lasting), fitter_of(1)) == pytest.approx(expected, rel=0.25)
+    assert dispersion_of(left(lasting), fitter_of(1, disperse=False)) == 1.0
+
+
+def test_other_edges_are_those_of_another_box() -> None:
+    """An effect on the base's size moves as the box that is believed to have that size, at the same mass."""
+    recording, starts = made(episodes=1, seconds=3.0)
+    assert isinstance(NOMINAL.half_size_m, tuple)
+    hx, hy, hz = NOMINAL.half_size_m
+    larger = Nominal(**{**vars(NOMINAL), "half_size_m": (1.1 * hx, 0.95 * hy, hz)})
+    other = Recording(recording.path, recording.form, larger, recording.episodes)
+    (effect,) = Simulator(recording).predict(0, [Run((BodySize(1.1, 0.95),), starts[0])])
+    (built,) = Simulator(other).predict(0, [Run((), starts[0])])
+    (believed,) = Simulator(recording).predict(0, [Run((), starts[0])])
+    assert np.abs(effect - built).max() < 1e-9
+    assert np.abs(believed - built).max() > 1e-3
+
+
+def test_sizes_are_part_of_the_mismatch_and_never_named() -> None:
+    """The edges are among the directions that explanations are compared amid, and no candidate of a verdict."""
+    system = PlanarBox(made(episodes=2, seconds=3.0)[0])
+    of_size = [d for d in directions(system) if d.candidate.effect is BodySize]
+    assert len(of_size) == 2
+    assert all(d.mismatch > 0 for d in of_size)
+    assert not any(c.effect is BodySize for c in (*system.vocabulary, *system.vocabulary.outside))
