@@ -78,8 +78,8 @@ class Vocabulary:
 
     Args:
         candidates: What a verdict may name.
-        uncertain: What every owner has slightly wrong and nobody asks for: never fitted, part of any mismatch.
         outside: What it has no word for, yet is weighed lest it be taken for what has one: then it is `unknown`.
+        uncertain: What every owner has slightly wrong and nobody asks for: never fitted, part of any mismatch.
     """
 
     candidates: tuple[Candidate, ...]

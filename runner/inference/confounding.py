@@ -93,8 +93,6 @@ def _screened(around: NormalEquations, evidence: Evidence, system: AbstractSyste
         move[moved] = x[moved]
         scale = np.array([d.scale for d in explanation.parameters(context)])
         for rival, members in around.by_candidate.items():
-            if rival in system.vocabulary.uncertain:
-                continue  # what nobody asks for stands for nothing
             free = np.concatenate([FREE * scale, spread])
             free[own] = 0.0
             free[p + np.array(members)] = 0.0

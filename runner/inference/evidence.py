@@ -37,6 +37,7 @@ class Direction:
         per: How much of the unit amplitude that is; the column is divided by it.
         mismatch: Standard deviation that the simulator's own error has in this direction, in units of the amplitude.
         texture: Whether it is one of many that span the workspace: an effect at one place leaves errors at the others.
+        asked: Whether the effect may be named; otherwise it is mismatch and nothing else.
     """
 
     candidate: Candidate
@@ -44,6 +45,7 @@ class Direction:
     per: float
     mismatch: float
     texture: bool = False
+    asked: bool = True
 
     @property
     def key(self) -> tuple[Candidate, bytes]:
@@ -66,7 +68,8 @@ def directions(system: AbstractSystem) -> list[Direction]:
             vector = np.eye(len(parameters))[i] * steps[i]
             # what all of a kind share is a sum of directions that have their mismatch already
             mismatch = 0.0 if candidate.targets else SHARE
-            out.append(Direction(candidate, vector, float(steps[i] / parameter.scale), mismatch))
+            per, asked = float(steps[i] / parameter.scale), candidate not in system.vocabulary.uncertain
+            out.append(Direction(candidate, vector, per, mismatch, asked=asked))
     return out
 
 
@@ -101,10 +104,11 @@ class NormalEquations:
 
     @property
     def by_candidate(self) -> dict[Candidate, list[int]]:
-        """The positions of each effect's directions among `directions`, in order."""
+        """The positions of each effect's directions among `directions`, in order, of those that may be named."""
         out: dict[Candidate, list[int]] = {}
         for i, direction in enumerate(self.directions):
-            out.setdefault(direction.candidate, []).append(i)
+            if direction.asked:
+                out.setdefault(direction.candidate, []).append(i)
         return out
 
 

@@ -157,9 +157,9 @@ def doubted(contenders: Sequence[Contender], context: Scope, gap: float) -> list
         common = unsure(max(alone, key=lambda c: c.log_posterior), context, STANDS_OUT)
     out = []
     for c in contenders:
-        size = len(c.fit.explanation.candidates)
-        against = (common if size == 1 else unsure(c, context, BESIDE_OTHERS)) + faint(c, context) if size else 0.0
-        out.append(replace(c, log_posterior=c.log_posterior - against))
+        single = len(c.fit.explanation.candidates) == 1
+        against = common if single else unsure(c, context, BESIDE_OTHERS)
+        out.append(replace(c, log_posterior=c.log_posterior - against - faint(c, context)))
     return out
 
 

@@ -125,8 +125,6 @@ def _groups(around: NormalEquations, fitter: Fitter) -> list[tuple[Candidate, np
     p = len(around.fit.x)
     out = []
     for candidate, members in around.by_candidate.items():
-        if candidate in fitter.system.vocabulary.uncertain:
-            continue
         scattered = len(candidate.starts(fitter.context)) > 0
         out += [(candidate, p + np.array(g)) for g in ([[m] for m in members] if scattered else [members])]
     return out

@@ -34,15 +34,8 @@ def with_outside(found: Search, fitter: Fitter) -> Search:
         fit = min(tries, key=lambda f: f.total)
         if fit.total < best.total + COMPARABLE * count and not fit.at_bound.any():
             every = directions(fitter.system)
-            new.append(
-                contend(
-                    fitter,
-                    fit,
-                    sensitivities(fitter, fit, every),
-                    against=RARE,
-                    dispersion=found.best.evidence.dispersion,
-                )
-            )
+            around, dispersion = sensitivities(fitter, fit, every), found.best.evidence.dispersion
+            new.append(contend(fitter, fit, around, against=RARE, dispersion=dispersion))
     return Search(tuple(sorted((*found.contenders, *new), key=lambda c: -c.log_posterior)), found.nominal)
 
 

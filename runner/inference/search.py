@@ -219,8 +219,10 @@ class _Rounds:
 
     def _disperse(self, fit: Fit) -> None:
         """Weigh all contenders by how uncertain residuals are by what a fit leaves, if it leaves least."""
-        if fit.total < min(c.fit.total for c in self.contenders):
-            self.dispersion = dispersion_of(fit, self.fitter)
+        if fit.total >= min(c.fit.total for c in self.contenders):
+            return
+        before, self.dispersion = self.dispersion, dispersion_of(fit, self.fitter)
+        if self.dispersion != before:
             self.contenders = [c.weighed(self.fitter.system, self.dispersion) for c in self.contenders]
 
     def _tell_best(self) -> None:

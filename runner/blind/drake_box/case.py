@@ -22,13 +22,12 @@ from runner.blind.make import BANDS, AbstractMaker, CasePlan, error_ratio, find_
 from runner.blind.make.noise import draw_character
 from runner.blind.planar_box.case import KINDS
 from runner.blind.planar_box.excite import Drive
-from runner.blind.planar_box.files import nominal_of, table_of
+from runner.blind.planar_box.files import nominal_of, table_of, write_made
 from runner.blind.planar_box.physics import PlannedEpisode
 from runner.blind.planar_box.plants import TOGETHER_ALIKE, UnplantedCase
 from runner.blind.planar_box.reality import Reality, draw_noise, draw_world
 from runner.blind.planar_box.reality import simulate_or_none as by_equations
 from runner.errors import ConfigError, check_range
-from runner.storage.writing import write_parquet, write_yaml
 
 ATTEMPTS = 20
 RATIOS = {"single": (1.3, 60.0), "unknown": (3.0, 60.0), "pair": (3.0, 30.0)}  # error ratios, without gaps
@@ -80,11 +79,7 @@ class DrakeBoxMaker(AbstractMaker):
         for _ in range(ATTEMPTS):
             made = _try_case(plan, self, g)
             if made is not None:
-                nominal, table, answer = made
-                folder.mkdir(parents=True, exist_ok=True)
-                write_yaml(folder / "nominal.yaml", nominal)
-                write_parquet(folder / "recording.parquet", table)
-                return answer
+                return write_made(made, folder)
         raise ConfigError(f"blind.effect: no sensible size of {plan.wanted} can be seen, in {ATTEMPTS} tries.")
 
 

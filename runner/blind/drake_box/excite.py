@@ -143,9 +143,7 @@ def draw_episode(
         command = FAMILIES[(kind + attempt // 8) % len(FAMILIES)](drive, g, t)
         begin = 0.0
         if thrown:
-            speed, way = drive.throw_m_per_s * g.uniform(0.4, 1.3), g.uniform(-math.pi, math.pi)
-            spin = drive.throw_m_per_s / max(drive.world.half_size[:2]) * g.uniform(-1.2, 1.2)
-            start[3:] = speed * math.cos(way), speed * math.sin(way), spin
+            start[3:] = drive.throw(g)
             begin = g.uniform(0.4, 1.5)
         command[(t < begin) | (t > t[-1] - g.uniform(0.3, 1.0))] = 0.0
         command[np.all(command[:, :2] == 0.0, axis=1)] = 0.0

@@ -14,12 +14,11 @@ import pandas as pd
 from runner.blind.make import BANDS, PAIR_BANDS, AbstractMaker, CasePlan, error_ratio, size_for
 from runner.blind.make.noise import draw_character
 from runner.blind.planar_box.excite import Drive, draw_episodes
-from runner.blind.planar_box.files import nominal_of, table_of
+from runner.blind.planar_box.files import nominal_of, table_of, write_made
 from runner.blind.planar_box.physics import World
 from runner.blind.planar_box.plants import OUTSIDE, TOGETHER_ALIKE, VOCABULARY, Plant, UnplantedCase, draw
 from runner.blind.planar_box.reality import COARSE, Reality, draw_noise, draw_world, mismatched, simulate_or_none
 from runner.errors import ConfigError
-from runner.storage.writing import write_parquet, write_yaml
 
 KINDS = ("position", "position", "yaw", "velocity", "velocity", "rate")  # of the six channels
 ATTEMPTS = 40
@@ -51,11 +50,7 @@ class PlanarBoxMaker(AbstractMaker):
         for _ in range(ATTEMPTS):
             made = _try_case(plan, self.reality, generator)
             if made is not None:
-                nominal, table, answer = made
-                folder.mkdir(parents=True, exist_ok=True)
-                write_yaml(folder / "nominal.yaml", nominal)
-                write_parquet(folder / "recording.parquet", table)
-                return answer
+                return write_made(made, folder)
         raise ConfigError(f"blind.effect: no sensible size of {plan.wanted} reaches its severity in {ATTEMPTS} tries.")
 
 
@@ -93,10 +88,9 @@ def _try_case(plan: CasePlan, reality: Reality, g: np.random.Generator) -> tuple
         return None
     character = draw_character(reality.coloured, reality.outliers, g)
     measured = [path + character.draw(len(path), sigma, rate_hz, g) for path in paths]
-    difference = np.concatenate([(m - p) / sigma for m, p in zip(measured, nominal_paths, strict=True)])
     answer = {
         "effects": effects,
-        "error_ratio": round(float(np.sqrt(np.mean(difference**2))), 3),
+        "error_ratio": round(error_ratio(measured, nominal_paths, sigma), 3),
         "accept": sorted(accept) or ["none"],
         "made": {
             "kind": plan.kind,

@@ -43,6 +43,12 @@ class Drive:
         """Speed that is coasted off within half a metre, m/s."""
         return math.sqrt(self.world.friction * self.world.gravity)
 
+    def throw(self, generator: np.random.Generator) -> tuple[float, float, float]:
+        """Draw the velocity of a box that is thrown: x and y, m/s, and its spin, rad/s."""
+        speed, way = self.throw_m_per_s * generator.uniform(0.4, 1.3), generator.uniform(-math.pi, math.pi)
+        spin = self.throw_m_per_s / max(self.world.half_size[:2]) * generator.uniform(-1.2, 1.2)
+        return speed * math.cos(way), speed * math.sin(way), spin
+
     def point(self, generator: np.random.Generator, reach: float) -> tuple[float, float]:
         """Draw a point of application within `reach` half sizes, m, body axes."""
         hx, hy, _ = self.world.half_size
@@ -209,9 +215,7 @@ def _draw_episode(
     start = np.array([g.uniform(-2, 2), g.uniform(-2, 2), g.uniform(-math.pi, math.pi), 0.0, 0.0, 0.0])
     if thrown:
         kind = central if kind in (turning, sine, ramp) else kind
-        speed, way = drive.throw_m_per_s * g.uniform(0.4, 1.3), g.uniform(-math.pi, math.pi)
-        spin = drive.throw_m_per_s / max(drive.world.half_size[:2]) * g.uniform(-1.2, 1.2)
-        start[3:] = speed * math.cos(way), speed * math.sin(way), spin
+        start[3:] = drive.throw(g)
         command = kind(drive, g, t, begin=g.uniform(0.3, 1.5))
     else:
         command = kind(drive, g, t)

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 
 from runner.blind.planar_box.physics import PlannedEpisode, World
 from runner.blind.planar_box.reality import Reality
+from runner.storage.writing import write_parquet, write_yaml
 
 COLUMNS = ("x", "y", "yaw", "vx", "vy", "wz")
+
+
+def write_made(made: tuple[dict, pd.DataFrame, dict], folder: Path) -> dict:
+    """Write what the owner believes and the recording of a case into a folder; return its answer, the third of it."""
+    nominal, table, answer = made
+    folder.mkdir(parents=True, exist_ok=True)
+    write_yaml(folder / "nominal.yaml", nominal)
+    write_parquet(folder / "recording.parquet", table)
+    return answer
 
 
 def table_of(episodes: list[PlannedEpisode], measured: list[np.ndarray], *, heights: bool) -> pd.DataFrame:
