@@ -9,7 +9,7 @@ what is nonlinear shows by then. What a leap has found is where the search begin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +34,9 @@ TOLD_APART = 0.03  # share of what is left that each further number has to take 
 RIDGE = 0.05  # of the information: what nothing measured depends on has none
 
 
-def leap(fitter: Fitter, fit: Fit, every: Sequence[Direction], known: Sensitivities, worth: float) -> Fit:
+def leap(
+    fitter: Fitter, fit: Fit, every: Sequence[Direction], known: Sensitivities, worth_beside: Callable[[float], float]
+) -> Fit:
     """Return the fit that leaps from a fit lead to, each of which leaves less; the fit itself, where none does.
 
     Args:
@@ -42,7 +44,7 @@ def leap(fitter: Fitter, fit: Fit, every: Sequence[Direction], known: Sensitivit
         fit: Where to begin.
         every: All directions.
         known: What they do around the fit.
-        worth: What an effect has to take off the loss.
+        worth_beside: What an effect has to take off the loss where so much is left.
     """
     for number in range(LEAPS):
         room = min(fitter.system.most_effects - len(fit.explanation.candidates), AT_ONCE)
@@ -50,6 +52,7 @@ def leap(fitter: Fitter, fit: Fit, every: Sequence[Direction], known: Sensitivit
             break
         if number:
             known = sensitivities(fitter, fit, every)
+        worth = worth_beside(fit.total)
         extra = chosen(normal_equations(fit, known), fitter, room, worth)
         if not extra:
             break

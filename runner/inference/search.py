@@ -23,7 +23,7 @@ from runner.inference.evidence import (
 )
 from runner.inference.leap import leap
 from runner.inference.least_squares import NONE, Fit, Fitter
-from runner.inference.shortlist import WORTH, finished, gain, with_fit, without_one
+from runner.inference.shortlist import finished, gain, with_fit, without_one, worth_of
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of, over_edges, where_to_begin
 
 BEAM = 2
@@ -34,7 +34,6 @@ NONLINEAR = 12
 CANDIDATES = 8  # fitted per explanation in the beam, from the second effect on
 FINISHED = 4  # leaders whose fit is carried on until it rests
 SURVEYED = 7  # explanations of one size that are compared by evidence
-WORTH_SHARE = 0.004  # of what the nominal model leaves: so much an effect must take off beyond `WORTH`
 NEAR = 1000.0  # log odds within which an explanation is worth adding to
 SETTLED = 0.03  # of the nominal model's excess: where the leader leaves less, nothing else is worth adding to
 CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, promises hold; so many are fitted anyway
@@ -99,7 +98,6 @@ class _Rounds:
         nominal: The fit without effects.
         alone: What every effect does beside that.
         count: How many measurements there are.
-        worth: What an effect has to take off the loss.
         seeds: Beginnings from an earlier look that are not used up.
         ruled_out: What is not to be tried again.
         contenders: Compared by evidence so far.
@@ -115,7 +113,6 @@ class _Rounds:
     nominal: Fit
     alone: Sensitivities
     count: int
-    worth: float
     seeds: dict[Key, WarmStart]
     ruled_out: frozenset[Key]
     contenders: list[Contender]
@@ -141,7 +138,6 @@ class _Rounds:
             nominal=nominal,
             alone=alone,
             count=count,
-            worth=WORTH * count + WORTH_SHARE * max(nominal.total - count, 0.0),
             seeds=dict(beginning.seeds),
             ruled_out=beginning.ruled_out,
             contenders=[contend(fitter, nominal, alone, dispersion=dispersion)],
@@ -149,6 +145,16 @@ class _Rounds:
             seen={NONE.candidates},
             last=(nominal, alone),
         )
+
+    @property
+    def worth(self) -> float:
+        """What an effect has to take off the loss."""
+        totals = [c.fit.total for c in self.contenders] + [s.total for s in self.seeds.values()]
+        return self._worth_beside(min(totals))
+
+    def _worth_beside(self, total: float) -> float:
+        """Return what an effect has to take off the loss where that much is left."""
+        return worth_of(self.fitter.system, self.count, self.nominal.total, total)
 
     def leap(self) -> None:
         """Go on with what the linear model proposes at once, from the effect or the seed that leaves least."""
@@ -159,7 +165,7 @@ class _Rounds:
                 how = {"x": seed.x, "starts": seed.starts, "iterations": 12, "polish": False}
                 begin = self.fitter.fit(seed.explanation, self.episodes, **how)
                 self._seed(begin)
-        fit = leap(self.fitter, begin, self.every, self._around(begin), self.worth)
+        fit = leap(self.fitter, begin, self.every, self._around(begin), self._worth_beside)
         if fit is not begin:
             self._seed(fit)
 
@@ -254,8 +260,8 @@ class _Rounds:
             return [o for i, o in enumerate(promised) if i < CANDIDATES or o[1] in nonlinear]
         if size == 1:
             foreseen = min((s.total for s in self.seeds.values()), default=np.inf) - self.count
-            if self.fitter.system.leaps and foreseen < SETTLED * left:
-                return promised[:FEWEST]  # an earlier look has found where to begin
+            if self.fitter.system.leaps and AHEAD * max(foreseen, self.worth) < left:
+                return promised[:FEWEST]  # an earlier look has found where to begin, and tried the rest in pieces
             every = left >= CLOSE * self.count
             return [o for i, o in enumerate(promised) if every or i < FEWEST or o[0] > OFFERED * self.worth]
         if left < self.worth:
