@@ -41,8 +41,7 @@ def ranking(confirmed: Confirmed, nominal_excess: float, fitter: Fitter) -> tupl
     found = confirmed.search
     if found.best.fit.x.size:
         unknown = max(
-            unknown_by_excess(confirmed.excess, nominal_excess, fitter.system.unknown_share),
-            FAILED if confirmed.fails else 0.0,
+            *unknown_by_episodes(confirmed, nominal_excess, fitter.system), FAILED if confirmed.fails else 0.0
         )
     else:
         unknown = not_none(confirmed.gap)
@@ -109,6 +108,19 @@ def rank(found: Search, system: AbstractSystem, unknown: float) -> tuple[Ranked,
 def _commonness(fit: Fit) -> tuple[int, ...]:
     commonness = {c.name: c.effect.commonness for c in fit.explanation.candidates}
     return tuple(commonness[name] for name in fit.explanation.names)
+
+
+def unknown_by_episodes(confirmed: Confirmed, nominal_excess: float, system: AbstractSystem) -> tuple[float, float]:
+    """Return `unknown_by_excess` of the fitted episodes and of those left out.
+
+    A machine may have been driven so much harder in those left out that the gap is many times as large there: what an
+    explanation leaves of them is then held against that.
+    """
+    there = max(nominal_excess, confirmed.gap_unseen) if system.errors_overdisperse else nominal_excess
+    return (
+        unknown_by_excess(confirmed.excess_fitted, nominal_excess, system.unknown_share),
+        unknown_by_excess(confirmed.excess_unseen, there, system.unknown_share),
+    )
 
 
 def unknown_by_excess(excess: float, nominal_excess: float, share: float) -> float:

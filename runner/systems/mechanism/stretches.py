@@ -2,8 +2,8 @@
 
 An inverted or a double pendulum amplifies every small difference until it is as large as the motion itself. A fit over
 longer than that descends a landscape of hollows, and what it ends in says nothing. So recordings are cut where the
-response to a small force ceases to be in proportion to it: linear sensitivities hold within such stretches, which is
-what fits, evidence and standard errors rest on.
+response to a small force ceases to be in proportion to it, or leads too far away: linear sensitivities hold within such
+stretches, which is what fits, evidence and standard errors rest on.
 """
 
 from __future__ import annotations
@@ -29,6 +29,9 @@ LONGEST_IMPACT_S, SHORTEST_IMPACT_S = 0.4, 0.1  # the same of what follows a fli
 BENT_BY_IMPACTS = 0.25  # the same where it is impacts that bend: of those hit, half answer in proportion for longer
 SMALL, LARGE = 0.01, 0.1  # forces that are compared: shares of the usual force
 BENT = 0.2  # share of the response that may be out of proportion, in half of the windows and joints
+# ... and how far the larger of those may lead within a stretch, of what was moved at all: who is a tenth off in a force
+# must still be near enough for a comparison
+FAR = 0.5
 LOOKS = 24  # windows that are looked at, for each length
 SAME_CLOCK = 1.1  # times the shortest period
 FEWEST = 5  # samples of each measured channel in a stretch
@@ -126,8 +129,26 @@ def _bent(known: Sensitive, windows: Windows) -> FloatArray:
         off, size = (_norm(x) for x in (large - small, np.where(np.isfinite(large), large, small)))
     size = np.maximum(size, _norm(small))
     share = np.where(np.isfinite(off) & np.isfinite(size), off / np.maximum(size, 1e-9), 1.0)
+    share = np.maximum(share, BENT / FAR * _strayed(large, signals, windows))
     # what cannot be seen in the noise is out of no proportion
     return np.where(size < np.sqrt(windows.samples), np.nan, share)
+
+
+def _strayed(change: FloatArray, signals: Signals, windows: Windows) -> FloatArray:
+    """Return how far changes (W, D, n, C), in noises, lead away: of how much the farthest channel moved at all, (W, D).
+
+    A slide that nothing holds, or a pendulum that is balanced on its head, answers a force in proportion for long, and
+    is elsewhere by then.
+    """
+    moved = np.nanstd(
+        np.concatenate([np.where(v, x, np.nan) for x, v in zip(signals.values, signals.valid, strict=True)]), axis=0
+    )
+    valid = np.array(
+        [signals.valid[e][f : f + windows.samples] for e, f in zip(windows.episode, windows.first, strict=True)]
+    )
+    moved = np.where(moved > 0, moved / signals.sigma, np.inf)
+    squares = np.where(valid[:, None], change**2, 0.0).sum(axis=2) / np.maximum(valid.sum(axis=1), 1)[:, None]
+    return np.nan_to_num(np.sqrt(squares) / moved, nan=np.inf).max(axis=2)
 
 
 def _median(share: FloatArray) -> float:
