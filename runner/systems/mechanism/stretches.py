@@ -69,16 +69,8 @@ def stretches(known: Sensitive, searched_s: float) -> tuple[Span, ...]:
     at_most_s = float(np.clip(searched_s / len(lengths), SOME_S, LONGEST_S))
     length_s = longest_s / max(1, int(np.ceil(longest_s / at_most_s - 1e-6)))
     by_episode = np.full(len(lengths), length_s)
-    unsure = list(range(len(lengths)))  # one episode may swing about rest, another one over the top
-    while length_s > SHORTEST_S and unsure:
-        windows = _windows(known.simulator, length_s, unsure)
-        share = _bent(known, windows)
-        # an episode that no window fits into, for its clock or its length, is like the others
-        over = {e: _median(share[windows.episode == e]) for e in set(windows.episode.tolist())}
-        others = _median(share)
-        length_s = max(length_s / 2, SHORTEST_S)
-        unsure = [e for e in unsure if over.get(e, others) > BENT]
-        by_episode[unsure] = length_s
+    for alike in _of_one_clock(periods_s):
+        by_episode[alike] = _lengths_s(known, alike, length_s)
     parts = []
     for e, n in enumerate(lengths):
         edges = np.linspace(0, n, max(1, round((n - 1) * periods_s[e] / by_episode[e])) + 1).round().astype(int)
@@ -86,6 +78,36 @@ def stretches(known: Sensitive, searched_s: float) -> tuple[Span, ...]:
     there = np.any([v.any(axis=0) for v in signals.valid], axis=0)
     told = [s for s in parts if (signals.valid[s.episode][s.begin : s.end, there].sum(axis=0) >= FEWEST).all()]
     return tuple(told) if {s.episode for s in told} == set(range(len(lengths))) else whole
+
+
+def _of_one_clock(periods_s: FloatArray) -> list[list[int]]:
+    """Return the positions of episodes in groups whose sample periods are about the same."""
+    groups: list[list[int]] = []
+    for e in np.argsort(periods_s, kind="stable"):
+        if groups and periods_s[e] < SAME_CLOCK * periods_s[groups[-1][0]]:
+            groups[-1].append(int(e))
+        else:
+            groups.append([int(e)])
+    return groups
+
+
+def _lengths_s(known: Sensitive, episodes: Sequence[int], length_s: float) -> FloatArray:
+    """Return how long stretches of each of some episodes of one clock are, (E,): so long at most.
+
+    One episode may swing about rest, another one over the top.
+    """
+    out = dict.fromkeys(episodes, length_s)
+    unsure = list(episodes)
+    while length_s > SHORTEST_S and unsure:
+        windows = _windows(known.simulator, length_s, unsure)
+        share = _bent(known, windows)
+        # an episode that is shorter than a window is like the others
+        over = {e: _median(share[windows.episode == e]) for e in set(windows.episode.tolist())}
+        others = _median(share)
+        length_s = max(length_s / 2, SHORTEST_S)
+        unsure = [e for e in unsure if over.get(e, others) > BENT]
+        out |= dict.fromkeys(unsure, length_s)
+    return np.array([out[e] for e in episodes])
 
 
 def impact_stretches(known: Sensitive, found: Sequence[Sequence[Span]], lying: Sequence[Span]) -> tuple[Span, ...]:
@@ -162,12 +184,11 @@ def _norm(change: FloatArray) -> FloatArray:
 
 
 def _windows(simulator: MechanismSimulator, length_s: float, chosen: Sequence[int]) -> Windows:
-    """Return windows of one length, spread over some episodes, where clocks differ over those with the fastest."""
-    episodes = simulator.recording.episodes
-    fastest_s = min(episodes[k].step_s for k in chosen)
-    alike = [(k, len(episodes[k])) for k in chosen if episodes[k].step_s < SAME_CLOCK * fastest_s]
-    samples = min(round(length_s / fastest_s) + 1, max(n for _, n in alike))
-    fits = [(k, f) for k, n in alike for f in range(0, n - samples + 1, samples)]
+    """Return windows of one length, spread over some episodes of one clock."""
+    lengths = {k: len(simulator.recording.episodes[k]) for k in chosen}
+    period_s = min(simulator.recording.episodes[k].step_s for k in chosen)
+    samples = min(round(length_s / period_s) + 1, max(lengths.values()))
+    fits = [(k, f) for k, n in lengths.items() for f in range(0, n - samples + 1, samples)]
     return _spread(np.array(fits, dtype=int).reshape(-1, 2), samples)
 
 
