@@ -39,7 +39,8 @@ SETTLED = 0.03  # of the nominal model's excess: where the leader leaves less, n
 CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, promises hold; so many are fitted anyway
 # Of the nominal model's excess: where a fit leaves less, and no more than the noise, promises of further effects hold.
 LINEAR = 0.1
-AHEAD = 3.0  # times what a larger set leaves beyond the noise: who leaves more is not added to
+AHEAD = 3.0  # times what a larger set leaves beyond the noise: who leaves more is not added to,
+AHEAD_BY_LEAP = 1.5  # and where that set is what a leap led to, which has tried what to add
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
 
 
@@ -240,8 +241,9 @@ class _Rounds:
         """Return what is worth adding to, of contenders of one size, likeliest first."""
         beam: list[Contender] = []
         left = min((s.total for s in self.seeds.values()), default=np.inf) - self.count
+        ahead = AHEAD_BY_LEAP if self.fitter.system.leaps else AHEAD
         for contender in new:
-            if contender.fit.total - self.count > AHEAD * max(left, self.worth):
+            if contender.fit.total - self.count > ahead * max(left, self.worth):
                 continue  # a set of more effects is so far ahead that one more beside this will not reach it
             if beam and beam[0].fit.total - self.count < SETTLED * (self.nominal.total - self.count):
                 break
