@@ -23,6 +23,7 @@ from runner.inference.evidence import (
 )
 from runner.inference.leap import leap
 from runner.inference.least_squares import NONE, Fit, Fitter
+from runner.inference.probability import not_none, shares, unknown_by_excess
 from runner.inference.shortlist import finished, gain, with_fit, without_one, worth_of
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of, over_edges, where_to_begin
 
@@ -234,8 +235,14 @@ class _Rounds:
 
     def _tell_best(self) -> None:
         """Tell the observer of the likeliest so far."""
-        best = max(self.contenders, key=lambda c: c.log_posterior).fit
-        self.fitter.observer.best(best.explanation.names, float(np.sqrt(best.total / self.count)))
+        finite = [c for c in self.contenders if np.isfinite(c.log_posterior)]
+        best = max(finite, key=lambda c: c.log_posterior)
+        alike = [c.fit.explanation.names == best.fit.explanation.names for c in finite]
+        gap, left = ((t - self.count) / self.count for t in (self.nominal.total, best.evidence.loss))
+        unknown = unknown_by_excess(left, gap, self.fitter.system.unknown_share) if best.fit.x.size else not_none(gap)
+        probability = float(shares(finite)[alike].sum()) * (1.0 - unknown)
+        noises = float(np.sqrt(best.fit.total / self.count))
+        self.fitter.observer.best(best.fit.explanation.names, noises, probability)
 
     def beam(self, new: Sequence[Contender]) -> list[Contender]:
         """Return what is worth adding to, of contenders of one size, likeliest first."""
