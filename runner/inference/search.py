@@ -264,13 +264,13 @@ class _Rounds:
         promised = offers(contender, self.fitter)
         left = contender.fit.total - self.count
         if size == 1 and self.pieces:
-            jumps = [o for o in promised if o[1].effect.discontinuous or len(o[1].starts(self.fitter.context))]
-            nonlinear = {o[1] for o in jumps[:NONLINEAR]}
-            return [o for i, o in enumerate(promised) if i < CANDIDATES or o[1] in nonlinear]
+            return self._likely(promised)
         if size == 1:
             foreseen = min((s.total for s in self.seeds.values()), default=np.inf) - self.count
+            if self.fitter.system.leaps and foreseen < SETTLED * left:
+                return promised[:FEWEST]  # an earlier look has found where to begin
             if self.fitter.system.leaps and AHEAD * max(foreseen, self.worth) < left:
-                return promised[:FEWEST]  # an earlier look has found where to begin, and tried the rest in pieces
+                return self._likely(promised)
             every = left >= CLOSE * self.count
             return [o for i, o in enumerate(promised) if every or i < FEWEST or o[0] > OFFERED * self.worth]
         if left < self.worth:
@@ -282,6 +282,12 @@ class _Rounds:
             return [o for o in promised[:candidates] if o[0] > OFFERED * self.worth]
         # far from a good fit the linear promise misleads: the commonest effects are always tried
         return [o for i, o in enumerate(promised) if i < candidates or o[1].effect.common]
+
+    def _likely(self, promised: list[Offer]) -> list[Offer]:
+        """Return the most promising, and of those whose promise says little."""
+        jumps = [o for o in promised if o[1].effect.discontinuous or len(o[1].starts(self.fitter.context))]
+        nonlinear = {o[1] for o in jumps[:NONLINEAR]}
+        return [o for i, o in enumerate(promised) if i < CANDIDATES or o[1] in nonlinear]
 
     def _with_one_more(
         self, contender: Contender, candidate: Candidate, vector: np.ndarray, size: int, target: float
