@@ -246,6 +246,12 @@ def test_what_is_not_measured_is_noted(tmp_path: Path):
     table.loc[10:19, "q_elbow"] = np.nan
     table.to_parquet(tmp_path / "recording.parquet", index=False)
     assert "'q_elbow' is not measured (NaN) in 10 of 100 rows" in read_model_case(tmp_path).notes
+    both = [c for c in table.columns if c.startswith("q_")][:2]
+    table.loc[10:19, both] = np.nan
+    table.to_parquet(tmp_path / "recording.parquet", index=False)
+    # what a stream lacks is one note, not one for each of an arm's joints
+    names = "', '".join(both)
+    assert f"'{names}' are not measured (NaN) in 10 of 100 rows" in read_model_case(tmp_path).notes
     table["q_elbow"] = np.nan
     table.to_parquet(tmp_path / "recording.parquet", index=False)
     with pytest.raises(RecordingError, match="channel 'q_elbow' is NaN in all 100 rows"):

@@ -101,7 +101,6 @@ def measure(system: AbstractSystem, *, scatter: np.ndarray | None = None) -> Mea
     stated = system.stated_noise()
     groups = _groups(system)
     white = np.array([_white([v[:, columns] for v in values]) for columns in groups])
-    rests = [r for r in rests if np.isfinite(r).all()]
     sigma, noise_model = _noise(rests, _step_s(system), groups, stated, white, _rounding_noise(values, groups))
     spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
     valid = tuple(_inliers(v, sigma) for v in values)
@@ -124,11 +123,14 @@ def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.n
     for e, residual in residuals.items():
         # an outlier must not pass for noise; the line between its neighbours does no harm
         filled = residual.copy()
+        there = np.isfinite(measured.values[e])
         for c in range(filled.shape[1]):
-            bad = ~measured.valid[e][:, c]
-            if bad.any() and not bad.all():
-                filled[bad, c] = np.interp(np.flatnonzero(bad), np.flatnonzero(~bad), filled[~bad, c])
-        stretches.append(np.nan_to_num(filled)[: measured.hung.get(e, len(filled))])
+            good = measured.valid[e][:, c]
+            bad = there[:, c] & ~good
+            if bad.any() and good.any():
+                filled[bad, c] = np.interp(np.flatnonzero(bad), np.flatnonzero(good), filled[good, c])
+        # what was not measured has no noise: it stays NaN, and `_noise` passes over it
+        stretches.append(np.where(there, np.nan_to_num(filled), np.nan)[: measured.hung.get(e, len(filled))])
     groups = _groups(system)
     otherwise = measured.sigma[[columns[0] for columns in groups]]
     rounding = _rounding_noise(system.values(), groups)
@@ -168,10 +170,14 @@ def _noise(
 ) -> tuple[np.ndarray, NoiseModel]:
     """Return the noise of each channel, (C,), and its colour.
 
-    `otherwise` per group where too little is there, and `rounding` where nothing is stated and less was found.
+    `otherwise` per group where too little is there, and `rounding` where nothing is stated and less was found. Rows of
+    `stretches` in which a group was not measured are passed over: where topics have stamps of their own, each has only
+    its share of the rows.
     """
     known = stated[[columns[0] for columns in groups]]
-    found = estimate([[s[:, c] for s in stretches] for c in groups], step_s, known)
+    kinds = [[s[np.isfinite(s[:, c]).all(axis=1)][:, c] for s in stretches] for c in groups]
+    rows, told = sum(map(len, stretches)), max((sum(map(len, kind)) for kind in kinds), default=0)
+    found = estimate(kinds, step_s * max(rows, 1) / max(told, 1), known)
     if found is None:
         found = Found(np.where(np.isfinite(known), known, otherwise), 0.0, 0.0)
     sigma = np.empty(len(stated))
@@ -184,7 +190,7 @@ def _rounding_noise(values: Sequence[np.ndarray], groups: Sequence[Sequence[int]
     """Return what rounding alone leaves of noise in each group, (K,): a sensor that counts may show none at rest."""
     out = np.zeros(len(groups))
     for k, columns in enumerate(groups):
-        moves = np.abs(np.concatenate([np.diff(v[:, columns], axis=0).ravel() for v in values]))
+        moves = np.abs(np.concatenate([np.diff(c[np.isfinite(c)]) for v in values for c in v[:, columns].T]))
         moves = moves[moves > 0]
         out[k] = float(moves.min()) / np.sqrt(12.0) if len(moves) else 0.0
     return out
@@ -192,12 +198,18 @@ def _rounding_noise(values: Sequence[np.ndarray], groups: Sequence[Sequence[int]
 
 def _white(values: Sequence[np.ndarray]) -> float:
     """Return the noise level of channels of one kind, each (T, k), if it is white."""
-    # third differences leave nothing of a smooth motion: variance 20 sigma^2 for white noise
-    third = np.concatenate([np.diff(v, 3, axis=0).ravel() for v in values])
-    return float(np.nanmedian(np.abs(third))) / 0.6745 / np.sqrt(20.0)
+    # third differences leave nothing of a smooth motion: variance 20 sigma^2 for white noise; NaN is not measured
+    third = np.concatenate([np.diff(c[np.isfinite(c)], 3) for v in values for c in v.T])
+    return float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0) if len(third) else np.nan
 
 
 def _inliers(values: np.ndarray, sigma: np.ndarray) -> np.ndarray:
-    """Mark values that don't stick out of their neighbours by many noise levels."""
-    distance = np.abs(values - median_filter(values, size=(5, 1), mode="nearest"))
-    return np.isfinite(values) & (distance < OUTLIER_SIGMAS * sigma + 3.0 * np.median(distance, axis=0))
+    """Mark values that don't stick out of their neighbours by many noise levels; what is NaN has none and is none."""
+    inliers = np.isfinite(values)
+    for c, level in enumerate(sigma):
+        there = np.flatnonzero(inliers[:, c])
+        if len(there):
+            own = values[there, c]
+            distance = np.abs(own - median_filter(own, size=5, mode="nearest"))
+            inliers[there, c] = distance < OUTLIER_SIGMAS * level + 3.0 * np.median(distance)
+    return inliers

@@ -31,6 +31,7 @@ from runner.storage.limits import check_shape
 
 SLOWEST_S = 1.0  # a mechanism that is sampled less often than once a second: the times are in another unit
 TURNS = 5  # a joint that goes round more often without a range: worth a note
+ROUND = 12  # rows that hold whole rounds of two, three, four or six streams
 NORM = (0.9, 1.1)  # a quaternion of a length within is a rounded one
 
 
@@ -67,7 +68,18 @@ class MechanismEpisode:
     @cached_property
     def step_s(self) -> float:
         """Usual time from one sample to the next."""
-        return float(np.median(np.diff(self.t_s)))
+        return _usual_step_s([self])
+
+
+def _usual_step_s(episodes: Sequence[MechanismEpisode]) -> float:
+    """Return the median time from one sample to the next.
+
+    Where streams have rows of their own, short steps and long ones alternate (1 ms to the next topic, 9 ms to the next
+    round), and their median is either: there the time that several rows take is shared out among them.
+    """
+    apart = any(np.isnan(e.values).any(axis=0).all() for e in episodes)
+    rows = max(1, min(ROUND, *(len(e) - 1 for e in episodes))) if apart else 1
+    return float(np.median(np.concatenate([(e.t_s[rows:] - e.t_s[:-rows]) / rows for e in episodes])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +108,7 @@ class MechanismRecording:
     @cached_property
     def step_s(self) -> float:
         """Usual time from one sample to the next."""
-        return float(np.median(np.concatenate([np.diff(e.t_s) for e in self.episodes])))
+        return _usual_step_s(self.episodes)
 
     def spec(self) -> mujoco.MjSpec:
         """Return the MJCF, read anew: it may be edited."""
@@ -180,11 +192,7 @@ def read_model_case(path: str | Path) -> MechanismRecording:
     lacking = [s.name for c, s in enumerate(mapping.sources) if c not in kept]
     if lacking:
         raise table.error(f"channel '{lacking[0]}' is NaN in all {len(table)} rows; take it out of {FILE}.")
-    notes += [
-        f"'{s.name}' is not measured (NaN) in {n} of {len(table)} rows"
-        for s, n in zip(mapping.sources, np.isnan(values).sum(axis=0), strict=True)
-        if n
-    ]
+    notes += _lacking(values, mapping)
     notes += note_channels(table, spans, mapping)
     commands = table.stack(mapping.commands) if mapping.commands else np.zeros((len(table), 0))
     forces = _triples(table, [f.force for f in mapping.forces])
@@ -257,6 +265,18 @@ def _check_commands(table: Table, mapping: ModelMapping) -> None:
                 f"'{command.actuator}' is {command.limits[0]:.4g} to {command.limits[1]:.4g} rad: "
                 "probably in degrees, allowed: rad."
             )
+
+
+def _lacking(values: FloatArray, mapping: ModelMapping) -> list[str]:
+    """Return notes on what is not measured everywhere, one for all channels of a stream."""
+    lost: dict[int, list[str]] = {}
+    for source, n in zip(mapping.sources, np.isnan(values).sum(axis=0), strict=True):
+        if n:
+            lost.setdefault(int(n), []).append(f"'{source.name}'")
+    return [
+        f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} not measured (NaN) in {n} of {len(values)} rows"
+        for n, names in lost.items()
+    ]
 
 
 def _check_angles(table: Table, mapping: ModelMapping, model: mujoco.MjModel) -> list[str]:

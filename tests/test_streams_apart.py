@@ -1,0 +1,79 @@
+"""Topics with stamps of their own: rows of commands hold no measurement, and the noise is found all the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pandas as pd
+import pytest
+
+from runner.noise.measured import Measured, measure, refine
+from runner.recording.model_form import read_model_case
+from runner.systems.mechanism.system import MechanismSystem
+
+SIGMA = 0.001  # rad
+MJCF = """
+<mujoco><option timestep="0.001"/><worldbody><body name="lever">
+  <joint name="hinge" axis="0 -1 0" damping="0.05"/>
+  <inertial pos="0 0 -0.3" mass="1" diaginertia="0.01 0.01 0.01"/>
+</body></worldbody><actuator><motor name="drive" joint="hinge"/></actuator></mujoco>"""
+NOMINAL = """
+model: model.xml
+commands: {u: {actuator: drive}}
+channels: {q: {joint: hinge, quantity: position}}
+start: rest
+"""
+
+
+@pytest.fixture(scope="module")
+def lever(tmp_path_factory: pytest.TempPathFactory) -> MechanismSystem:
+    """Return a swinging lever, exactly as believed: a command every 10 ms, and a reading 1 ms after each."""
+    folder: Path = tmp_path_factory.mktemp("lever")
+    (folder / "model.xml").write_text(MJCF)
+    (folder / "nominal.yaml").write_text(NOMINAL)
+    model, rng = mujoco.MjModel.from_xml_string(MJCF), np.random.default_rng(0)
+    rows = []
+    for run in range(3):
+        data = mujoco.MjData(model)
+        for k in range(400):
+            data.ctrl[0] = np.sin(0.03 * k + run)
+            rows.append((run, 0.01 * k, data.ctrl[0], np.nan if k else data.qpos[0]))
+            mujoco.mj_step(model, data)
+            rows.append((run, 0.01 * k + 0.001, data.ctrl[0], data.qpos[0] + SIGMA * rng.standard_normal()))
+            mujoco.mj_step(model, data, nstep=9)
+    pd.DataFrame(rows, columns=["episode", "t", "u", "q"]).to_csv(folder / "recording.csv", index=False)
+    return MechanismSystem(read_model_case(folder))
+
+
+def left_by_the_truth(lever: MechanismSystem, measured: Measured) -> dict[int, np.ndarray]:
+    """Return noise alone, where there is a reading."""
+    rng = np.random.default_rng(1)
+    return {
+        e: np.where(np.isfinite(v), SIGMA * rng.standard_normal(v.shape), np.nan) for e, v in enumerate(measured.values)
+    }
+
+
+def test_readings_between_rows_of_commands_count(lever: MechanismSystem) -> None:
+    """Every reading but few outliers is valid, and nothing else is; the noise is near what was added."""
+    measured = measure(lever)
+    for values, valid in zip(measured.values, measured.valid, strict=True):
+        there = np.isfinite(values)
+        assert not valid[~there].any()
+        assert valid[there].mean() > 0.99
+    assert measured.sigma[0] == pytest.approx(SIGMA, rel=0.15)
+
+
+def test_rows_without_a_reading_make_the_noise_neither_small_nor_slow(lever: MechanismSystem) -> None:
+    """A line drawn between readings would be taken for noise that is half as large and lasts for two rows."""
+    measured = measure(lever)
+    again = refine(measured, lever, left_by_the_truth(lever, measured))
+    assert again.sigma[0] == pytest.approx(SIGMA, rel=0.06)
+    assert not again.noise_model.lag_one.any()
+    assert all(v[np.isfinite(x)].mean() > 0.99 for v, x in zip(again.valid, again.values, strict=True))
+
+
+def test_the_usual_step_is_that_of_all_rows(lever: MechanismSystem) -> None:
+    """Steps of 1 ms and of 9 ms alternate: 200 rows a second, so that a horizon of 0.1 s is 20 rows long."""
+    assert lever.rate_hz == pytest.approx(200.0)
