@@ -164,8 +164,11 @@ def test_episodes_are_cut(keys: dict, lengths: list[int], runs: list[Run], run_i
     count = np.where(np.arange(360) < 60, 4, 9)
     whole = pd.concat([frame(run).assign(time=run.t + 10 * k) for k, run in enumerate(runs)]).assign(count=count)
     whole.to_csv("log.csv", index=False)
-    code, _, err = run_import([Path("log.csv")], FLAT | {"episodes": keys})
+    code, out, err = run_import([Path("log.csv")], FLAT | {"episodes": keys})
     assert (code, err) == (0, "")
+    # a log that stops twice, taken for one episode, is worth a word
+    assert ("8.81 s or longer 2 times within an episode" in out) == (keys["by"] == "part")
+    assert ("`episodes: {by: gap, longer_than_s: 4.4}`" in out) == (keys["by"] == "part")
     episodes = read_model_case("case").episodes
     assert [len(e) for e in episodes] == lengths
     assert [e.index for e in episodes] == ([4, 9] if keys["by"] == "column" else list(range(len(lengths))))

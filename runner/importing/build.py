@@ -13,8 +13,8 @@ import pandas as pd
 from runner.errors import RecordingError, nearest
 from runner.importing.clocks import ClockReport, clock_of, nanoseconds, report
 from runner.importing.entries import Entry, Plan, Role, plan
-from runner.importing.episodes import Cut, Series, cut
-from runner.importing.map_file import ALL, EVEN, Map
+from runner.importing.episodes import Cut, Series, cut, pauses
+from runner.importing.map_file import ALL, EVEN, By, Map
 from runner.importing.plausible import check_plausible
 from runner.importing.rows import Rows, Told, rows
 from runner.importing.signals import Clock, Integers, Log, Part, Signal
@@ -64,7 +64,8 @@ def build(log: Log, path: Path, wanted: Map, model: mujoco.MjModel, model_name: 
         if not made:
             raise RecordingError(f"no episode is left: {'; '.join(told.sentences())}.")
         table = _table(made, planned, told)
-        notes = [*log.notes, *told.sentences(), *check_plausible(table, planned, model)]
+        stopped = [note for one in cuts if wanted.episodes.by is By.PART and (note := pauses(one)) is not None]
+        notes = [*log.notes, *told.sentences(), *stopped[:1], *check_plausible(table, planned, model)]
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
     return Built(planned, table, clocks, tuple(notes))

@@ -15,6 +15,7 @@ from runner.importing.map_file import By, EpisodeKeys
 from runner.importing.signals import Integers, Part, Signal
 from runner.numerics.arrays import FloatArray
 
+PAUSE_S, PAUSE_STEPS = 1.0, 50  # a log that is silent for longer than both has likely been stopped between two runs
 BACK = 0.1  # of the length of a part: stamps that fall back by more are a new start, not samples out of order
 
 
@@ -74,6 +75,20 @@ def cut(part: Part, series: list[Series], by: EpisodeKeys, stamps: Callable[[Sig
                 "begins there, write `episodes: {by: restart}` in the map, or name the column that counts them."
             )
     return _by_gap(series, by.longer_than_s) if by.longer_than_s is not None else [Cut(None, tuple(series))]
+
+
+def pauses(one: Cut) -> str | None:
+    """Return a sentence on long times within an episode in which no channel is measured; None: there are none."""
+    times = np.unique(np.concatenate([s.t_ns for s in one.series if s.entry.role is Role.CHANNEL]))
+    steps = np.diff(times) / NS
+    long = steps[steps > max(PAUSE_S, PAUSE_STEPS * float(np.median(steps)))] if len(steps) else steps
+    if not len(long):
+        return None
+    return (
+        f"nothing is measured for {long.min():.3g} s or longer {len(long)} time{'s' * (len(long) > 1)} within an "
+        "episode; if a run ends there and another begins, write "
+        f"`episodes: {{by: gap, longer_than_s: {long.min() / 2:.2g}}}` in the map"
+    )
 
 
 def _falls(t_ns: Integers) -> Integers:

@@ -93,7 +93,7 @@ def _position(table: pd.DataFrame, source: ChannelSource, entry: Entry, model: m
         if 0 < span < STILL * (limits[1] - limits[0]):
             notes.append(
                 f"'{source.name}' moves over {span:.3g} {source.unit}, a small part of the range of joint "
-                f"'{source.target}' ({limits[0]:.4g} to {limits[1]:.4g}); is its unit {entry.unit}?"
+                f"'{source.target}' ({limits[0]:.4g} to {limits[1]:.4g}); it may not be in {entry.unit}"
             )
         return notes
     largest = float(np.nanmax(np.abs(values)))
@@ -105,7 +105,7 @@ def _position(table: pd.DataFrame, source: ChannelSource, entry: Entry, model: m
                 f"{entry.key}: goes up to {largest:.4g} m, allowed for a {kind} without a range: {most:g} m; "
                 f"is its unit {entry.unit}?"
             )
-        return [f"'{source.name}' goes up to {largest / 2 / np.pi:.0f} turns; is its unit {entry.unit}?"]
+        return [f"'{source.name}' goes up to {largest / 2 / np.pi:.0f} turns; it may not be in {entry.unit}"]
     return []
 
 
