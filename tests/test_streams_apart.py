@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -10,6 +11,7 @@ import pandas as pd
 import pytest
 
 from runner.noise.measured import Measured, measure, refine
+from runner.noise.model import NoiseModel
 from runner.recording.model_form import read_model_case
 from runner.systems.mechanism.system import MechanismSystem
 
@@ -72,6 +74,24 @@ def test_rows_without_a_reading_make_the_noise_neither_small_nor_slow(lever: Mec
     assert again.sigma[0] == pytest.approx(SIGMA, rel=0.06)
     assert not again.noise_model.lag_one.any()
     assert all(v[np.isfinite(x)].mean() > 0.99 for v, x in zip(again.valid, again.values, strict=True))
+
+
+def test_slow_noise_is_whitened_from_reading_to_reading(lever: MechanismSystem) -> None:
+    """Rows of commands between them are no readings of 0: what is whitened is white, and of unit variance."""
+    measured = replace(measure(lever), sigma=np.array([SIGMA]), noise_model=NoiseModel(np.ones(1), np.full(1, 0.8)))
+    residual = np.full((20, *measured.values[0].shape), np.nan)
+    rows = np.isfinite(measured.values[0][:, 0])
+    fresh = SIGMA * np.random.default_rng(2).standard_normal((20, rows.sum()))
+    slow = fresh.copy()
+    for k in range(1, rows.sum()):
+        slow[:, k] = 0.8 * slow[:, k - 1] + 0.6 * fresh[:, k]
+    residual[:, rows, 0] = slow
+    valid = measured.counted(0)[:, 0]
+    white = measured.whiten(0, residual)[..., 0]
+    assert not white[:, ~valid].any()
+    white = white[:, valid]
+    assert white.std() == pytest.approx(1.0, abs=0.03)
+    assert np.mean(white[:, 1:] * white[:, :-1]) == pytest.approx(0.0, abs=0.03)
 
 
 def test_the_usual_step_is_that_of_all_rows(lever: MechanismSystem) -> None:

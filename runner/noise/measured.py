@@ -54,7 +54,16 @@ class Measured:
     def whiten(self, episode: int, residual: np.ndarray) -> np.ndarray:
         """Return residuals (..., T, C) in units of the noise, its colour taken out; 0 where they don't count."""
         valid = self.counted(episode)
-        return np.where(valid, self.noise_model.whiten(np.where(valid, residual / self.sigma, 0.0)), 0.0)
+        scaled = np.where(valid, residual / self.sigma, 0.0)
+        there = np.isfinite(self.values[episode])
+        if there.all() or not self.noise_model.lag_one.any():
+            return np.where(valid, self.noise_model.whiten(scaled), 0.0)
+        # the colour is that from one reading to the next; rows of other streams are none
+        white = np.zeros_like(scaled)
+        for c in range(scaled.shape[-1]):
+            own = NoiseModel(self.noise_model.share[[c]], self.noise_model.memory[[c]])
+            white[..., there[:, c], c] = own.whiten(scaled[..., there[:, c], c, None])[..., 0]
+        return np.where(valid, white, 0.0)
 
     def parts(self, spans: Sequence[Span]) -> Measured:
         """Return parts of the episodes as episodes of their own; the noise is what it was."""
