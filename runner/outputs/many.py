@@ -112,13 +112,13 @@ class Seclusion:
 
     Args:
         folder: Where the workers write.
-        begin: Called first in every worker; must be importable by name.
-        arguments: What it is given.
+        first: Called in every worker before anything of size is imported, with its arguments; importable by name.
+        begin: Called in every worker before its first case, likewise. What it returns stands in each verdict.
     """
 
     folder: Path
-    begin: Callable[..., None]
-    arguments: tuple[Any, ...] = ()
+    first: tuple[Callable[..., object], tuple[Any, ...]]
+    begin: tuple[Callable[..., Mapping[str, Any]], tuple[Any, ...]]
 
 
 def diagnose_many(
@@ -197,10 +197,11 @@ def _run(
     a time, and one that is killed again by itself is given up.
     """
     # fresh processes: MuJoCo's threads and a fork don't go together
-    begin = pickle.dumps((_begin, (made_with, secluded)))
+    first = [] if secluded is None else [secluded.first]
+    begin = [pickle.dumps(called) for called in (*first, (_begin, (made_with, secluded)))]
     left = dict(tasks)
     while left:
-        pool = ProcessPoolExecutor(workers, get_context("spawn"), worker_of, (os.getpid(), begin))
+        pool = ProcessPoolExecutor(workers, get_context("spawn"), worker_of, (os.getpid(), *begin))
         try:
             with shielded():
                 jobs = {pool.submit(_one, case, folder, report): name for name, (case, folder) in left.items()}
@@ -230,7 +231,8 @@ def _begin(made_with: Mapping[str, Any], secluded: Seclusion | None) -> None:
     """Begin a worker."""
     _MADE_WITH.update(made_with)
     if secluded is not None:
-        secluded.begin(*secluded.arguments)
+        function, arguments = secluded.begin
+        _MADE_WITH.update(function(*arguments))
 
 
 def _one(path: Path, folder: Path, report: bool) -> str | None:
