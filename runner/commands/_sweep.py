@@ -39,6 +39,7 @@ from runner.processes.workers import joblib_workers
 from runner.progress import progress
 from runner.storage.writing import write_text
 from runner.teleop import tables
+from runner.teleop.frames import ENDED, Status
 
 Row = Mapping[str, Any]
 TOGETHER = 32  # jobs done at once; memory grows with it, and the cost per run hardly falls any more
@@ -104,13 +105,15 @@ def sweep(
 
 
 def _told(rows: Sequence[Row], folder: Path) -> int:
-    failed = [row for row in rows if row["status"] != "done"]
+    failed = [row for row in rows if row["status"] not in ENDED]
+    astray = sum(row["status"] == Status.unconverged.value for row in rows)
     for row in failed[:TOLD]:
         print(f"job {row['job']}: {row['reason']}", file=sys.stderr)
     if len(failed) > TOLD:
         print(f"... and {len(failed) - TOLD} more: runner table {folder}", file=sys.stderr)
     count = len({row["job"] for row in rows})
-    print(f"{count} runs in {folder}" + (f", {len(failed)} of them failed" if failed else ""))
+    said = [(len(failed), "failed"), (astray, "did not converge")]
+    print(f"{count} runs in {folder}" + "".join(f", {n} of them {what}" for n, what in said if n))
     return 1 if failed else 0
 
 

@@ -27,6 +27,7 @@ from rich.table import Table
 from runner.commands import Command, Job
 from runner.errors import ConfigError
 from runner.estimation import averaged  # noqa: F401
+from runner.estimation.convergence import judged
 from runner.physics.forces import CsvForces
 from runner.progress import progress
 from runner.storage.provenance import files_digest, versions
@@ -46,7 +47,7 @@ from runner.studies import (  # noqa: F401
 from runner.studies.base import AbstractStudy
 from runner.teleop.batch import run_batch
 from runner.teleop.experiment import Experiment
-from runner.teleop.frames import RunResult, Status
+from runner.teleop.frames import ENDED, RunResult, Status
 from runner.teleop.loop import run
 from runner.teleop.sinks import LogConfig, RrdSink, combine
 from runner.teleop.tables import SUMMARY, summary_row, write_summary
@@ -73,10 +74,11 @@ def main(config: RunConfig, job: Job) -> int | None:
         return None
     with progress("Running", total=config.steps, unit="steps") as advance:
         result = run(config, advance)
+    result = judged(config, result)
     row = {**job.about, **_logged(result, config, job), **job.provenance}
     write_summary([row], folder)
     _print(result, row, folder)
-    return None if result.status is Status.done else 1
+    return None if result.status.value in ENDED else 1
 
 
 def batch(jobs: Sequence[tuple[RunConfig, Job]], threads: int) -> list[dict[str, Any] | Exception]:
@@ -90,7 +92,7 @@ def batch(jobs: Sequence[tuple[RunConfig, Job]], threads: int) -> list[dict[str,
         if len(jobs) == 1:
             return [error]
         return [row for job in jobs for row in batch([job], threads)]
-    return [_logged(result, config, job) for result, (config, job) in zip(results, jobs, strict=True)]
+    return [_logged(judged(config, result), config, job) for result, (config, job) in zip(results, jobs, strict=True)]
 
 
 def _studied(study: AbstractStudy, config: RunConfig, job: Job) -> None:
@@ -151,7 +153,7 @@ def _print(result: RunResult, row: Mapping[str, Any], folder: Path) -> None:
     console = Console()
     console.print(table)
     if result.reason:
-        console.print(f"{result.status.value}: {result.reason}", highlight=False)
+        console.print(f"{result.status.value}: {result.reason}", highlight=False, soft_wrap=True)
     console.print(f"{row['steps_per_s']:,.0f} physics steps per second. Results: {folder}", highlight=False)
     if (folder / RrdSink.FILE).is_file():
         console.print(f"Look at it: rerun {folder / RrdSink.FILE}", highlight=False, soft_wrap=True)
