@@ -163,6 +163,45 @@ def store_schemas(name: str, root: type) -> None:
         store.store(group=group, name=f"schema_{option}", node=schema(cls), provider="runner")
 
 
+def restored(plain: Any, cls: type) -> Any:
+    """Return plain containers of a file as `build` wants them: types checked, names in place of which enums stand.
+
+    Args:
+        plain: What `config.yaml` of a results folder holds.
+        cls: The dataclass of the whole.
+
+    Raises:
+        ConfigError: Naming the full key of the first value of another type.
+    """
+    schema(cls)
+    return _restored(plain, cls, "")
+
+
+def _restored(value: Any, cls: Any, key: str) -> Any:
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    if not isinstance(value, dict):
+        return value
+    known = _TARGETS.get(str(value[TARGET])) if TARGET in value else cls
+    if not (inspect.isclass(known) and dataclasses.is_dataclass(known)):  # by name, as effects and estimators are
+        return {k: _restored(v, None, f"{key}.{k}") for k, v in value.items()}
+    node = OmegaConf.structured(schema(known))
+    out: dict[str, Any] = {}
+    for name, part in value.items():
+        place = f"{key}.{name}".lstrip(".")
+        hint = _hints(known).get(str(name))
+        if isinstance(part, dict) or name == TARGET or hint is None:
+            out[str(name)] = _restored(part, hint, place)
+            continue
+        try:
+            node[name] = part
+            out[str(name)] = OmegaConf.to_container(node, resolve=False)[name]  # type: ignore[index]
+        except (OmegaConfBaseException, ValueError) as error:
+            raise ConfigError(f"{place}: {' '.join(str(error).split('full_key')[0].split())}") from None
+    return out
+
+
 def build(config: Any, cls: type[T]) -> T:
     """Make the frozen dataclass, and all dataclasses in it, from a composed config.
 
