@@ -31,6 +31,7 @@ SUMMARY = "summary.parquet"
 SWEEP = "sweep.txt"  # marks the folder of a sweep, and says what it was made with
 ROWS = "rows"
 OF_RUN = "run"  # the command whose results are rows
+UNREADABLE = (OSError, ValueError, TypeError, pa.ArrowException)  # what a spoilt Parquet file raises
 WITHIN = {"1pct": 1e-2, "0p1pct": 1e-3, "0p01pct": 1e-4}
 
 
@@ -124,8 +125,10 @@ def read_summary(file: Path) -> list[dict[str, Any]]:
     """
     try:
         return pq.read_table(file).to_pylist()
-    except (OSError, pa.ArrowInvalid) as error:
-        raise ResultError(f"paths: '{file}' can't be read: {str(error).splitlines()[0]}") from error
+    except UNREADABLE as error:
+        raise ResultError(
+            f"paths: '{file}' can't be read: {(str(error) or type(error).__name__).splitlines()[0]}"
+        ) from error
 
 
 def append_line(file: Path, item: Any) -> None:
@@ -150,10 +153,10 @@ def append_line(file: Path, item: Any) -> None:
 
 def whole_lines(file: Path) -> Iterator[Any]:
     """Yield the lines of JSON of a file, save for those that are empty or were cut off."""
-    for line in file.read_text(encoding="utf-8").splitlines():
+    for line in file.read_text(encoding="utf-8", errors="replace").splitlines():
         try:
             yield json.loads(line)
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):
             continue
 
 
@@ -198,7 +201,9 @@ def still_held(folder: Path) -> bool:
 def _noted(file: Path) -> dict[int, list[dict[str, Any]]]:
     found: dict[int, list[dict[str, Any]]] = {}
     for noted in whole_lines(file):
-        found[noted["job"]] = noted["rows"]
+        job, rows = (noted.get("job"), noted.get("rows")) if isinstance(noted, dict) else (None, None)
+        if isinstance(job, int) and isinstance(rows, list) and all(isinstance(row, dict) for row in rows):
+            found[job] = [{**row, "job": job} for row in rows]
     return found
 
 
@@ -207,6 +212,8 @@ def sweep_rows(folder: Path) -> list[dict[str, Any]]:
     found: dict[int, list[dict[str, Any]]] = {}
     if (folder / SUMMARY).is_file():
         for row in read_summary(folder / SUMMARY):
+            if not isinstance(row.get("job"), int):
+                raise ResultError(f"paths: '{folder / SUMMARY}' is not of a sweep: a row has no number in 'job'.")
             found.setdefault(row["job"], []).append(row)
     for file in sorted((folder / ROWS).glob("*.jsonl")):
         found |= _noted(file)
@@ -295,8 +302,11 @@ def _read(folder: Path) -> pd.DataFrame:
         return pd.DataFrame([{"run": str(folder), **row}])
     try:
         table = _whole(pq.read_table(folder / SUMMARY))
-    except (OSError, ValueError) as error:
-        raise ResultError(f"paths: '{folder / SUMMARY}' can't be read: {str(error).splitlines()[0]}") from error
+    except UNREADABLE as error:
+        said = (str(error) or type(error).__name__).splitlines()[0]
+        raise ResultError(f"paths: '{folder / SUMMARY}' can't be read: {said}") from error
+    if "run" in table:
+        raise ResultError(f"paths: '{folder / SUMMARY}' is no summary of runs: it has a column 'run'.")
     table.insert(0, "run", str(folder))
     return table
 
