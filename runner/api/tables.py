@@ -66,12 +66,16 @@ def verdict_table(case: str, ranked: Sequence[dict[str, Any]]) -> pd.DataFrame:
 def _read_verdict(file: Path) -> pd.DataFrame:
     from runner.diagnosis.verdict import read_verdict
 
-    return verdict_table(str(file.parent), read_verdict(file)["ranked"])
+    ranked = read_verdict(file)["ranked"]
+    try:
+        return verdict_table(str(file.parent), ranked)
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise ResultError(f"{file}: is no verdict: {type(error).__name__}: {str(error)[:200]}.") from None
 
 
 def _read_gap(file: Path) -> pd.DataFrame:
     check_size(file)
     try:
         return pd.read_parquet(file)
-    except (OSError, ValueError) as error:
-        raise ResultError(f"{file}: can't be read: {str(error).splitlines()[0]}") from None
+    except tables.UNREADABLE as error:
+        raise ResultError(f"{file}: can't be read: {(str(error) or type(error).__name__).splitlines()[0]}") from None

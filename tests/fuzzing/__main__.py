@@ -12,7 +12,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from tests.fuzzing.readers import readers
-from tests.fuzzing.trial import kind_of, work, write_spoilt
+from tests.fuzzing.trial import MEMORY, kind_of, work, write_spoilt
 
 PATIENCE_S = 90.0
 
@@ -37,26 +37,37 @@ def main(arguments: list[str]) -> int:
                 print(f"{at}: {problem}", flush=True)
                 write_spoilt(kinds, seed, at, out / str(at))
 
-    while number < first + count:
+    def go_on(last: int, *, memory: int = MEMORY) -> str:
+        """Do trials in a process of their own up to one that ends it, and return how it ended."""
+        nonlocal number, told
         ours, theirs = get_context("spawn").Pipe(duplex=False)
-        worker = get_context("spawn").Process(target=work, args=(theirs, number, first + count, seed, given["kind"]))
+        arguments = (theirs, number, last, seed, given["kind"], memory)
+        worker = get_context("spawn").Process(target=work, args=arguments)
         worker.start()
         theirs.close()
+        waited = True
         with contextlib.suppress(EOFError):
-            while ours.poll(PATIENCE_S):
+            while waited := ours.poll(PATIENCE_S):
                 number, outcome, problem = ours.recv()
                 note(number, outcome, problem)
                 number += 1
                 if time.monotonic() - told > 60:
                     told = time.monotonic()
                     print(f"... {number - first:,} of {count:,} in {told - begin:.0f} s", flush=True)
-        ended = not worker.is_alive() or (worker.join(5) is None and worker.exitcode is not None)
-        worker.kill()
+        if not waited:
+            worker.kill()
         worker.join()
-        if number < first + count:
-            why = f"ended its process ({worker.exitcode})" if ended else f"did not end within {PATIENCE_S:g} s"
-            note(number, "failed", f"{kind_of(number, kinds)}: {why}")
-            number += 1
+        return f"ended its process ({worker.exitcode})" if waited else f"did not end within {PATIENCE_S:g} s"
+
+    while number < first + count:
+        go_on(first + count)
+        # once more alone, and with all the memory there is: a library that lacks memory may end its process
+        at = number
+        if at < first + count:
+            ended = go_on(number + 1, memory=0)
+            if number == at:
+                note(number, "failed", f"{kind_of(number, kinds)}: {ended}")
+                number += 1
     total = {k: outcomes[k] for k in ("read", "refused", "failed")}
     print(json.dumps({**total, "kinds": len(kinds), "seconds": round(time.monotonic() - begin)}))
     for kind in sorted(kinds):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -136,22 +137,23 @@ def _table(content: bytes, rng: Rng) -> bytes:
 def _values(table: pd.DataFrame, name: str, rng: Rng) -> pd.DataFrame:
     rows = rng.random(len(table)) < rng.choice([0.01, 0.1, 1.0])
     value = VALUES[int(rng.integers(len(VALUES)))]
-    return table.assign(**{name: np.where(rows, value, pd.to_numeric(table[name], errors="coerce"))})
+    numbers = np.asarray(pd.to_numeric(table[name], errors="coerce"), dtype=float)
+    return table.assign(**{name: np.where(rows, value, numbers)})
 
 
 def _typed(table: pd.DataFrame, name: str, rng: Rng) -> pd.DataFrame:
-    kinds: tuple[Callable[[pd.Series], object], ...] = (
+    kinds: tuple[Callable[[Any], object], ...] = (
         lambda c: c.astype(str),
         lambda c: [[v] for v in c],
         lambda c: [{"a": v} for v in c],
-        lambda c: pd.to_datetime(range(len(c)), unit="s"),
+        lambda c: pd.to_datetime(np.arange(len(c)), unit="s"),
         lambda c: c.astype(bool),
         lambda c: [None] * len(c),
         lambda c: pd.Categorical(c.astype(str)),
         lambda c: np.arange(len(c), dtype=np.uint8),
         lambda c: c.astype(np.float32),
         lambda c: [bytes([k % 256]) for k in range(len(c))],
-        lambda c: pd.to_timedelta(range(len(c)), unit="s"),
+        lambda c: pd.to_timedelta(np.arange(len(c)), unit="s"),
     )
     return table.assign(**{name: kinds[int(rng.integers(len(kinds)))](table[name])})
 

@@ -132,7 +132,7 @@ def _mjcf(place: Path) -> Reader:
 def _forces(place: Path) -> Reader:
     rows = ["t,fx,fy,fz,px,py,pz", *(f"{0.1 * k:.1f},{k % 5},{-k % 3},0,0.1,0,0" for k in range(30))]
     return Reader(
-        {"forces.csv": "\n".join(rows).encode()}, ("forces.csv",), lambda folder: CsvForces(folder / "forces.csv")
+        {"forces.csv": "\n".join(rows).encode()}, ("forces.csv",), lambda folder: CsvForces(str(folder / "forces.csv"))
     )
 
 
@@ -175,8 +175,8 @@ def _sweep(place: Path) -> Reader:
 
 def _map(place: Path) -> Reader:
     logs, keys = log_writers.csv(place, [log_writers.simulated(0)])
-    model = (place / "arm.xml").write_text(log_writers.ARM) and place / "arm.xml"
-    compiled = read_mjcf(model).compile()
+    (place / "arm.xml").write_text(log_writers.ARM)
+    compiled = read_mjcf(place / "arm.xml").compile()
     log = read_log(logs, ReadOptions())
 
     def read(folder: Path) -> None:

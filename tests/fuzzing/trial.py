@@ -20,7 +20,7 @@ from tests.fuzzing.mutations import spoilt
 from tests.fuzzing.readers import Reader, readers
 
 OWN = f"{os.sep}runner{os.sep}"
-MEMORY = 8_000_000_000  # bytes of address space: a bomb is a MemoryError, or ends the process
+MEMORY = 8_000_000_000  # bytes of address space: a bomb is a MemoryError, or ends the process; 0: no limit
 LONGEST_S = 20.0
 LONGEST_LINE = 100_000  # of an error, before it is shortened for the terminal
 REFUSED = (RunnerError, OSError, MemoryError)  # each is one line to the user, see `runner.__main__`
@@ -74,9 +74,10 @@ def trial(kinds: Mapping[str, Reader], seed: int, number: int, folder: Path) -> 
     return outcome, f"{kind}, {file}: {problem}" if problem else ""
 
 
-def work(pipe: Connection, first: int, last: int, seed: int, kind: str) -> None:
+def work(pipe: Connection, first: int, last: int, seed: int, kind: str, memory: int = MEMORY) -> None:
     """Do trials one after another, and say what came of each."""
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    if memory:
+        resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     nowhere = os.open(os.devnull, os.O_WRONLY)
     with tempfile.TemporaryDirectory(prefix="runner-fuzz-") as name:
         os.chdir(name)
