@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from runner.errors import ResultError
-from runner.storage.limits import check_size
+from runner.storage.parquet_file import UNREADABLE, ParquetError, read_whole
 from runner.teleop import tables
 
 GAP = "gap.parquet"
@@ -74,8 +74,7 @@ def _read_verdict(file: Path) -> pd.DataFrame:
 
 
 def _read_gap(file: Path) -> pd.DataFrame:
-    check_size(file)
     try:
-        return pd.read_parquet(file)
-    except tables.UNREADABLE as error:
-        raise ResultError(f"{file}: can't be read: {(str(error) or type(error).__name__).splitlines()[0]}") from None
+        return read_whole(file).to_pandas()
+    except (ParquetError, *UNREADABLE) as error:
+        raise ResultError(f"{file}: can't be read: {str(error)[:300]}") from None

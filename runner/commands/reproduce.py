@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from runner.commands import Command, Job, run
 from runner.commands._stored import stored_run
 from runner.errors import ResultError
+from runner.storage.parquet_file import ParquetError, read_whole
 from runner.storage.provenance import differences, program
 from runner.teleop.sinks import RrdSink
 from runner.teleop.tables import SUMMARY
@@ -116,9 +116,9 @@ def _different_frames(old: Path, new: Path) -> str:
 
 def _table(file: Path) -> pa.Table:
     try:
-        return pq.read_table(file)
-    except (OSError, ValueError) as error:
-        raise ResultError(f"{file}: can't be read: {str(error).splitlines()[0]}") from error
+        return read_whole(file)
+    except ParquetError as error:
+        raise ResultError(f"{file}: can't be read: {error}") from None
 
 
 def _different_recordings(old: Path, new: Path) -> str:

@@ -24,6 +24,7 @@ from filelock import FileLock, Timeout
 
 from runner.errors import ResultError, RunnerError, WriteError
 from runner.storage import run_status
+from runner.storage.parquet_file import UNREADABLE, ParquetError, read_whole
 from runner.storage.writing import replacing
 from runner.teleop.frames import RunResult, Truth
 
@@ -31,7 +32,6 @@ SUMMARY = "summary.parquet"
 SWEEP = "sweep.txt"  # marks the folder of a sweep, and says what it was made with
 ROWS = "rows"
 OF_RUN = "run"  # the command whose results are rows
-UNREADABLE = (OSError, ValueError, TypeError, pa.ArrowException)  # what a spoilt Parquet file raises
 WITHIN = {"1pct": 1e-2, "0p1pct": 1e-3, "0p01pct": 1e-4}
 
 
@@ -124,11 +124,16 @@ def read_summary(file: Path) -> list[dict[str, Any]]:
         ResultError: If it can't be read.
     """
     try:
-        return pq.read_table(file).to_pylist()
-    except UNREADABLE as error:
-        raise ResultError(
-            f"paths: '{file}' can't be read: {(str(error) or type(error).__name__).splitlines()[0]}"
-        ) from error
+        return _table(file).to_pylist()
+    except UNREADABLE as error:  # texts that are none are found only now
+        raise ResultError(f"paths: '{file}' can't be read: {str(error)[:300]}") from None
+
+
+def _table(file: Path) -> pa.Table:
+    try:
+        return read_whole(file)
+    except ParquetError as error:
+        raise ResultError(f"paths: '{file}' can't be read: {error}") from None
 
 
 def append_line(file: Path, item: Any) -> None:
@@ -301,10 +306,9 @@ def _read(folder: Path) -> pd.DataFrame:
     if not (folder / SUMMARY).is_file() and (row := _begun(folder)) is not None:
         return pd.DataFrame([{"run": str(folder), **row}])
     try:
-        table = _whole(pq.read_table(folder / SUMMARY))
+        table = _whole(_table(folder / SUMMARY))
     except UNREADABLE as error:
-        said = (str(error) or type(error).__name__).splitlines()[0]
-        raise ResultError(f"paths: '{folder / SUMMARY}' can't be read: {said}") from error
+        raise ResultError(f"paths: '{folder / SUMMARY}' can't be read: {str(error)[:300]}") from None
     if "run" in table:
         raise ResultError(f"paths: '{folder / SUMMARY}' is no summary of runs: it has a column 'run'.")
     table.insert(0, "run", str(folder))
