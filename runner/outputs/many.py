@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from runner.diagnosis.pipeline import diagnose
 from runner.diagnosis.result import Diagnosis
 from runner.diagnosis.verdict import ALL, FILE, verdict
 from runner.errors import ConfigError, ResultError, RunnerError, WriteError
+from runner.outputs.elsewhere import Spread, elsewhere
 from runner.processes.workers import kill_workers, shielded, worker_of
 from runner.progress import progress
 from runner.recording.case import TABLES, content_hash
@@ -129,6 +131,7 @@ def diagnose_many(
     report: bool = True,
     secluded: Seclusion | None = None,
     config_hash: str | None = None,
+    spread: Spread | None = None,
 ) -> dict[str, str]:
     """Diagnose cases that have no verdict in the results yet, and keep `verdicts.json` of all up to date.
 
@@ -141,6 +144,8 @@ def diagnose_many(
         report: Whether to write more than the verdict and the corrected model, and to look for advice.
         secluded: How workers are kept from everything but their cases; None: they are not.
         config_hash: Of the settings, for the verdicts.
+        spread: Makes calls in other processes, maybe on other machines, which see the same folders, in place of
+            `workers`; see `runner.outputs.elsewhere`.
 
     Returns:
         What was wrong with each case that could not be diagnosed, by name.
@@ -159,7 +164,13 @@ def diagnose_many(
     failed: dict[str, str] = {}
     with progress("Diagnosing", total=len(cases), unit="cases", minutes=True) as advance:
         advance(len(cases) - len(todo))
-        for name, problem in _run({n: (cases[n], target[n]) for n in todo}, count, report, secluded, made_with):
+        tasks = {n: (cases[n].absolute(), target[n].absolute()) for n in todo}
+        ended = (
+            _run(tasks, count, report, secluded, made_with)
+            if spread is None
+            else elsewhere(spread, {n: partial(_one_made_with, made_with, *tasks[n], report) for n in todo}, target)
+        )
+        for name, problem in ended:
             if problem is not None:
                 failed[name] = problem
             elif secluded is not None:
@@ -233,6 +244,12 @@ def _begin(made_with: Mapping[str, Any], secluded: Seclusion | None) -> None:
     if secluded is not None:
         function, arguments = secluded.begin
         _MADE_WITH.update(function(*arguments))
+
+
+def _one_made_with(made_with: Mapping[str, Any], path: Path, folder: Path, report: bool) -> str | None:
+    """Diagnose a case as `_one` does, in a process that was told nothing before."""
+    _MADE_WITH.update(made_with)
+    return _one(path, folder, report)
 
 
 def _one(path: Path, folder: Path, report: bool) -> str | None:
