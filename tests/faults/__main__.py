@@ -20,7 +20,10 @@ def main(arguments: list[str]) -> int:
             count += 1
             if fault.problem:
                 wrong += 1
-                print(f"{name}, call {fault.number}, {'killed' if fault.how == KILL else 'failed'}: {fault.problem}", flush=True)
+                print(
+                    f"{name}, call {fault.number}, {'killed' if fault.how == KILL else 'failed'}: {fault.problem}",
+                    flush=True,
+                )
         print(f"{name}: {count} faults in {time.monotonic() - begin:.0f} s", flush=True)
     print(f"{wrong} left something between old and new, or were not told in a line")
     return 1 if wrong else 0

@@ -72,6 +72,13 @@ def faults(name: str, *, every: int = 1, first: int = 1) -> Iterator[Fault]:
             path.mkdir()
         scenario = SCENARIOS[name](folder, apart)
         scenario.prepare()
+
+        def lay() -> int:
+            scenario.before()
+            return 0
+
+        if _forked(apart / "laid", lay):
+            raise RuntimeError((apart / "laid").read_text())
         shutil.copytree(folder, before)
         count = _forked(apart / "count", lambda: _counted(library, scenario))
         for number in range(first, count + 1, every):

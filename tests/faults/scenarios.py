@@ -40,7 +40,10 @@ class Scenario(ABC):
         self.folder, self.apart = folder, apart
 
     def prepare(self) -> None:
-        """Make what is there before; called once, before anything fails."""
+        """Find what is to be written, if that takes long; called once, and writes nothing by Rerun, which can't fork."""
+
+    def before(self) -> None:
+        """Write what is there before; called once, in a process of its own."""
 
     @abstractmethod
     def act(self) -> int:
@@ -71,7 +74,7 @@ class Run(Scenario):
 class RunAgain(Run):
     """The same into a folder that holds the results of the same settings."""
 
-    def prepare(self) -> None:
+    def before(self) -> None:
         assert self.act() == 0
 
     def check(self, *, done: bool) -> None:
@@ -104,7 +107,7 @@ class Table(Scenario):
 
     OLD = "the table of before\n" * 1000
 
-    def prepare(self) -> None:
+    def before(self) -> None:
         assert main(["run", *SHORT, "log.rrd=off", f"out={self.apart / 'r'}"]) == 0
         (self.folder / "t.csv").write_text(self.OLD)
         assert main(["table", str(self.apart / "r"), f"out={self.apart / 'new.csv'}"]) == 0
@@ -137,6 +140,8 @@ class Diagnosis(Scenario):
         for name, seed in (("old", 1), ("new", 2)):
             write_case(made(episodes=2, seconds=1.0, seed=seed)[0], self.apart / name)
         self.found: dict[str, Any] = {n: diagnose(open_case(self.apart / n), threads=1) for n in ("old", "new")}
+
+    def before(self) -> None:
         self._write("old")
 
     def _write(self, name: str) -> None:
