@@ -15,13 +15,12 @@ ROOT = Path(__file__).parents[1]
 
 
 @pytest.mark.skipif(compiler() is None, reason="no C compiler for the library that makes calls fail")
-@pytest.mark.parametrize(("only", "every", "first"), [("table", 3, 2), ("run", 120, 70)])
-def test_a_slice_of_the_faults(only: str, every: int, first: int) -> None:
-    """Some calls of each; `make faults` goes through all."""
-    words = [sys.executable, "-m", "tests.faults", f"only={only}", f"every={every}", f"first={first}"]
+def test_a_slice_of_the_faults() -> None:
+    """Some calls of a table that is written over another; `make faults` goes through all, of everything."""
+    words = [sys.executable, "-m", "tests.faults", "only=table", "every=3", "first=2"]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-    assert f"{only}: " in done.stdout
+    assert "table: " in done.stdout
     assert "0 left something between old and new" in done.stdout
 
 

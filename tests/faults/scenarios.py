@@ -12,16 +12,10 @@ import pyarrow.parquet as pq
 from rerun.chunk import RrdReader
 
 from runner.__main__ import main
-from runner.api.case import read
 from runner.api.tables import read_table
-from runner.diagnosis.pipeline import diagnose
-from runner.outputs.many import has_verdict, write_all
-from runner.recording import write_case
 from runner.storage.reading import read_json
 from runner.storage.yaml_text import read_yaml
-from runner.systems.case import open_case
 from runner.teleop import tables
-from tests.cases import made
 
 SHORT = ("forces.pushes=1", "forces.push_s=0.1", "forces.rest_s=0.1", "forces.lead_s=0.1")
 TIMES = ["wall_s", "steps_per_s", "log_s", "host"]
@@ -29,7 +23,7 @@ PART = re.compile(r"\..*\.[0-9a-f]{8}(\..*)?")  # a file under its temporary nam
 
 
 class Scenario(ABC):
-    """A command that writes.
+    """A command that writes. What a scenario alone needs is imported by it: a slice begins sooner.
 
     Args:
         folder: Where it writes; faults are counted below it.
@@ -40,7 +34,7 @@ class Scenario(ABC):
         self.folder, self.apart = folder, apart
 
     def prepare(self) -> None:
-        """Find what is to be written, if that takes long; called once, and writes nothing by Rerun, which can't fork."""
+        """Find what is to be written, if that takes long; called once. Writes nothing by Rerun, which can't fork."""
 
     def before(self) -> None:
         """Write what is there before; called once, in a process of its own."""
@@ -124,12 +118,17 @@ class Case(Scenario):
     """A recording, as the API writes it."""
 
     def act(self) -> int:
+        from runner.recording import write_case
+        from tests.cases import made
+
         write_case(made(episodes=1, seconds=0.5)[0], self.folder / "c")
         return 0
 
     def check(self, *, done: bool) -> None:
         whole(self.folder)
         if done:
+            from runner.systems.case import open_case
+
             open_case(self.folder / "c")
 
 
@@ -137,6 +136,11 @@ class Diagnosis(Scenario):
     """What a diagnosis leaves, over what one of another recording left; found once, written each time."""
 
     def prepare(self) -> None:
+        from runner.diagnosis.pipeline import diagnose
+        from runner.recording import write_case
+        from runner.systems.case import open_case
+        from tests.cases import made
+
         for name, seed in (("old", 1), ("new", 2)):
             write_case(made(episodes=2, seconds=1.0, seed=seed)[0], self.apart / name)
         self.found: dict[str, Any] = {n: diagnose(open_case(self.apart / n), threads=1) for n in ("old", "new")}
@@ -145,6 +149,9 @@ class Diagnosis(Scenario):
         self._write("old")
 
     def _write(self, name: str) -> None:
+        from runner.api.case import read
+        from runner.outputs.many import write_all
+
         belongs = {"recording_hash": read(self.apart / name).recording_hash}
         write_all(self.found[name], self.folder / "d", report=True, provenance=belongs)
 
@@ -153,6 +160,8 @@ class Diagnosis(Scenario):
         return 0
 
     def check(self, *, done: bool) -> None:
+        from runner.outputs.many import has_verdict
+
         whole(self.folder)
         old, new = (has_verdict(self.folder / "d", self.apart / name) for name in ("old", "new"))
         assert new or not done
