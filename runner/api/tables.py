@@ -69,7 +69,7 @@ def _read_verdict(file: Path) -> pd.DataFrame:
     ranked = read_verdict(file)["ranked"]
     try:
         return verdict_table(str(file.parent), ranked)
-    except (LookupError, TypeError, ValueError, AttributeError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise ResultError(f"{file}: is no verdict: {type(error).__name__}: {str(error)[:200]}.") from None
 
 

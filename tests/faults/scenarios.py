@@ -6,7 +6,6 @@ import re
 import shutil
 from abc import ABC, abstractmethod
 from pathlib import Path
-from typing import Any
 
 import pyarrow.parquet as pq
 from rerun.chunk import RrdReader
@@ -133,27 +132,27 @@ class Case(Scenario):
 
 
 class Diagnosis(Scenario):
-    """What a diagnosis leaves, over what one of another recording left; found once, written each time."""
+    """What a diagnosis leaves, over what one of another recording left; found anew each time, as it holds threads."""
 
     def prepare(self) -> None:
-        from runner.diagnosis.pipeline import diagnose
         from runner.recording import write_case
-        from runner.systems.case import open_case
         from tests.cases import made
 
         for name, seed in (("old", 1), ("new", 2)):
             write_case(made(episodes=2, seconds=1.0, seed=seed)[0], self.apart / name)
-        self.found: dict[str, Any] = {n: diagnose(open_case(self.apart / n), threads=1) for n in ("old", "new")}
 
     def before(self) -> None:
         self._write("old")
 
     def _write(self, name: str) -> None:
         from runner.api.case import read
+        from runner.diagnosis.pipeline import diagnose
         from runner.outputs.many import write_all
+        from runner.systems.case import open_case
 
         belongs = {"recording_hash": read(self.apart / name).recording_hash}
-        write_all(self.found[name], self.folder / "d", report=True, provenance=belongs)
+        found = diagnose(open_case(self.apart / name), threads=1)
+        write_all(found, self.folder / "d", report=True, provenance=belongs)
 
     def act(self) -> int:
         self._write("new")

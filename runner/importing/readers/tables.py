@@ -42,9 +42,10 @@ def read_text(path: Path, options: ReadOptions) -> Log:
     check_size(path)
     try:
         table = pa_csv.read_csv(path, parse_options=pa_csv.ParseOptions(delimiter=delimiter), convert_options=convert)
+        table = table.rename_columns([c.strip().lstrip("%\ufeff") for c in table.column_names])
     except UNREADABLE as error:
         raise file_error(path, "a text table", error) from None
-    part, texts = table_part(path.name, table.rename_columns([c.strip().lstrip("%\ufeff") for c in table.column_names]))
+    part, texts = table_part(path.name, table)
     notes = [f"{path.name}: columns parted by {delimiter!r}"] if delimiter not in (",", "\t") else []
     commas = [name for name in texts if _decimal_commas(table.column(texts[name]))]
     if commas and options.decimal == ".":
