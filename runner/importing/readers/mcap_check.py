@@ -18,7 +18,7 @@ from runner.errors import RecordingError
 from runner.storage.limits import check_bytes
 
 MAGIC = b"\x89MCAP0\r\n"
-SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x03, 0x04, 0x05, 0x06
+SCHEMA, CHANNEL, MESSAGE, CHUNK, CHUNK_INDEX = 0x03, 0x04, 0x05, 0x06, 0x08
 FOOTER, LAST, PRIVATE = 0x02, 0x0F, 0x80
 CODECS = {"lz4": "lz4", "zstd": "zstd"}
 
@@ -35,8 +35,16 @@ def check_mcap(path: Path) -> None:
             data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))  # closed with the last view of it
         if data[: len(MAGIC)] != MAGIC:
             raise ValueError("it does not begin as such a file")
+        chunks: dict[int, int] = {}
         for opcode, begin, content in _records(data[len(MAGIC) :], len(MAGIC)):
+            if opcode == CHUNK_INDEX:
+                start, length = struct.unpack_from("<QQ", content, 16)
+                if chunks.get(start) != length:
+                    raise ValueError(
+                        f"the record at byte {begin} speaks of a chunk at byte {start}, where there is none"
+                    )
             if opcode == CHUNK:
+                chunks[begin] = 9 + len(content)
                 check_bytes(path, _unpacked_size(content))
                 _check_chunk(content, begin)
             _check_names(opcode, content, f"the record at byte {begin}")
