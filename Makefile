@@ -11,7 +11,7 @@ ARGS ?=
 # tests fill all cores by themselves: threads of linear algebra beside them only wait for each other (a fifth of the time)
 ONE_BLAS_THREAD := OPENBLAS_NUM_THREADS=1
 
-.PHONY: run test check golden venv clean
+.PHONY: run test check golden fuzz faults soak venv clean
 
 run: $(STAMP)  ## The published experiment; other commands: make run ARGS="gap examples/..."
 	@$(BIN)/python -m runner $(ARGS)
@@ -26,6 +26,15 @@ check: $(STAMP)
 
 golden: $(STAMP)  ## Every number of all golden verdicts; ARGS=--refresh writes them anew
 	@$(BIN)/python -m tests.golden $(ARGS)
+
+fuzz: $(STAMP)  ## 100,000 spoilt inputs over all readers, some an hour; ARGS="count=1000 seed=7 kind=log_"
+	@$(ONE_BLAS_THREAD) nice $(BIN)/python -m tests.fuzzing $(ARGS)
+
+faults: $(STAMP)  ## Every call that changes a file fails once, and kills once; ARGS="only=run every=10"
+	@$(ONE_BLAS_THREAD) nice $(BIN)/python -m tests.faults $(ARGS)
+
+soak: $(STAMP)  ## 10,000 runs in one process, an hour at 240 Hz diagnosed; ARGS="runs=1000 minutes=5"
+	@$(ONE_BLAS_THREAD) nice $(BIN)/python -m benchmarks.soak $(ARGS)
 
 venv: $(STAMP)
 

@@ -4,6 +4,12 @@
 `report.html`, `diagnosis.rrd`, `verdict.json`, tables and the corrected model in the results folder, or `so_far.json`
 where it was interrupted; many leave the same in a folder each, and `verdicts.json` for all. With `out=PATH` of an
 interrupted run, cases that have a verdict there are not done again, unless what they hold has changed.
+
+With a launcher, the cases of a folder are tasks of it, as the runs of a sweep are, and the same command goes on where
+it was stopped:
+
+    runner diagnose CASES hydra/launcher=ray hydra.launcher.address=auto out=RESULTS
+    runner diagnose CASES hydra/launcher=submitit_slurm out=RESULTS
 """
 
 from __future__ import annotations
@@ -61,7 +67,12 @@ def main(config: DiagnoseConfig, job: Job) -> int | None:
         return None
     named = {case.relative_to(root).as_posix(): case for case in cases}
     failed = diagnose_many(
-        named, job.results, workers=config.workers, report=config.report, config_hash=job.provenance.get("config_hash")
+        named,
+        job.results,
+        workers=config.workers,
+        report=config.report,
+        config_hash=job.provenance.get("config_hash"),
+        spread=job.spread,
     )
     for name, found in collect(job.results, named).items():
         for note in warnings(found.get("notes", ())):
