@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import copy
+import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Self
 
+import dm_control
 import mujoco
 import numpy as np
 import pytest
 
 from runner.effects.base import Parameter, Vector
 from runner.effects.mechanism import Command, MechanismEffect, Reading, Scope
+from runner.effects.mechanism.joint_friction import JointFriction
 from runner.errors import ResultError
 from runner.recording import Span
 from runner.systems.mechanism import MechanismSystem, model_file
@@ -327,6 +331,28 @@ def test_the_corrected_model_is_what_was_simulated(tmp_path: Path):
     assert model.body("upper").mass[0] == pytest.approx(1.5)
     assert model.body("forearm").mass[0] == pytest.approx(0.875)
     assert model.nsensor == 0
+
+
+def test_links_that_burst_apart_are_compared_without_contact(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Kinova's Jaco folds into itself at the reference position: the sixth digit says how it flies apart."""
+    kinova = Path(dm_control.__file__).parent / "third_party" / "kinova"
+    names = [f"joint_{k}" for k in range(1, 7)]
+    t = np.arange(5) * 0.01
+    columns = {"t": t} | {f"{d}q_{n}": 0.0 * t for n in names for d in ("", "d")}
+    nominal = {"commands": {}, "channels": joint_channels(names), "start": "rest"}
+    shutil.copytree(kinova, tmp_path / "case")
+    case = write_case(tmp_path / "case", (kinova / "jaco_arm.xml").read_text(), [columns], nominal)
+    models = system_of(case)._models
+    effects = (JointFriction("joint_3", 2.6006837),)
+    edited = models.edited(effects)
+    nearly = copy.copy(edited)
+    nearly.dof_frictionloss[:] = [float(f"{v:.6g}") for v in edited.dof_frictionloss]
+    assert model_file._moves_otherwise(nearly, edited) is not None
+    (tmp_path / "out").mkdir()
+    assert model_file.write_model(models, effects, tmp_path / "out")[0] == "model.xml"
+    monkeypatch.setattr(mujoco.MjSpec, "copy_back", lambda self, model: None)
+    with pytest.raises(ResultError, match="does not move as it does in the simulation"):
+        model_file.write_model(models, (JointFriction("joint_1", 0.0),), tmp_path / "out")
 
 
 def test_a_corrected_model_that_moves_otherwise_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
