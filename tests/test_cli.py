@@ -355,7 +355,7 @@ def readme_lines() -> list[str]:
     root = CONF_FOLDER.parent
     pages = [page.read_text(encoding="utf-8") for page in (root / "README.md", *sorted((root / "docs").rglob("*.md")))]
     blocks = [block for page in pages for block in re.findall(r"```sh\n(.*?)```", page, re.DOTALL)]
-    lines = [line.partition("#")[0].strip() for block in blocks for line in block.splitlines()]
+    lines = [line.partition("#")[0].partition(" > ")[0].strip() for block in blocks for line in block.splitlines()]
     return list(dict.fromkeys(line for line in lines if line.startswith("runner ")))
 
 

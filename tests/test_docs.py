@@ -27,7 +27,7 @@ from tests.cases import made
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "docs" / "reference"))
-from make_reference import PAGES, described_columns  # noqa: E402
+from make_reference import PAGES, described_columns  # noqa: E402  # pyright: ignore[reportMissingImports]
 
 
 def blocks(page: str) -> str:

@@ -15,6 +15,7 @@ from runner.config import TARGET
 OPTIONS = """Options:
   -h, --help       this text; after a command, its settings and what they may be
   -m, --multirun   sweep: every combination of key=a,b,c or 'key=range(0,5)', each a run of its own
+  --config-dir D   look in folder D, laid out as conf/, too: forces=NAME, experiment=NAME, ...
   --config         print the config that the settings make, and stop
   --traceback      show where in the program an error arose
   --version        versions of runner and of what it stands on"""
@@ -50,7 +51,7 @@ def of_command(name: str) -> str:
         if chosen:
             lines = [f"  {g}={'null' if c is None else c}".ljust(30) + ", ".join(groups[g]) for g, c in chosen.items()]
             parts.append("Config groups (choice now, then all options):\n" + "\n".join(lines))
-        lines = [f"  {key}={value}".ljust(44) + kind for key, value, kind in _settings(composed)]
+        lines = [f"  {key}={value}".ljust(44) + kind for key, value, kind in settings_of(composed)]
     if lines:
         parts.append("Settings (value now, then what is allowed):\n" + "\n".join(lines))
     if command.keeps is not None:
@@ -58,7 +59,7 @@ def of_command(name: str) -> str:
     return "\n\n".join([*parts, OPTIONS])
 
 
-def _settings(config: DictConfig, prefix: str = "") -> list[tuple[str, str, str]]:
+def settings_of(config: DictConfig, prefix: str = "") -> list[tuple[str, str, str]]:
     """Return key, value and kind of every setting, in the schema's order."""
     found = []
     for name in config:
@@ -67,7 +68,7 @@ def _settings(config: DictConfig, prefix: str = "") -> list[tuple[str, str, str]
         node = node_at(config, str(name))
         key = f"{prefix}{name}"
         if isinstance(node, DictConfig) and not node._is_none() and not node._is_missing() and len(node):
-            found += _settings(node, key + ".")
+            found += settings_of(node, key + ".")
         elif node is not None:
             found.append((key, _text(node), describe(node)))
     return found
