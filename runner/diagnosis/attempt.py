@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runner.diagnosis.ranking import unknown_by_excess
+from runner.diagnosis.ranking import unknown_by_episodes
 from runner.effects.base import Effects
 from runner.inference.breakaway import hanging
 from runner.inference.held_out import Confirmed, confirm, unseen
@@ -122,10 +122,10 @@ def _to_search(fitter: Fitter, episodes: Iterable[int], share: float) -> tuple[i
 
 def unseen_only(found: Attempt) -> bool:
     """Whether the episodes left out show something that those which were fitted do not, or hardly."""
-    confirmed, gap, share = found.confirmed, found.nominal_excess, found.fitter.system.unknown_share
+    confirmed, gap = found.confirmed, found.nominal_excess
     if confirmed.fails and confirmed.gap_unseen > SURPRISE * max(gap, 0.0):
         return True
-    seen, unseen = (unknown_by_excess(e, gap, share) for e in (confirmed.excess_fitted, confirmed.excess_unseen))
+    seen, unseen = unknown_by_episodes(confirmed, gap, found.fitter.system)
     return seen < 0.5 < unseen and confirmed.excess_unseen > SURPRISE * max(confirmed.excess_fitted, 0.0)
 
 

@@ -9,7 +9,7 @@ what is nonlinear shows by then. What a leap has found is where the search begin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,7 @@ from runner.inference.evidence import (
     NormalEquations,
     Sensitivities,
     clip,
+    moved_by,
     normal_equations,
     sensitivities,
 )
@@ -34,7 +35,9 @@ TOLD_APART = 0.03  # share of what is left that each further number has to take 
 RIDGE = 0.05  # of the information: what nothing measured depends on has none
 
 
-def leap(fitter: Fitter, fit: Fit, every: Sequence[Direction], known: Sensitivities, worth: float) -> Fit:
+def leap(
+    fitter: Fitter, fit: Fit, every: Sequence[Direction], known: Sensitivities, worth_beside: Callable[[float], float]
+) -> Fit:
     """Return the fit that leaps from a fit lead to, each of which leaves less; the fit itself, where none does.
 
     Args:
@@ -42,7 +45,7 @@ def leap(fitter: Fitter, fit: Fit, every: Sequence[Direction], known: Sensitivit
         fit: Where to begin.
         every: All directions.
         known: What they do around the fit.
-        worth: What an effect has to take off the loss.
+        worth_beside: What an effect has to take off the loss where so much is left.
     """
     for number in range(LEAPS):
         room = min(fitter.system.most_effects - len(fit.explanation.candidates), AT_ONCE)
@@ -50,6 +53,7 @@ def leap(fitter: Fitter, fit: Fit, every: Sequence[Direction], known: Sensitivit
             break
         if number:
             known = sensitivities(fitter, fit, every)
+        worth = worth_beside(fit.total)
         extra = chosen(normal_equations(fit, known), fitter, room, worth)
         if not extra:
             break
@@ -99,7 +103,7 @@ def chosen(around: NormalEquations, fitter: Fitter, most: int, worth: float) -> 
     mismatch = np.array([d.mismatch for d in around.directions]) * fitter.system.screening_level
     scale = np.array([q.scale for q in around.fit.explanation.parameters(fitter.context)])
     linear = Linear(total[:-1, :-1], total[:-1, -1], np.concatenate([FREE * scale, mismatch]))
-    groups = _groups(around, fitter)
+    groups = _groups(around)
     taken: dict[Candidate, np.ndarray] = {}
     while len(taken) < most:
         metric, gradient, _ = linear.beside()
@@ -120,14 +124,10 @@ def chosen(around: NormalEquations, fitter: Fitter, most: int, worth: float) -> 
     return [(c, _vector(c, index, moved, around, fitter)) for c, index in taken.items()]
 
 
-def _groups(around: NormalEquations, fitter: Fitter) -> list[tuple[Candidate, np.ndarray]]:
+def _groups(around: NormalEquations) -> list[tuple[Candidate, np.ndarray]]:
     """Return the entries that move together: all parameters of an effect, or one of the places that it may have."""
     p = len(around.fit.x)
-    out = []
-    for candidate, members in around.by_candidate.items():
-        scattered = len(candidate.starts(fitter.context)) > 0
-        out += [(candidate, p + np.array(g)) for g in ([[m] for m in members] if scattered else [members])]
-    return out
+    return [(candidate, p + np.array(way)) for candidate, ways in around.ways.items() for way in ways]
 
 
 def gain_of(metric: np.ndarray, gradient: np.ndarray, index: np.ndarray, spread: np.ndarray) -> float:
@@ -160,13 +160,9 @@ def _vector(
     candidate: Candidate, index: np.ndarray, moved: np.ndarray, around: NormalEquations, fitter: Fitter
 ) -> np.ndarray:
     """Return where the fit of a chosen effect begins."""
-    directions = [around.directions[i - len(around.fit.x)] for i in index]
-    if len(candidate.starts(fitter.context)):
-        vector = directions[0].vector.copy()
-        vector[0] *= float(np.clip(moved[index[0]], -4.0, 4.0))
-        return clip(candidate, vector, fitter.context)
-    unit = np.array([np.abs(d.vector).max() / abs(d.per) for d in directions])
-    return clip(candidate, np.clip(moved[index], -4.0, 4.0) * unit, fitter.context)
+    way = [int(i) - len(around.fit.x) for i in index]
+    amplitudes = np.clip(moved[index], -4.0, 4.0)
+    return clip(candidate, moved_by(around.directions, way, amplitudes), fitter.context)
 
 
 def _split(fitter: Fitter, fit: Fit) -> Fit:

@@ -23,7 +23,8 @@ from runner.inference.evidence import (
 )
 from runner.inference.leap import leap
 from runner.inference.least_squares import NONE, Fit, Fitter
-from runner.inference.shortlist import WORTH, finished, gain, with_fit, without_one
+from runner.inference.probability import not_none, shares, unknown_by_excess
+from runner.inference.shortlist import finished, gain, with_fit, without_one, worth_of
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of, over_edges, where_to_begin
 
 BEAM = 2
@@ -34,13 +35,13 @@ NONLINEAR = 12
 CANDIDATES = 8  # fitted per explanation in the beam, from the second effect on
 FINISHED = 4  # leaders whose fit is carried on until it rests
 SURVEYED = 7  # explanations of one size that are compared by evidence
-WORTH_SHARE = 0.004  # of what the nominal model leaves: so much an effect must take off beyond `WORTH`
 NEAR = 1000.0  # log odds within which an explanation is worth adding to
 SETTLED = 0.03  # of the nominal model's excess: where the leader leaves less, nothing else is worth adding to
 CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, promises hold; so many are fitted anyway
 # Of the nominal model's excess: where a fit leaves less, and no more than the noise, promises of further effects hold.
 LINEAR = 0.1
-AHEAD = 3.0  # times what a larger set leaves beyond the noise: who leaves more is not added to
+AHEAD = 3.0  # times what a larger set leaves beyond the noise: who leaves more is not added to,
+AHEAD_BY_LEAP = 1.5  # and where that set is what a leap led to, which has tried what to add
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
 
 
@@ -99,7 +100,6 @@ class _Rounds:
         nominal: The fit without effects.
         alone: What every effect does beside that.
         count: How many measurements there are.
-        worth: What an effect has to take off the loss.
         seeds: Beginnings from an earlier look that are not used up.
         ruled_out: What is not to be tried again.
         contenders: Compared by evidence so far.
@@ -115,7 +115,6 @@ class _Rounds:
     nominal: Fit
     alone: Sensitivities
     count: int
-    worth: float
     seeds: dict[Key, WarmStart]
     ruled_out: frozenset[Key]
     contenders: list[Contender]
@@ -141,7 +140,6 @@ class _Rounds:
             nominal=nominal,
             alone=alone,
             count=count,
-            worth=WORTH * count + WORTH_SHARE * max(nominal.total - count, 0.0),
             seeds=dict(beginning.seeds),
             ruled_out=beginning.ruled_out,
             contenders=[contend(fitter, nominal, alone, dispersion=dispersion)],
@@ -149,6 +147,16 @@ class _Rounds:
             seen={NONE.candidates},
             last=(nominal, alone),
         )
+
+    @property
+    def worth(self) -> float:
+        """What an effect has to take off the loss."""
+        totals = [c.fit.total for c in self.contenders] + [s.total for s in self.seeds.values()]
+        return self._worth_beside(min(totals))
+
+    def _worth_beside(self, total: float) -> float:
+        """Return what an effect has to take off the loss where that much is left."""
+        return worth_of(self.fitter.system, self.count, self.nominal.total, total)
 
     def leap(self) -> None:
         """Go on with what the linear model proposes at once, from the effect or the seed that leaves least."""
@@ -159,7 +167,7 @@ class _Rounds:
                 how = {"x": seed.x, "starts": seed.starts, "iterations": 12, "polish": False}
                 begin = self.fitter.fit(seed.explanation, self.episodes, **how)
                 self._seed(begin)
-        fit = leap(self.fitter, begin, self.every, self._around(begin), self.worth)
+        fit = leap(self.fitter, begin, self.every, self._around(begin), self._worth_beside)
         if fit is not begin:
             self._seed(fit)
 
@@ -227,15 +235,22 @@ class _Rounds:
 
     def _tell_best(self) -> None:
         """Tell the observer of the likeliest so far."""
-        best = max(self.contenders, key=lambda c: c.log_posterior).fit
-        self.fitter.observer.best(best.explanation.names, float(np.sqrt(best.total / self.count)))
+        finite = [c for c in self.contenders if np.isfinite(c.log_posterior)]
+        best = max(finite, key=lambda c: c.log_posterior)
+        alike = [c.fit.explanation.names == best.fit.explanation.names for c in finite]
+        gap, left = ((t - self.count) / self.count for t in (self.nominal.total, best.evidence.loss))
+        unknown = unknown_by_excess(left, gap, self.fitter.system.unknown_share) if best.fit.x.size else not_none(gap)
+        probability = float(shares(finite)[alike].sum()) * (1.0 - unknown)
+        noises = float(np.sqrt(best.fit.total / self.count))
+        self.fitter.observer.best(best.fit.explanation.names, noises, probability)
 
     def beam(self, new: Sequence[Contender]) -> list[Contender]:
         """Return what is worth adding to, of contenders of one size, likeliest first."""
         beam: list[Contender] = []
         left = min((s.total for s in self.seeds.values()), default=np.inf) - self.count
+        ahead = AHEAD_BY_LEAP if self.fitter.system.leaps else AHEAD
         for contender in new:
-            if contender.fit.total - self.count > AHEAD * max(left, self.worth):
+            if contender.fit.total - self.count > ahead * max(left, self.worth):
                 continue  # a set of more effects is so far ahead that one more beside this will not reach it
             if beam and beam[0].fit.total - self.count < SETTLED * (self.nominal.total - self.count):
                 break
@@ -249,13 +264,13 @@ class _Rounds:
         promised = offers(contender, self.fitter)
         left = contender.fit.total - self.count
         if size == 1 and self.pieces:
-            jumps = [o for o in promised if o[1].effect.discontinuous or len(o[1].starts(self.fitter.context))]
-            nonlinear = {o[1] for o in jumps[:NONLINEAR]}
-            return [o for i, o in enumerate(promised) if i < CANDIDATES or o[1] in nonlinear]
+            return self._likely(promised)
         if size == 1:
             foreseen = min((s.total for s in self.seeds.values()), default=np.inf) - self.count
             if self.fitter.system.leaps and foreseen < SETTLED * left:
                 return promised[:FEWEST]  # an earlier look has found where to begin
+            if self.fitter.system.leaps and AHEAD * max(foreseen, self.worth) < left:
+                return self._likely(promised)
             every = left >= CLOSE * self.count
             return [o for i, o in enumerate(promised) if every or i < FEWEST or o[0] > OFFERED * self.worth]
         if left < self.worth:
@@ -267,6 +282,12 @@ class _Rounds:
             return [o for o in promised[:candidates] if o[0] > OFFERED * self.worth]
         # far from a good fit the linear promise misleads: the commonest effects are always tried
         return [o for i, o in enumerate(promised) if i < candidates or o[1].effect.common]
+
+    def _likely(self, promised: list[Offer]) -> list[Offer]:
+        """Return the most promising, and of those whose promise says little."""
+        jumps = [o for o in promised if o[1].effect.discontinuous or len(o[1].starts(self.fitter.context))]
+        nonlinear = {o[1] for o in jumps[:NONLINEAR]}
+        return [o for i, o in enumerate(promised) if i < CANDIDATES or o[1] in nonlinear]
 
     def _with_one_more(
         self, contender: Contender, candidate: Candidate, vector: np.ndarray, size: int, target: float

@@ -9,10 +9,31 @@ import numpy as np
 from runner.inference.contender import Contender
 from runner.inference.least_squares import Explanation, Fit, Fitter
 from runner.inference.warm_start import key_of
+from runner.systems.base import AbstractSystem
 
 # An effect must matter: lower the mean square residual by this, in squared noises. Less is what any simulator's own
 # small errors would offer to explain.
 WORTH = 0.03
+WORTH_SHARE = 0.004  # of what the nominal model leaves: so much an effect must take off beyond that
+
+
+def worth_of(system: AbstractSystem, count: int, nominal: float, left: float) -> float:
+    """Return what an effect has to take off the loss to be worth its name.
+
+    A model's form is never quite right, so a large gap leaves remains that have no cause of their own. Where a machine
+    is believed to have no friction at all, though, such a share is more than all else that is wrong with it, which is
+    then held against what is left.
+
+    Args:
+        system: Of which kind.
+        count: How many measurements there are.
+        nominal: Loss of the nominal model.
+        left: That of the explanation that leaves least so far.
+    """
+    share = WORTH_SHARE * max(nominal - count, 0.0)
+    if system.leaps:
+        share = min(share, (1.0 - system.worth_another) * max(left - count, 0.0))
+    return WORTH * count + share
 
 
 def gain(fit: Fit, contenders: Sequence[Contender]) -> float:

@@ -26,13 +26,19 @@ POWERS = {letter: 1024.0**k for k, letter in enumerate("KMGTPE", 1)}
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keep MuJoCo from printing its warnings, and from writing them to a file in the working directory."""
+    """Keep MuJoCo from printing its warnings, and from writing them to a file in the working directory.
+
+    dm_control hands them to its own log once it is imported: one line for each step of a trial that has diverged.
+    """
     before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
     silent.logto_console = silent.logto_file = False
+    handler = mujoco.get_mju_user_warning()
     silent.set()
+    mujoco.set_mju_user_warning(None)
     try:
         yield
     finally:
+        mujoco.set_mju_user_warning(handler)
         before.set()
 
 

@@ -102,7 +102,7 @@ class AbstractSystem(ABC):
     most_effects: int = 6
     leaps: bool = True
     worth_another: float = 0.8
-    searched_s: float = 48.0
+    searched_s: float = 30.0
     cut_from: float = 4.0
     dates_disturbances: bool = True
     plan_view: tuple[int, int] | None = None

@@ -29,7 +29,7 @@ from runner.systems.mechanism.coordinates import Coordinates
 OWN = "runner:"  # what is added to a believed model bears names that begin so
 KEPT_MODELS = 256
 HARD_S = 0.002  # a time constant of dry friction up to that means: none
-LIGHTEST = 0.4  # at most this share of a joint's inertia is taken off for the trapezoidal rule
+LIGHTEST = 0.4  # at most this share of the inertia is taken off for the trapezoidal rule
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 FRAME_SENSORS = {
     "position": mujoco.mjtSensor.mjSENS_FRAMEPOS,
@@ -250,7 +250,10 @@ def _balance_damping(model: mujoco.MjModel, step_s: float, *, touching: bool) ->
     damping = np.maximum(model.dof_damping, 0.0)
     np.add.at(damping, dof, servo)
     off = 0.5 * step_s * damping
-    share = np.minimum(LIGHTEST * model.dof_M0 / np.maximum(off, 1e-300), 1.0)
+    # a matrix M less a diagonal D is positive where the trace of M^-1 D is below 1
+    lighter = off * model.dof_invweight0
+    share = np.minimum(LIGHTEST / np.maximum(lighter, 1e-300), 1.0)
+    share *= min(LIGHTEST / max(float(share @ lighter), 1e-300), 1.0)
     model.dof_armature -= share * off
     if not touching:
         # what an impact does to a velocity goes on in no way

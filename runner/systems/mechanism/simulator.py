@@ -162,14 +162,14 @@ class MechanismSimulator(AbstractSimulator):
         # one step more than is made: a force is read under the command that follows the last sample
         control = np.zeros((runs, batch.steps + 1, mujoco.mj_stateSize(model, CONTROL)))
         initial = np.zeros((runs, mujoco.mj_stateSize(model, FULL)))
-        for r, s in enumerate(batch.stretches):
-            control[r, :, : model.nu] = self._commands.control(
-                s.effects, s.episode, self._time(s), batch.steps + 1, batch.step_s, model
-            )
-            if s.disturbance is not None:
-                control[r, :, model.nu :] = self._generalised(s.disturbance, batch.compiled)
-            initial[r] = self._initial(s, batch, batch.models[r], control[r, 0, : model.nu])
         with quiet():
+            for r, s in enumerate(batch.stretches):
+                control[r, :, : model.nu] = self._commands.control(
+                    s.effects, s.episode, self._time(s), batch.steps + 1, batch.step_s, model
+                )
+                if s.disturbance is not None:
+                    control[r, :, model.nu :] = self._generalised(s.disturbance, batch.compiled)
+                initial[r] = self._initial(s, batch, batch.models[r], control[r, 0, : model.nu])
             state, _ = self._pool.rollout(
                 list(batch.models),
                 list(batch.compiled.data[: self.threads]),

@@ -2,8 +2,8 @@
 
 An inverted or a double pendulum amplifies every small difference until it is as large as the motion itself. A fit over
 longer than that descends a landscape of hollows, and what it ends in says nothing. So recordings are cut where the
-response to a small force ceases to be in proportion to it: linear sensitivities hold within such stretches, which is
-what fits, evidence and standard errors rest on.
+response to a small force ceases to be in proportion to it, or leads too far away: linear sensitivities hold within such
+stretches, which is what fits, evidence and standard errors rest on.
 """
 
 from __future__ import annotations
@@ -23,11 +23,15 @@ from runner.systems.mechanism.simulator import MechanismSimulator
 from runner.systems.windows import Windows
 
 LONGEST_S = 8.0  # no longer: errors that pile up over more tell nothing new, and cost as much as what does
+SOME_S = 2.0  # what so many episodes share that each would get less of it may be longer
 SHORTEST_S = 0.5  # no shorter: a start state is then most of what is told
 LONGEST_IMPACT_S, SHORTEST_IMPACT_S = 0.4, 0.1  # the same of what follows a flight: several impacts; one
 BENT_BY_IMPACTS = 0.25  # the same where it is impacts that bend: of those hit, half answer in proportion for longer
 SMALL, LARGE = 0.01, 0.1  # forces that are compared: shares of the usual force
 BENT = 0.2  # share of the response that may be out of proportion, in half of the windows and joints
+# ... and how far the larger of those may lead within a stretch, of what was moved at all: who is a tenth off in a force
+# must still be near enough for a comparison
+FAR = 0.5
 LOOKS = 24  # windows that are looked at, for each length
 SAME_CLOCK = 1.1  # times the shortest period
 FEWEST = 5  # samples of each measured channel in a stretch
@@ -50,23 +54,60 @@ class Sensitive:
     signals: Signals
 
 
-def stretches(known: Sensitive) -> tuple[Span, ...]:
-    """Return the parts of a recording over which the believed model responds in proportion: episodes cut evenly."""
+def stretches(known: Sensitive, searched_s: float) -> tuple[Span, ...]:
+    """Return the parts of a recording over which the believed model responds in proportion: episodes cut evenly.
+
+    Args:
+        known: The recording.
+        searched_s: So much of it is searched: they are so short that this holds some of every episode.
+    """
     signals = known.signals
     lengths = [len(v) for v in signals.values]
     periods_s = np.array([e.step_s for e in known.simulator.recording.episodes])
     whole = tuple(Span(e, 0, n) for e, n in enumerate(lengths))
     longest_s = float(max((n - 1) * p for n, p in zip(lengths, periods_s, strict=True)))
-    length_s = longest_s / max(1, int(np.ceil(longest_s / LONGEST_S - 1e-6)))
-    while length_s > SHORTEST_S and _bent(known, _windows(known.simulator, length_s)) > BENT:
-        length_s = max(length_s / 2, SHORTEST_S)
+    at_most_s = float(np.clip(searched_s / len(lengths), SOME_S, LONGEST_S))
+    length_s = longest_s / max(1, int(np.ceil(longest_s / at_most_s - 1e-6)))
+    by_episode = np.full(len(lengths), length_s)
+    for alike in _of_one_clock(periods_s):
+        by_episode[alike] = _lengths_s(known, alike, length_s)
     parts = []
     for e, n in enumerate(lengths):
-        edges = np.linspace(0, n, max(1, round((n - 1) * periods_s[e] / length_s)) + 1).round().astype(int)
+        edges = np.linspace(0, n, max(1, round((n - 1) * periods_s[e] / by_episode[e])) + 1).round().astype(int)
         parts += [Span(e, int(a), int(b)) for a, b in pairwise(edges)]
     there = np.any([v.any(axis=0) for v in signals.valid], axis=0)
     told = [s for s in parts if (signals.valid[s.episode][s.begin : s.end, there].sum(axis=0) >= FEWEST).all()]
     return tuple(told) if {s.episode for s in told} == set(range(len(lengths))) else whole
+
+
+def _of_one_clock(periods_s: FloatArray) -> list[list[int]]:
+    """Return the positions of episodes in groups whose sample periods are about the same."""
+    groups: list[list[int]] = []
+    for e in np.argsort(periods_s, kind="stable"):
+        if groups and periods_s[e] < SAME_CLOCK * periods_s[groups[-1][0]]:
+            groups[-1].append(int(e))
+        else:
+            groups.append([int(e)])
+    return groups
+
+
+def _lengths_s(known: Sensitive, episodes: Sequence[int], length_s: float) -> FloatArray:
+    """Return how long stretches of each of some episodes of one clock are, (E,): so long at most.
+
+    One episode may swing about rest, another one over the top.
+    """
+    out = dict.fromkeys(episodes, length_s)
+    unsure = list(episodes)
+    while length_s > SHORTEST_S and unsure:
+        windows = _windows(known.simulator, length_s, unsure)
+        share = _bent(known, windows)
+        # an episode that is shorter than a window is like the others
+        over = {e: _median(share[windows.episode == e]) for e in set(windows.episode.tolist())}
+        others = _median(share)
+        length_s = max(length_s / 2, SHORTEST_S)
+        unsure = [e for e in unsure if over.get(e, others) > BENT]
+        out |= dict.fromkeys(unsure, length_s)
+    return np.array([out[e] for e in episodes])
 
 
 def impact_stretches(known: Sensitive, found: Sequence[Sequence[Span]], lying: Sequence[Span]) -> tuple[Span, ...]:
@@ -80,7 +121,7 @@ def impact_stretches(known: Sensitive, found: Sequence[Sequence[Span]], lying: S
     after_s = LONGEST_IMPACT_S
     while after_s > SHORTEST_IMPACT_S:
         windows = _from_flights(known.simulator, found, after_s)
-        if len(windows) and _bent(known, windows) <= BENT_BY_IMPACTS:
+        if len(windows) and _median(_bent(known, windows)) <= BENT_BY_IMPACTS:
             break
         after_s = max(after_s / 2, SHORTEST_IMPACT_S)
     hits = into_impacts(known.simulator.recording, found, after_s)
@@ -97,8 +138,8 @@ def _from_flights(simulator: MechanismSimulator, found: Sequence[Sequence[Span]]
     return _spread(np.array(fits, dtype=int).reshape(-1, 2), after + FEWEST)
 
 
-def _bent(known: Sensitive, windows: Windows) -> float:
-    """Return which share of the response to a force is out of proportion at the end of windows: the median."""
+def _bent(known: Sensitive, windows: Windows) -> FloatArray:
+    """Return which share of the response to a force is out of proportion in windows, (W, D); NaN: none is seen."""
     signals, usual = known.signals, known.usual
     starts = known.initial.guess_windows(signals, windows, smooth=True)
     d = len(usual)
@@ -110,9 +151,31 @@ def _bent(known: Sensitive, windows: Windows) -> float:
         off, size = (_norm(x) for x in (large - small, np.where(np.isfinite(large), large, small)))
     size = np.maximum(size, _norm(small))
     share = np.where(np.isfinite(off) & np.isfinite(size), off / np.maximum(size, 1e-9), 1.0)
+    share = np.maximum(share, BENT / FAR * _strayed(large, signals, windows))
     # what cannot be seen in the noise is out of no proportion
-    seen = ~(size < np.sqrt(windows.samples))
-    return float(np.median(share[seen])) if seen.any() else 0.0
+    return np.where(size < np.sqrt(windows.samples), np.nan, share)
+
+
+def _strayed(change: FloatArray, signals: Signals, windows: Windows) -> FloatArray:
+    """Return how far changes (W, D, n, C), in noises, lead away: of how much the farthest channel moved at all, (W, D).
+
+    A slide that nothing holds, or a pendulum that is balanced on its head, answers a force in proportion for long, and
+    is elsewhere by then.
+    """
+    moved = np.nanstd(
+        np.concatenate([np.where(v, x, np.nan) for x, v in zip(signals.values, signals.valid, strict=True)]), axis=0
+    )
+    valid = np.array(
+        [signals.valid[e][f : f + windows.samples] for e, f in zip(windows.episode, windows.first, strict=True)]
+    )
+    moved = np.where(moved > 0, moved / signals.sigma, np.inf)
+    squares = np.where(valid[:, None], change**2, 0.0).sum(axis=2) / np.maximum(valid.sum(axis=1), 1)[:, None]
+    return np.nan_to_num(np.sqrt(squares) / moved, nan=np.inf).max(axis=2)
+
+
+def _median(share: FloatArray) -> float:
+    """Return the median of what is seen; 0.0 where nothing is."""
+    return float(np.nanmedian(share)) if np.isfinite(share).any() else 0.0
 
 
 def _norm(change: FloatArray) -> FloatArray:
@@ -120,13 +183,12 @@ def _norm(change: FloatArray) -> FloatArray:
     return np.sqrt((change**2).sum(axis=(2, 3)))
 
 
-def _windows(simulator: MechanismSimulator, length_s: float) -> Windows:
-    """Return windows of one length, spread over the episodes, where clocks differ over those with the fastest."""
-    episodes = simulator.recording.episodes
-    fastest_s = min(e.step_s for e in episodes)
-    alike = [(k, len(e)) for k, e in enumerate(episodes) if e.step_s < SAME_CLOCK * fastest_s]
-    samples = min(round(length_s / fastest_s) + 1, max(n for _, n in alike))
-    fits = [(k, f) for k, n in alike for f in range(0, n - samples + 1, samples)]
+def _windows(simulator: MechanismSimulator, length_s: float, chosen: Sequence[int]) -> Windows:
+    """Return windows of one length, spread over some episodes of one clock."""
+    lengths = {k: len(simulator.recording.episodes[k]) for k in chosen}
+    period_s = min(simulator.recording.episodes[k].step_s for k in chosen)
+    samples = min(round(length_s / period_s) + 1, max(lengths.values()))
+    fits = [(k, f) for k, n in lengths.items() for f in range(0, n - samples + 1, samples)]
     return _spread(np.array(fits, dtype=int).reshape(-1, 2), samples)
 
 

@@ -39,6 +39,9 @@ FORCE_SHARE, LARGE = 0.03, 3.0  # of the usual force: the step of a missing forc
 # fifth in squares. That share was seen on the tosses of one cube and is calibrated on nothing else. A few seconds of
 # flights and impacts tell as much as the tenfold.
 OF_IMPACTS = 0.97, 0.2, 8.0  # `worth_another`, `unknown_share`, `searched_s`
+# A look at all effects of an arm with six joints simulates each second three hundred times: with more of them, less of
+# a recording has to do. So many simulated seconds are a minute of one core, or less.
+LOOK_S = 6000.0
 STEP = 0.005  # of a body's size, and rad: by so much start states differ where sensitivities are taken
 LEAST_FORCE = 1e-3  # N or N m, of a joint that nothing moved
 
@@ -56,6 +59,8 @@ class MechanismSystem(AbstractSystem):
     activities = ("regime", "load")
     noun = "mechanism"
     plan_view = None
+    # of two effects that do the same each would be explained away by what the other's small mismatch may do
+    screening_level = 0.0
     recording: MechanismRecording
     initial: MechanismStart
 
@@ -68,6 +73,8 @@ class MechanismSystem(AbstractSystem):
         self.initial = MechanismStart(recording, self._models, self._raw.sigma)
         self.context = self.beliefs = scope_of(recording, self._models, self.initial, self._raw)
         self.vocabulary = vocabulary_of(recording, self.context, self.initial.coordinates)
+        ways = sum(len(c.starts(self.context)) or len(c.parameters(self.context)) for c in self.vocabulary)
+        self.searched_s = min(self.searched_s, LOOK_S / max(ways, 1))
         self.disturbance = self._missing_force()
         self._step_s = step_s
         self._simulator: MechanismSimulator | None = None
@@ -138,7 +145,7 @@ class MechanismSystem(AbstractSystem):
                 lying = rests(self.recording, self.initial.coordinates, self.context.model)
                 self._stretches = impact_stretches(known, self._found_flights, lying)
             else:
-                self._stretches = stretches(known)
+                self._stretches = stretches(known, self.searched_s)
         return self._stretches
 
     def scatter(self) -> FloatArray | None:
