@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import textwrap
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
@@ -12,6 +14,7 @@ from runner.commands._compose import composer
 from runner.commands._explain import describe, node_at
 from runner.config import TARGET
 
+WIDTH = 80
 OPTIONS = """Options:
   -h, --help       this text; after a command, its settings and what they may be
   -m, --multirun   sweep: every combination of key=a,b,c or 'key=range(0,5)', each a run of its own
@@ -25,7 +28,7 @@ def overview() -> str:
     """Return the text of `runner --help`."""
     width = max(map(len, commands.names())) + 2
     lines = [f"  {name:{width}} {commands.description(name).splitlines()[0]}" for name in commands.names()]
-    return (
+    return _folded(
         "Usage: runner [COMMAND] [key=value ...] [-m]        also: python -m runner\n\n"
         "Headless experiments on simulated and recorded objects, and a diagnosis of the gap between the two.\n\n"
         f"Commands ('{commands.DEFAULT}' if none is named; runner COMMAND --help says more):\n"
@@ -56,7 +59,18 @@ def of_command(name: str) -> str:
         parts.append("Settings (value now, then what is allowed):\n" + "\n".join(lines))
     if command.keeps is not None:
         parts.append("out=PATH names the folder for results; resume=PATH goes on with a sweep that was stopped.")
-    return "\n\n".join([*parts, OPTIONS])
+    return _folded("\n\n".join([*parts, OPTIONS]))
+
+
+def _folded(text: str) -> str:
+    """Fold what is wider than a terminal; of a list of two columns the second stays one."""
+    lines = []
+    for line in text.splitlines():
+        indent = len(line) - len(line.lstrip())
+        column = re.match(r"  \S.*?\s{2,}(?=\S)", line)
+        below = " " * (min(len(column[0]), WIDTH // 2) if column else indent)
+        lines += textwrap.wrap(line, WIDTH, subsequent_indent=below, break_on_hyphens=False) or [""]
+    return "\n".join(lines)
 
 
 def settings_of(config: DictConfig, prefix: str = "") -> list[tuple[str, str, str]]:

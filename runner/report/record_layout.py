@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 PAPER, INK = (247, 247, 245), (60, 62, 66)
 # told apart by those who see few colours, too
 COLOURS = {"measured": (66, 148, 214), "nominal": (125, 130, 137), "corrected": (213, 94, 0)}
-COMMAND, MISSING = (0, 158, 115), MUCH
+COMMAND, MISSING = (40, 190, 120), MUCH
 MOST = 12  # residuals, and
 MOST_FORCES = 6  # components of the missing force that have a plot
 MOST_TABS = 16  # episodes

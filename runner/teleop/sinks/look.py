@@ -16,7 +16,7 @@ from runner.teleop.frames import RunResult
 from runner.viewer.rrd import written
 
 REMOTE_COLOUR = (70, 130, 220)
-LOCAL_COLOURS = ((240, 140, 40), (60, 190, 130), (200, 90, 200), (220, 200, 60))
+LOCAL_COLOURS = ((240, 140, 40), (60, 190, 130), (235, 205, 225), (220, 200, 60))
 REMOTE_WIDTH, LOCAL_WIDTH = 5.0, 1.6
 FORCE_COLOUR = (230, 60, 60)
 TRAIL_COLOUR = (250, 225, 110)
