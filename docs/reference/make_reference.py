@@ -49,11 +49,12 @@ def settings() -> str:
         out += _table(_own(command.config, values=_chosen(commands.module(name))))
         for key, cls in _sections(command.config):
             out += [f"### {name}: {key}", _prose(cls), *_table(_own(cls, f"{key}."))]
-    for group in dict.fromkeys(g for g, _ in sorted(config._REGISTERED)):
+    own = {k: c for k, c in sorted(config._REGISTERED.items()) if c.__module__.startswith("runner.")}
+    for group in dict.fromkeys(g for g, _ in own):
         out += [f"## {group}"]
         chosen = f"{group}=NAME" if group != "effect" else "effect=[NAME,...]"
         out.append(f"`runner run {chosen}`; the files stand in `conf/{group}/`.")
-        for (of, name), cls in sorted(config._REGISTERED.items()):
+        for (of, name), cls in own.items():
             if of == group:
                 out += [f"### {group}: {name}", _prose(cls), *_table(_own(cls, values=_values(group, name)))]
     return "\n\n".join(out) + "\n"
