@@ -15,7 +15,7 @@ the fitted box does under them beside what the object does.
 from __future__ import annotations
 
 from runner.studies.compound.fit import InertialFit, fit
-from runner.studies.compound.inertial import (
+from runner.estimation.space.inertial import (
     Inertial,
     from_vector,
     inertial_in,

@@ -8,10 +8,14 @@ The parameters are those of the pseudo-inertia matrix (Wensing, Kim and Slotine 
 which is positive definite for every body that has mass anywhere in 3-D, and for no other numbers. With J = L L^T, L
 lower triangular with a positive diagonal, the logarithms of the diagonal and the other six entries are ten free numbers
 (log-Cholesky, Rucker and Wensing 2022): whatever the search tries is a possible body.
+
+A body of the same shape and another density has the same numbers but for the first four, which are larger or smaller by
+the same amount, half the logarithm of the ratio of the densities (`SCALE`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import mujoco
@@ -22,6 +26,9 @@ NAMES = (
     "inertia_xy_kg_m2", "inertia_xz_kg_m2", "inertia_yz_kg_m2",
 )  # fmt: skip
 SIZE = len(NAMES)
+# what can be told where no force is measured
+SHARES = (*NAMES[1:4], *(f"{name.removesuffix('_kg_m2')}_share" for name in NAMES[4:]))
+SCALE = np.array([1.0] * 4 + [0.0] * 6)  # by the free numbers: half the logarithm of the density
 _OFF = ([0, 0, 1], [1, 2, 2])  # xy, xz, yz
 _LOWER = np.tril_indices(4, -1)
 
@@ -64,16 +71,66 @@ def to_vector(body: Inertial, half_size_m: np.ndarray) -> np.ndarray:
 
 
 def from_vector(x: np.ndarray, half_size_m: np.ndarray) -> Inertial:
-    """Return the body of ten free numbers; whatever they are, it can exist."""
-    lower = np.eye(4)
-    lower[_LOWER] = x[4:]
-    lower = lower * np.exp(x[:4])
-    scale = np.append(half_size_m, 1.0)
-    matrix = scale[:, None] * (lower @ lower.T)[::-1, ::-1] * scale
+    """Return the body of ten free numbers (10,); whatever they are, it can exist."""
+    matrix = matrix_of(x, half_size_m)
     mass = float(matrix[3, 3])
     com = matrix[:3, 3] / mass
     second = matrix[:3, :3] - mass * np.outer(com, com)
     return Inertial(mass, com, np.trace(second) * np.eye(3) - second)
+
+
+def matrix_of(x: np.ndarray, half_size_m: np.ndarray) -> np.ndarray:
+    """Return the pseudo-inertia matrices (..., 4, 4) of free numbers (..., 10), which may be complex."""
+    lower = np.zeros((*x.shape[:-1], 4, 4), dtype=x.dtype)
+    lower[..., range(4), range(4)] = 1.0
+    lower[..., _LOWER[0], _LOWER[1]] = x[..., 4:]
+    lower = lower * np.exp(x[..., None, :4])
+    scale = np.append(half_size_m, 1.0)
+    return scale[:, None] * (lower @ lower.swapaxes(-1, -2))[..., ::-1, ::-1] * scale
+
+
+def standard_of(x: np.ndarray, half_size_m: np.ndarray) -> np.ndarray:
+    """Return the parameters in which Newton-Euler is linear (Atkeson, An and Hollerbach 1986), (..., 10).
+
+    Mass, mass times centre of mass (3), and inertia about the origin of the body frame: xx, yy, zz, xy, xz, yz.
+    """
+    matrix = matrix_of(x, half_size_m)
+    return np.concatenate([matrix[..., 3, 3:], matrix[..., :3, 3], _moments(matrix[..., :3, :3])], axis=-1)
+
+
+def values_of(x: np.ndarray, half_size_m: np.ndarray) -> np.ndarray:
+    """Return mass, centre of mass and the inertia about it in the order of `NAMES`, (..., 10)."""
+    matrix = matrix_of(x, half_size_m)
+    mass = matrix[..., 3, 3:]
+    com = matrix[..., :3, 3] / mass
+    second = matrix[..., :3, :3] - mass[..., None] * com[..., :, None] * com[..., None, :]
+    return np.concatenate([mass, com, _moments(second)], axis=-1)
+
+
+def shares_of(x: np.ndarray, half_size_m: np.ndarray) -> np.ndarray:
+    """Return what does not depend on the density, in the order of `SHARES`, (..., 9).
+
+    The centre of mass, and the inertia about it as shares of the sum of its moments.
+    """
+    values = values_of(x, half_size_m)
+    inertia = values[..., 4:]
+    return np.concatenate([values[..., 1:4], inertia / inertia[..., :3].sum(axis=-1, keepdims=True)], axis=-1)
+
+
+def _moments(second: np.ndarray) -> np.ndarray:
+    """Return the inertia (..., 6) of second moments (..., 3, 3): xx, yy, zz, xy, xz, yz."""
+    own = np.einsum("...ii->...i", second)
+    return np.concatenate([own.sum(axis=-1, keepdims=True) - own, -second[..., _OFF[0], _OFF[1]]], axis=-1)
+
+
+def derivative(function: Callable[[np.ndarray, np.ndarray], np.ndarray], x: np.ndarray, half_size_m: np.ndarray) -> np.ndarray:
+    """Return the derivatives (..., k, 10) of such a function of free numbers (..., 10), exact to the last digit.
+
+    By complex steps (Squire and Trapp 1998).
+    """
+    tiny = 1e-30
+    stepped = x[..., None, :] + 1j * tiny * np.eye(SIZE)
+    return (function(stepped, half_size_m).imag / tiny).swapaxes(-1, -2)
 
 
 def inertial_in(model: mujoco.MjModel, body_id: int) -> Inertial:
