@@ -51,7 +51,9 @@ def information(
     for k in range(m):
         now = motion.of(k)
         faster = accelerations(body, now.rate, held[k])
-        apart = np.concatenate([now.of(slice(count)).less(now.of(slice(count, None))), faster[:count] - faster[count:]], 1)
+        apart = np.concatenate(
+            [now.of(slice(count)).less(now.of(slice(count, None))), faster[:count] - faster[count:]], 1
+        )
         by[k] = (apart / (2 * size[:, None]) / sd).T
     rows = by.reshape(m * READ, count)
     normal = rows.T @ rows

@@ -112,7 +112,9 @@ def times(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
 def accelerations(body: Body, rate: np.ndarray, wrench: np.ndarray) -> np.ndarray:
     """Return specific force and angular acceleration, (..., 6), m/s2, rad/s2, of a wrench at the tracked point."""
     w = cross(rate)
-    return times(body.inverse, wrench - np.concatenate([times(w @ w, body.first), times(w, times(body.inertia, rate))], axis=-1))
+    return times(
+        body.inverse, wrench - np.concatenate([times(w @ w, body.first), times(w, times(body.inertia, rate))], axis=-1)
+    )
 
 
 def regressor(acceleration: np.ndarray, rate: np.ndarray) -> np.ndarray:

@@ -10,7 +10,8 @@ lower triangular with a positive diagonal, the logarithms of the diagonal and th
 (log-Cholesky, Rucker and Wensing 2022): whatever the search tries is a possible body.
 
 A body of the same shape and another density has the same numbers but for the first four, which are larger or smaller by
-the same amount, half the logarithm of the ratio of the densities (`SCALE`).
+the same amount, half the logarithm of the ratio of the densities (`SCALE`). Where no force acts, neither that nor the
+mass at the same inertia leaves a trace in the motion: two of the ten are never told then (`SHARES`).
 """
 
 from __future__ import annotations
@@ -117,13 +118,25 @@ def shares_of(x: np.ndarray, half_size_m: np.ndarray) -> np.ndarray:
     return np.concatenate([values[..., 1:4], inertia / inertia[..., :3].sum(axis=-1, keepdims=True)], axis=-1)
 
 
+def units_of(values: np.ndarray, half_size_m: np.ndarray) -> np.ndarray:
+    """Return what errors of values (..., 10) or (..., 9), in the order of `NAMES` or `SHARES`, are large or small against.
+
+    The mass itself, half sizes, and the mean moment of inertia.
+    """
+    mean = np.repeat(values[..., -6:-3].mean(axis=-1, keepdims=True), 6, axis=-1)
+    half = np.broadcast_to(half_size_m, (*values.shape[:-1], 3))
+    return np.concatenate([values[..., :-9], half, mean], axis=-1)
+
+
 def _moments(second: np.ndarray) -> np.ndarray:
     """Return the inertia (..., 6) of second moments (..., 3, 3): xx, yy, zz, xy, xz, yz."""
     own = np.einsum("...ii->...i", second)
     return np.concatenate([own.sum(axis=-1, keepdims=True) - own, -second[..., _OFF[0], _OFF[1]]], axis=-1)
 
 
-def derivative(function: Callable[[np.ndarray, np.ndarray], np.ndarray], x: np.ndarray, half_size_m: np.ndarray) -> np.ndarray:
+def derivative(
+    function: Callable[[np.ndarray, np.ndarray], np.ndarray], x: np.ndarray, half_size_m: np.ndarray
+) -> np.ndarray:
     """Return the derivatives (..., k, 10) of such a function of free numbers (..., 10), exact to the last digit.
 
     By complex steps (Squire and Trapp 1998).

@@ -7,7 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runner.estimation.space.dynamics import MOTION, WRENCH, Body, Motion, accelerations, body_of, regressor, step, times
+from runner.estimation.space.dynamics import (
+    MOTION,
+    WRENCH,
+    Body,
+    Motion,
+    accelerations,
+    body_of,
+    regressor,
+    step,
+    times,
+)
 from runner.estimation.space.inertial import standard_of
 from runner.estimation.space.readings import READ, Reading, SensorConfig
 from runner.teleop.link import NoiseConfig

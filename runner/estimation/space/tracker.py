@@ -13,7 +13,8 @@ linearised around one point of the numbers. Where the estimate has moved from it
 matter, the history is gone through again from the beginning, around the estimate (Gauss-Newton; the prior remains what
 it was). That happens early; with growing certainty it ends, and an update costs the same at any time.
 
-Without a wrench the density leaves no trace in the motion: along `inertial.SCALE` the filter stays at its prior, exactly.
+Without a wrench neither the mass nor the size of the inertia leaves a trace in the motion. As all readings share one
+point of linearisation, the two directions are the same for all of them, and the filter makes up nothing along them.
 """
 
 from __future__ import annotations
