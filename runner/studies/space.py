@@ -68,8 +68,8 @@ class Space(AbstractStudy):
     A row for each value. `bound`, `rmse`, `bias` and `stated_sd` are shares: of the mass, of the half size, of the mean
     moment of inertia. `ratio` is rmse / bound, with its 95 % interval; `coverage` is how often the stated 95 % interval
     held the truth. `distance2` is the mean squared distance of all values from the truth in terms of the stated
-    covariance, which should be `freedom`. `certain_s` is when all intervals had shrunk to `estimator.certain`, the median
-    over the seeds. A value that the readings tell nothing of has an infinite bound, and nothing else.
+    covariance, which should be `freedom`. `certain_s` is when all intervals had shrunk to `estimator.certain`, the
+    median over the seeds. A value that the readings tell nothing of has an infinite bound, and nothing else.
 
     The true body is the remote, what is believed at first is the start, the rate and the noise of poses and velocities
     are the link's, gravity is the scene's.

@@ -11,8 +11,8 @@ h is mass times centre of mass, I the inertia about the tracked point. The same 
 the motion, and Y is the derivative of that by the parameters: d(a, alpha) = M^-1 (d wrench - Y d parameters - C d w).
 
 Between two readings the wrench goes from the one to the next along a straight line. A step is one of the classical
-Runge-Kutta method of fourth order, with the motion's sensitivities beside it. Turns are matrices, body to world; a small
-turn of a motion is one about body axes.
+Runge-Kutta method of fourth order, with the motion's sensitivities beside it. Turns are matrices, body to world; a
+small turn of a motion is one about body axes.
 """
 
 from __future__ import annotations

@@ -79,8 +79,8 @@ class SpaceWatched:
     Attributes:
         belief: What is believed.
         prior: Where the belief begins anew, its uncertainty is this one's.
-        held: Whether the body was held since the belief began: without a force, only what does not hang on mass and size
-            of the inertia is told, and frozen.
+        held: Whether the body was held since the belief began: without a force, only what does not hang on mass and
+            size of the inertia is told, and frozen.
         frozen: Free numbers (10,) that are given out while they are frozen; None: they are not.
         excess: Cumulative sum of surprise.
         alarms: How often the body was found changed.

@@ -119,7 +119,7 @@ def shares_of(x: np.ndarray, half_size_m: np.ndarray) -> np.ndarray:
 
 
 def units_of(values: np.ndarray, half_size_m: np.ndarray) -> np.ndarray:
-    """Return what errors of values (..., 10) or (..., 9), in the order of `NAMES` or `SHARES`, are large or small against.
+    """Return what errors of values (..., 10) or (..., 9), ordered as `NAMES` or `SHARES`, are large or small against.
 
     The mass itself, half sizes, and the mean moment of inertia.
     """

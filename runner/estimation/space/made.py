@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -131,7 +132,7 @@ def followed(
 ) -> Motion:
     """Return how bodies (..., ) move from their starts under wrenches (m, ..., 6), at m times: parts (m, ..., ...)."""
     found = [start]
-    for before, after in zip(wrench[:-1], wrench[1:], strict=True):
+    for before, after in pairwise(wrench):
         motion = found[-1]
         for k in range(fine):
             both = tuple(before + (after - before) * share / fine for share in (k, k + 1))

@@ -1,11 +1,11 @@
 """Recursive estimation of a body's ten inertial parameters together with its motion and the wrench on it.
 
-Everything is measured with noise, the wrench that drives the motion too: least squares on the regressor would be biased
-(errors in variables). What is unknown is therefore the motion at the beginning, the ten numbers, and every wrench. Given
-those, the motion follows; pose, velocity, acceleration and wrench are all measurements of it. The filter holds the
-motion now, the ten numbers and the wrench now, (28,), steps them to the next reading along its wrench, and adds what is
-read. It drops past wrenches by marginalising, which loses nothing: in the linear model its estimate is that of the batch
-problem with all of them as unknowns.
+Everything is measured with noise, the wrench that drives the motion too: least squares on the regressor would be
+biased (errors in variables). What is unknown is therefore the motion at the beginning, the ten numbers, and every
+wrench. Given those, the motion follows; pose, velocity, acceleration and wrench are all measurements of it. The filter
+holds the motion now, the ten numbers and the wrench now, (28,), steps them to the next reading along its wrench, and
+adds what is read. It drops past wrenches by marginalising, which loses nothing: in the linear model its estimate is
+that of the batch problem with all of them as unknowns.
 
 Nonlinear are the ten numbers alone: motion and wrench are measured closely at every step. An extended filter linearises
 early readings where the numbers were still badly known, and that stays in its covariance. Here all readings are
@@ -107,7 +107,7 @@ class SpaceTracker:
     to_point: np.ndarray
     gravity: np.ndarray
     tolerance: float = 0.1
-    growth: float = 1.3
+    growth: float = 1.5
 
     def __post_init__(self) -> None:
         check_range("step_s", self.step_s, 0.0, 1.0, unit="s", lower_open=True)
@@ -219,10 +219,10 @@ class SpaceTracker:
         by = by / self.noise_sd[:, None] * arrived[..., None]
         across = belief.covariance @ by.swapaxes(-1, -2)
         spread = by @ across + np.eye(READ)
-        gain = np.linalg.solve(spread, across.swapaxes(-1, -2)).swapaxes(-1, -2)
+        solved = np.linalg.solve(spread, np.concatenate([across.swapaxes(-1, -2), residual[..., None]], axis=-1))
+        gain, white = solved[..., :-1].swapaxes(-1, -2), solved[..., -1]
         change = times(gain, residual)
         covariance = belief.covariance - gain @ across.swapaxes(-1, -2)
-        white = np.linalg.solve(spread, residual[..., None])[..., 0]
         return replace(
             belief,
             motion=motion.moved(change[:, :MOTION]),
