@@ -143,7 +143,7 @@ def derivative(
     """
     tiny = 1e-30
     stepped = x[..., None, :] + 1j * tiny * np.eye(SIZE)
-    return (function(stepped, half_size_m).imag / tiny).swapaxes(-1, -2)
+    return (np.imag(function(stepped, half_size_m)) / tiny).swapaxes(-1, -2)
 
 
 def inertial_in(model: mujoco.MjModel, body_id: int) -> Inertial:

@@ -42,6 +42,7 @@ NUMBERS = slice(MOTION, MOTION + SIZE)
 HELD = slice(MOTION + SIZE, MOTION + SIZE + WRENCH)
 UNKNOWNS = MOTION + SIZE + WRENCH
 _STRIDE = 1.0  # the longest way of the ten numbers from one point of linearisation to the next
+_PLAUSIBLE = 5.0  # so many standard deviations a reading may lead where it is linearised
 _ROUNDS = 4  # so often a history is gone through in one update
 
 
@@ -55,6 +56,8 @@ class SpaceBelief:
         point: Where the ten numbers are linearised, (N, 10), and the `body` there.
         motion: Estimate of the motion now.
         shift: Estimate of the ten numbers less `point`, (N, 10).
+        lead: The same as far as is known from all of the history, (N, 10): where the history is gone through again, the
+            shift begins at the prior, while the point is the best that is known.
         wrench: Estimate of the wrench now, at the tracked point, (N, 6).
         covariance: Of motion, numbers and wrench, (N, 28, 28).
         gone: Length of the history when it was last gone through, (N,).
@@ -67,6 +70,7 @@ class SpaceBelief:
     body: Body
     motion: Motion
     shift: np.ndarray
+    lead: np.ndarray
     wrench: np.ndarray
     covariance: np.ndarray
     gone: np.ndarray
@@ -129,6 +133,7 @@ class SpaceTracker:
             body=body_of(mean, self.half_size_m),
             motion=first.motion,
             shift=np.zeros((n, SIZE)),
+            lead=np.zeros((n, SIZE)),
             wrench=np.zeros((n, WRENCH)),
             covariance=np.zeros((n, UNKNOWNS, UNKNOWNS)),
             gone=np.zeros(n),
@@ -145,11 +150,13 @@ class SpaceTracker:
         """
         if any(np.isnan(part).any() for part in first.motion):
             raise RecordingError("reading: the first one of an episode must have a pose and a velocity.")
-        return self._improved(replace(self._entered(belief, first), history=(*belief.history, (first, True))))
+        entered = self._entered(replace(belief, lead=belief.shift), first)
+        return self._improved(replace(entered, history=(*belief.history, (first, True))))
 
     def update(self, belief: SpaceBelief, reading: Reading) -> SpaceBelief:
         """Return what is believed after the next reading of the same episode."""
-        return self._improved(replace(self._advanced(belief, reading), history=(*belief.history, (reading, False))))
+        later = self._advanced(replace(belief, lead=belief.shift), reading)
+        return self._improved(replace(later, history=(*belief.history, (reading, False))))
 
     def values(self, belief: SpaceBelief, *, held: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """Return estimated values and their covariance.
@@ -182,14 +189,17 @@ class SpaceTracker:
         # pose and velocity are in it by now: what else was read is added
         none = Motion(*(np.full_like(part, np.nan) for part in first.motion))
         entered = replace(belief, motion=first.motion, wrench=wrench, covariance=covariance)
-        return self._told(entered, Reading(none, first.acceleration))
+        near = self._near(belief, first.motion.rate, wrench, covariance[0, HELD, HELD], first.acceleration)
+        return self._told(entered, Reading(none, first.acceleration), near)
 
     def _advanced(self, belief: SpaceBelief, reading: Reading) -> SpaceBelief:
         """Return the belief one step later, after what is read then."""
         n = len(belief.point)
         wrench, spread = self._wrench(reading)
+        turning = accelerations(belief.body, belief.motion.rate, belief.wrench)[:, 3:]
+        near = self._near(belief, belief.motion.rate + self.step_s * turning, wrench, spread, reading.acceleration)
         motion, by = step_with_sensitivities(
-            belief.body, belief.motion, (belief.wrench, wrench), self.step_s, self.gravity
+            belief.body, belief.motion, (belief.wrench, near), self.step_s, self.gravity
         )
         forward = np.zeros((n, UNKNOWNS, UNKNOWNS))
         forward[:, :MOTION] = by[..., :UNKNOWNS]
@@ -198,16 +208,36 @@ class SpaceTracker:
         new[:, :MOTION] = by[..., UNKNOWNS:]
         new[:, HELD] = np.eye(WRENCH)
         covariance = forward @ belief.covariance @ forward.swapaxes(-1, -2) + new @ spread @ new.swapaxes(-1, -2)
-        moved = motion.moved(times(by[..., NUMBERS], belief.shift))
-        return self._told(replace(belief, motion=moved, wrench=wrench, covariance=covariance), reading)
+        moved = motion.moved(times(by[..., NUMBERS], belief.shift) + times(by[..., UNKNOWNS:], wrench - near))
+        return self._told(replace(belief, motion=moved, wrench=wrench, covariance=covariance), reading, near)
 
-    def _told(self, belief: SpaceBelief, reading: Reading) -> SpaceBelief:
-        """Return the belief with a reading added; its wrench is in it already."""
+    def _near(
+        self, belief: SpaceBelief, rate: np.ndarray, wrench: np.ndarray, spread: np.ndarray, acceleration: np.ndarray
+    ) -> np.ndarray:
+        """Return the wrench (N, 6) at which a reading is linearised: what wrench and acceleration make likely together.
+
+        At the measured wrench alone, the error of the derivatives by the ten numbers would go with that of what is
+        expected, and the estimate would be drawn to one side, as of a regression whose regressors are noisy.
+        """
+        expected = accelerations(belief.body, rate, wrench)
+        residual = acceleration - expected - times(slopes(belief.body, rate, expected).numbers, belief.lead)
+        arrived = ~np.isnan(residual)
+        by = belief.body.inverse * arrived[..., None]
+        across = spread @ by.swapaxes(-1, -2)
+        both = by @ across + np.diag(self.noise_sd[MOTION:] ** 2)
+        residual = np.where(arrived, residual, 0.0)
+        white = np.linalg.solve(both, residual[..., None])[..., 0]
+        # what noise can't be is the error of the numbers, and moves no wrench
+        distance = np.sqrt((residual * white).sum(axis=1, keepdims=True))
+        return wrench + times(across, white) * np.minimum(1.0, _PLAUSIBLE / np.maximum(distance, 1e-300))
+
+    def _told(self, belief: SpaceBelief, reading: Reading, near: np.ndarray) -> SpaceBelief:
+        """Return the belief with a reading added; its wrench is in it already, `near` is where it is linearised."""
         body, motion = belief.body, belief.motion
-        acceleration = accelerations(body, motion.rate, belief.wrench)
+        acceleration = accelerations(body, motion.rate, near)
         slope = slopes(body, motion.rate, acceleration)
-        expected = acceleration + times(slope.numbers, belief.shift)
-        known = ~np.isnan(reading.motion.turn).any(axis=(-1, -2))
+        expected = acceleration + times(slope.numbers, belief.shift) + times(slope.wrench, belief.wrench - near)
+        known = np.isfinite(reading.motion.turn.reshape(-1, 9)).all(axis=1)
         turn = np.where(known[:, None, None], reading.motion.turn, motion.turn)
         residual = np.concatenate([reading.motion._replace(turn=turn).less(motion), reading.acceleration - expected], 1)
         residual[:, 3:6] = np.where(known[:, None], residual[:, 3:6], np.nan)
@@ -253,7 +283,7 @@ class SpaceTracker:
         way = np.linalg.norm(belief.shift, axis=1, keepdims=True)
         point = belief.point + belief.shift * np.minimum(1.0, _STRIDE / np.maximum(way, 1e-300))
         new = replace(belief, point=point, body=body_of(point, self.half_size_m), shift=belief.prior[0] - point)
-        new = replace(new, covariance=self._of_prior(new))
+        new = replace(new, lead=np.zeros_like(point), covariance=self._of_prior(new))
         for reading, begins in belief.history:
             new = self._entered(new, reading) if begins else self._advanced(new, reading)
         return replace(new, gone=np.full(len(point), float(len(belief.history))), surprise=belief.surprise)
@@ -274,7 +304,7 @@ def lanes_of(belief: SpaceBelief, lanes: np.ndarray) -> SpaceBelief:
     )
 
 
-_PER_LANE = ("point", "shift", "wrench", "covariance", "gone")
+_PER_LANE = ("point", "shift", "lead", "wrench", "covariance", "gone")
 
 
 def with_lanes(belief: SpaceBelief, lanes: np.ndarray, other: SpaceBelief) -> SpaceBelief:
