@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -131,21 +130,3 @@ class Reading:
         """Return the reading of some lanes."""
         wrench = None if self.wrench is None else self.wrench[lanes]
         return Reading(self.motion.of(lanes), self.acceleration[lanes], wrench)
-
-
-@dataclass(frozen=True)
-class Readings:
-    """Readings of several episodes, each at equal steps from its beginning.
-
-    Attributes:
-        step_s: Between two readings.
-        episodes: Of each its readings.
-    """
-
-    step_s: float
-    episodes: Sequence[Sequence[Reading]] = field(default_factory=tuple)
-
-    @property
-    def count(self) -> int:
-        """How many readings there are."""
-        return sum(len(episode) for episode in self.episodes)

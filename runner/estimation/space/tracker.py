@@ -7,11 +7,14 @@ holds the motion now, the ten numbers and the wrench now, (28,), steps them to t
 adds what is read. It drops past wrenches by marginalising, which loses nothing: in the linear model its estimate is
 that of the batch problem with all of them as unknowns.
 
-Nonlinear are the ten numbers alone: motion and wrench are measured closely at every step. An extended filter linearises
-early readings where the numbers were still badly known, and that stays in its covariance. Here all readings are
-linearised around one point of the numbers. Where the estimate has moved from it so far that the second order would
-matter, the history is gone through again from the beginning, around the estimate (Gauss-Newton; the prior remains what
-it was). That happens early; with growing certainty it ends, and an update costs the same at any time.
+What is nonlinear enough to matter are the ten numbers: an extended filter linearises early readings where they were
+still badly known, and that stays in its covariance. Here all readings are linearised around one point of the numbers,
+and each at the wrench on which the measured wrench and acceleration agree (Deming 1943): at the measured one alone the
+estimate is drawn to one side, measured by a quarter of its standard deviation. Motions are taken as they were believed
+when they passed, which leaves about a tenth of a standard deviation between this and the batch answer. Where the
+estimate has moved from it so far that the second order would matter, the history is gone through again from the
+beginning, around the estimate (Gauss-Newton; the prior remains what it was). That happens early; with growing
+certainty it ends, and an update costs the same at any time.
 
 Without a wrench neither the mass nor the size of the inertia leaves a trace in the motion. As all readings share one
 point of linearisation, the two directions are the same for all of them, and the filter makes up nothing along them.
@@ -237,7 +240,7 @@ class SpaceTracker:
         acceleration = accelerations(body, motion.rate, near)
         slope = slopes(body, motion.rate, acceleration)
         expected = acceleration + times(slope.numbers, belief.shift) + times(slope.wrench, belief.wrench - near)
-        known = np.isfinite(reading.motion.turn.reshape(-1, 9)).all(axis=1)
+        known = np.asarray(np.isfinite(reading.motion.turn).all(axis=(-1, -2)))
         turn = np.where(known[:, None, None], reading.motion.turn, motion.turn)
         residual = np.concatenate([reading.motion._replace(turn=turn).less(motion), reading.acceleration - expected], 1)
         residual[:, 3:6] = np.where(known[:, None], residual[:, 3:6], np.nan)
