@@ -31,8 +31,14 @@ class ProgressObserver(Protocol):
     def fitting(self, effects: Sequence[str]) -> object:
         """Take note that these effects, none: the nominal model, are being fitted."""
 
-    def best(self, effects: Sequence[str], noises: float) -> object:
-        """Take note of the best explanation so far, and of the root mean square that it leaves, in noises."""
+    def best(self, effects: Sequence[str], noises: float, probability: float) -> object:
+        """Take note of the likeliest explanation so far.
+
+        Args:
+            effects: What it holds; none: the nominal model.
+            noises: The root mean square that it leaves.
+            probability: Its own, `unknown` counted in, by what was fitted so far and nothing that is held out.
+        """
 
 
 class Unobserved:
@@ -44,7 +50,7 @@ class Unobserved:
     def fitting(self, effects: Sequence[str]) -> None:
         """Ignore it."""
 
-    def best(self, effects: Sequence[str], noises: float) -> None:
+    def best(self, effects: Sequence[str], noises: float, probability: float) -> None:
         """Ignore it."""
 
 
@@ -73,9 +79,10 @@ class Spoken:
             self._fitting = said
             self._changed()
 
-    def best(self, effects: Sequence[str], noises: float) -> None:
+    def best(self, effects: Sequence[str], noises: float, probability: float) -> None:
         """The best so far."""
-        self._best = f"so far best {' + '.join(effects) or 'none'} ({noises:.3g} noises left)"
+        said = " + ".join(effects) or "none"
+        self._best = f"so far best {said} (probability {probability:.2f}, {noises:.3g} noises left)"
         self._changed()
 
     def _changed(self) -> None:

@@ -18,14 +18,14 @@ def test_a_line_holds_stage_fit_and_best() -> None:
     observer.fitting(())
     observer.fitting(("friction",))
     observer.fitting(("friction",))
-    observer.best(("friction",), 1.0312)
+    observer.best(("friction",), 1.0312, 0.934)
     observer.stage("checking")
     assert said == [
         "searching",
         "searching, fitting the nominal model",
         "searching, fitting friction",
-        "searching, fitting friction; so far best friction (1.03 noises left)",
-        "checking; so far best friction (1.03 noises left)",
+        "searching, fitting friction; so far best friction (probability 0.93, 1.03 noises left)",
+        "checking; so far best friction (probability 0.93, 1.03 noises left)",
     ]
 
 

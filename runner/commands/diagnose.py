@@ -1,9 +1,9 @@
 """Diagnose the gap: where it lies, which effect explains it, how far it shrinks.
 
 `runner diagnose DIR` takes a case, or a folder of cases, which are diagnosed side by side. A single case leaves
-`report.html`, `diagnosis.rrd`, `verdict.json`, tables and the corrected model in the results folder; many leave the
-same in a folder each, and `verdicts.json` for all. With `out=PATH` of an interrupted run, cases that have a verdict
-there are not done again, unless what they hold has changed.
+`report.html`, `diagnosis.rrd`, `verdict.json`, tables and the corrected model in the results folder, or `so_far.json`
+where it was interrupted; many leave the same in a folder each, and `verdicts.json` for all. With `out=PATH` of an
+interrupted run, cases that have a verdict there are not done again, unless what they hold has changed.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from runner.commands import Command, Job
 from runner.diagnosis.verdict import ALL
 from runner.errors import check_workers
 from runner.outputs.many import check_results, collect, diagnose_many
+from runner.outputs.so_far import kept_so_far
 from runner.progress import observed
 from runner.recording import find_cases
 from runner.recording.case import content_hash
@@ -50,7 +51,7 @@ def main(config: DiagnoseConfig, job: Job) -> int | None:
     check_results(job.results)
     if _is_one(config.recording, cases):
         case = read(config.recording)
-        with observed("Diagnosing") as observer:
+        with observed("Diagnosing") as shown, kept_so_far(shown, job.results) as observer:
             diagnosis = diagnose(case, progress=observer)
             observer.stage("writing the report")
             config_hash = job.provenance.get("config_hash")

@@ -11,19 +11,14 @@ from runner.inference.contender import Contender, are_confounded
 from runner.inference.held_out import Confirmed
 from runner.inference.least_squares import Fit, Fitter
 from runner.inference.outside import is_outside
+from runner.inference.probability import LEAST_UNKNOWN, MOST_UNKNOWN, not_none, shares, unknown_by_excess
 from runner.inference.search import Search
 from runner.systems.base import AbstractSystem
 
-TEMPER = 2.0  # log odds are divided by it, against overconfidence; not yet calibrated
-UNKNOWN_EXCESS = 0.12  # see `unknown_by_excess`; known effects of tuning and practice cases left up to 0.09
-UNKNOWN_WIDTH = 0.4
 # see `strained`: level of mismatch (base 2 log), from which on, how sharply; what is left, of the noise and of the gap
 STRAINED, STRAINED_WIDTH = 2.5, 0.25
 STRAINED_LEFT, STRAINED_SHARE, STRAINED_LEFT_WIDTH = 0.05, 0.02, 0.3
-SOMETHING, SOMETHING_WIDTH = 0.45, 0.15  # see `not_none`; in null cases of tuning sets the gap was 0.40 at most
 FAILED = 0.7  # where the best explanation does not close half of a plain gap in episodes it has not seen
-MOST_UNKNOWN = 0.97
-LEAST_UNKNOWN = 0.03  # of unknown effects some look like known ones, as wear does like a patch
 EQUAL = 0.05  # of the likeliest of a group: what is less likely is not its equal
 # By the plain theory 97 % of 235 planted values of two sets lay within 1.96 standard errors and half within 0.2 of
 # one: the mismatch is charged in full to every parameter. With so much of it, 95 % do.
@@ -53,12 +48,12 @@ def rank(found: Search, system: AbstractSystem, unknown: float) -> tuple[Ranked,
     """Turn log posteriors into probabilities, explanations that can't be told apart taken together."""
     context = system.context
     contenders = [c for c in found.contenders if np.isfinite(c.log_posterior)]
-    logs = np.array([c.log_posterior for c in contenders]) / TEMPER
+    every = shares(contenders)
     nameless = np.array([is_outside(c, system.vocabulary) for c in contenders])
-    known = float(softmax(logs)[~nameless].sum())
+    known = float(every[~nameless].sum())
     unknown = min(1.0 - (1.0 - unknown) * known, MOST_UNKNOWN)
     contenders = [c for c in contenders if not is_outside(c, system.vocabulary)]
-    share = softmax(logs[~nameless])
+    share = shares(contenders)
     groups: list[list[int]] = []
     for i, contender in enumerate(contenders):
         same = [g for g in groups if contender.fit.x.size and are_confounded(contenders[g[0]].fit, contender.fit)]
@@ -121,27 +116,6 @@ def unknown_by_episodes(confirmed: Confirmed, nominal_excess: float, system: Abs
         unknown_by_excess(confirmed.excess_fitted, nominal_excess, system.unknown_share),
         unknown_by_excess(confirmed.excess_unseen, there, system.unknown_share),
     )
-
-
-def unknown_by_excess(excess: float, nominal_excess: float, share: float) -> float:
-    """Probability that none of the explanations holds, from what the best one leaves behind.
-
-    A logistic in the log of the residual's excess over the noise, which is held against a fixed share of the noise and
-    a small share of the gap: the larger an effect, the more of it small errors of its model leave. `share` is
-    `AbstractSystem.unknown_share`.
-    """
-    allowed = UNKNOWN_EXCESS + share * max(nominal_excess, 0.0)
-    score = (np.log(max(excess, 1e-4)) - np.log(allowed)) / UNKNOWN_WIDTH
-    return float(np.clip(expit(score), LEAST_UNKNOWN, MOST_UNKNOWN))
-
-
-def not_none(gap: float) -> float:
-    """Probability that something is at work where no effect is named, from what the nominal model leaves.
-
-    In squared noises, of all episodes. How much of that small errors of the simulator could do says little: they could
-    do much of what anything does.
-    """
-    return float(expit(np.log(max(gap, 1e-4) / SOMETHING) / SOMETHING_WIDTH))
 
 
 def strained(best: Contender, nominal: Fit, fitter: Fitter) -> float:

@@ -117,6 +117,14 @@ class AbstractEffect(ABC):
         return np.empty((0, len(cls.parameters(context))))
 
     @classmethod
+    def sizes(cls, context: Any) -> np.ndarray:
+        """Return vectors that tell what the effect does where its derivative at zero does not, (K, p); empty: it does.
+
+        A command that is held from sample to sample and comes late by less than one hardly changes what is sampled.
+        """
+        return np.empty((0, len(cls.parameters(context))))
+
+    @classmethod
     def phrase(cls, of: Values, beliefs: Any, target: str | None = None) -> Phrase:
         """Put the effect with fitted values into words.
 

@@ -97,8 +97,7 @@ def _screened(around: NormalEquations, evidence: Evidence, system: AbstractSyste
             free[own] = 0.0
             free[p + np.array(members)] = 0.0
             best = (0.0, 1.0)
-            scattered = len(rival.starts(context)) > 0
-            for group in [[m] for m in members] if scattered else [members]:
+            for group in around.ways[rival]:
                 total, left = _left(gram, move, p + np.array(group), free)
                 if total > 0 and left / total < best[1]:
                     best = total, left / total

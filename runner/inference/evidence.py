@@ -38,6 +38,7 @@ class Direction:
         mismatch: Standard deviation that the simulator's own error has in this direction, in units of the amplitude.
         texture: Whether it is one of many that span the workspace: an effect at one place leaves errors at the others.
         asked: Whether the effect may be named; otherwise it is mismatch and nothing else.
+        whole: Whether it is an amount of the whole effect, rather than the derivative by one of its parameters.
     """
 
     candidate: Candidate
@@ -46,6 +47,7 @@ class Direction:
     mismatch: float
     texture: bool = False
     asked: bool = True
+    whole: bool = False
 
     @property
     def key(self) -> tuple[Candidate, bytes]:
@@ -61,8 +63,12 @@ def directions(system: AbstractSystem) -> list[Direction]:
         starts = candidate.starts(system.context)
         if len(starts):
             texture = candidate.effect.texture
-            out += [Direction(candidate, start, 1.0, TEXTURE if texture else 0.0, texture) for start in starts]
+            mismatch = TEXTURE if texture else 0.0
+            out += [Direction(candidate, start, 1.0, mismatch, texture, whole=True) for start in starts]
             continue
+        # the amplitude of what is shown by an amount is still in units of `scale`
+        sizes = candidate.sizes(system.context)
+        out += [Direction(candidate, size, size[0] / parameters[0].scale, 0.0, whole=True) for size in sizes]
         steps = difference_steps(parameters, np.zeros(len(parameters)))
         for i, parameter in enumerate(parameters):
             vector = np.eye(len(parameters))[i] * steps[i]
@@ -109,6 +115,15 @@ class NormalEquations:
         for i, direction in enumerate(self.directions):
             if direction.asked:
                 out.setdefault(direction.candidate, []).append(i)
+        return out
+
+    @property
+    def ways(self) -> dict[Candidate, list[list[int]]]:
+        """The same, in groups of what moves together: the derivatives of an effect, or an amount of the whole of it."""
+        out = {}
+        for candidate, members in self.by_candidate.items():
+            derivatives = [m for m in members if not self.directions[m].whole]
+            out[candidate] = [*([derivatives] if derivatives else []), *([m] for m in members if m not in derivatives)]
         return out
 
 
@@ -265,20 +280,29 @@ def predicted_gain(around: NormalEquations, level: float) -> dict[Candidate, tup
         solved = free[:, None] * cho_solve(factor, scaled)
         h = inner[np.ix_(index, index)] - inner[index] @ solved[:, :-1]
         g = right[index] - inner[index] @ solved[:, -1]
-        if len(around.directions[members[0]].vector) == len(members):
-            step = -np.linalg.solve(h + 0.05 * np.eye(len(index)), g)
-            vector = step * np.array(
-                [np.max(np.abs(around.directions[m].vector)) / abs(around.directions[m].per) for m in members]
-            )
-            out[candidate] = float(-g @ step), vector
-        else:
-            gain = g**2 / (np.diag(h) + 0.05)
-            best = int(np.argmax(gain))
-            amplitude = -g[best] / (h[best, best] + 0.05)
-            vector = around.directions[members[best]].vector.copy()
-            vector[0] *= float(np.clip(amplitude, -4, 4))
-            out[candidate] = float(gain[best]), vector
+        offers = []
+        for way in around.ways[candidate]:
+            at = [members.index(m) for m in way]
+            if not around.directions[way[0]].whole:
+                step = -np.linalg.solve(h[np.ix_(at, at)] + 0.05 * np.eye(len(at)), g[at])
+                offers.append((float(-g[at] @ step), moved_by(around.directions, way, step)))
+            else:
+                (k,) = at
+                amplitude = np.clip(-g[k] / (h[k, k] + 0.05), -4, 4)
+                offers.append(
+                    (float(g[k] ** 2 / (h[k, k] + 0.05)), moved_by(around.directions, way, np.array([amplitude])))
+                )
+        out[candidate] = max(offers, key=lambda o: o[0])
     return out
+
+
+def moved_by(every: Sequence[Direction], way: Sequence[int], amplitudes: np.ndarray) -> np.ndarray:
+    """Return the vector of an effect that has moved by amplitudes in the directions of one way."""
+    if every[way[0]].whole:
+        vector = every[way[0]].vector.copy()
+        vector[0] *= amplitudes[0] / every[way[0]].per
+        return vector
+    return np.asarray(amplitudes) * np.array([np.max(np.abs(every[m].vector)) / abs(every[m].per) for m in way])
 
 
 def clip(candidate: Candidate, vector: np.ndarray, context: Scope) -> np.ndarray:

@@ -21,6 +21,7 @@ from runner.inference.evidence import (
     NormalEquations,
     Sensitivities,
     clip,
+    moved_by,
     normal_equations,
     sensitivities,
 )
@@ -102,7 +103,7 @@ def chosen(around: NormalEquations, fitter: Fitter, most: int, worth: float) -> 
     mismatch = np.array([d.mismatch for d in around.directions]) * fitter.system.screening_level
     scale = np.array([q.scale for q in around.fit.explanation.parameters(fitter.context)])
     linear = Linear(total[:-1, :-1], total[:-1, -1], np.concatenate([FREE * scale, mismatch]))
-    groups = _groups(around, fitter)
+    groups = _groups(around)
     taken: dict[Candidate, np.ndarray] = {}
     while len(taken) < most:
         metric, gradient, _ = linear.beside()
@@ -123,14 +124,10 @@ def chosen(around: NormalEquations, fitter: Fitter, most: int, worth: float) -> 
     return [(c, _vector(c, index, moved, around, fitter)) for c, index in taken.items()]
 
 
-def _groups(around: NormalEquations, fitter: Fitter) -> list[tuple[Candidate, np.ndarray]]:
+def _groups(around: NormalEquations) -> list[tuple[Candidate, np.ndarray]]:
     """Return the entries that move together: all parameters of an effect, or one of the places that it may have."""
     p = len(around.fit.x)
-    out = []
-    for candidate, members in around.by_candidate.items():
-        scattered = len(candidate.starts(fitter.context)) > 0
-        out += [(candidate, p + np.array(g)) for g in ([[m] for m in members] if scattered else [members])]
-    return out
+    return [(candidate, p + np.array(way)) for candidate, ways in around.ways.items() for way in ways]
 
 
 def gain_of(metric: np.ndarray, gradient: np.ndarray, index: np.ndarray, spread: np.ndarray) -> float:
@@ -163,13 +160,9 @@ def _vector(
     candidate: Candidate, index: np.ndarray, moved: np.ndarray, around: NormalEquations, fitter: Fitter
 ) -> np.ndarray:
     """Return where the fit of a chosen effect begins."""
-    directions = [around.directions[i - len(around.fit.x)] for i in index]
-    if len(candidate.starts(fitter.context)):
-        vector = directions[0].vector.copy()
-        vector[0] *= float(np.clip(moved[index[0]], -4.0, 4.0))
-        return clip(candidate, vector, fitter.context)
-    unit = np.array([np.abs(d.vector).max() / abs(d.per) for d in directions])
-    return clip(candidate, np.clip(moved[index], -4.0, 4.0) * unit, fitter.context)
+    way = [int(i) - len(around.fit.x) for i in index]
+    amplitudes = np.clip(moved[index], -4.0, 4.0)
+    return clip(candidate, moved_by(around.directions, way, amplitudes), fitter.context)
 
 
 def _split(fitter: Fitter, fit: Fit) -> Fit:

@@ -87,16 +87,17 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
         few = len(candidates) == 1 or sum(len(k) == len(candidates) for k in seeds) < LIKELIEST
         if candidates and few and c.log_posterior > near:
             seeds[key_of(c.fit.explanation)] = seed(c.fit)
-    best = found.best.fit
+    best, there = found.best.fit, set[Key]()
     if cut.measured.excess(best.total, best.episodes) > fitter.system.cut_from and key_of(best.explanation) in seeds:
         # over longer times what is lacking may pile up, or what is there may come to show: whichever leaves less tells
         longer = carried(whole, seeds[key_of(best.explanation)], episodes, longest_s)[-1]
         if longer.total / nominal.total > best.total / found.nominal.total:
             return Look(Beginning(seeds), late, piece_s)
         seeds[key_of(best.explanation)] = longer
+        there = {key_of(best.explanation)}
     for c in found.contenders[:LIKELIEST]:
         key = key_of(c.fit.explanation)
-        if key in seeds:
+        if key in seeds and key not in there:
             for further in carried(whole, seeds[key], episodes, longest_s):
                 at = key_of(further.explanation)
                 seeds[at] = min(further, seeds.get(at, further), key=lambda s: s.total)

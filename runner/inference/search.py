@@ -23,6 +23,7 @@ from runner.inference.evidence import (
 )
 from runner.inference.leap import leap
 from runner.inference.least_squares import NONE, Fit, Fitter
+from runner.inference.probability import not_none, shares, unknown_by_excess
 from runner.inference.shortlist import finished, gain, with_fit, without_one, worth_of
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of, over_edges, where_to_begin
 
@@ -234,8 +235,14 @@ class _Rounds:
 
     def _tell_best(self) -> None:
         """Tell the observer of the likeliest so far."""
-        best = max(self.contenders, key=lambda c: c.log_posterior).fit
-        self.fitter.observer.best(best.explanation.names, float(np.sqrt(best.total / self.count)))
+        finite = [c for c in self.contenders if np.isfinite(c.log_posterior)]
+        best = max(finite, key=lambda c: c.log_posterior)
+        alike = [c.fit.explanation.names == best.fit.explanation.names for c in finite]
+        gap, left = ((t - self.count) / self.count for t in (self.nominal.total, best.evidence.loss))
+        unknown = unknown_by_excess(left, gap, self.fitter.system.unknown_share) if best.fit.x.size else not_none(gap)
+        probability = float(shares(finite)[alike].sum()) * (1.0 - unknown)
+        noises = float(np.sqrt(best.fit.total / self.count))
+        self.fitter.observer.best(best.fit.explanation.names, noises, probability)
 
     def beam(self, new: Sequence[Contender]) -> list[Contender]:
         """Return what is worth adding to, of contenders of one size, likeliest first."""
@@ -257,13 +264,13 @@ class _Rounds:
         promised = offers(contender, self.fitter)
         left = contender.fit.total - self.count
         if size == 1 and self.pieces:
-            jumps = [o for o in promised if o[1].effect.discontinuous or len(o[1].starts(self.fitter.context))]
-            nonlinear = {o[1] for o in jumps[:NONLINEAR]}
-            return [o for i, o in enumerate(promised) if i < CANDIDATES or o[1] in nonlinear]
+            return self._likely(promised)
         if size == 1:
             foreseen = min((s.total for s in self.seeds.values()), default=np.inf) - self.count
+            if self.fitter.system.leaps and foreseen < SETTLED * left:
+                return promised[:FEWEST]  # an earlier look has found where to begin
             if self.fitter.system.leaps and AHEAD * max(foreseen, self.worth) < left:
-                return promised[:FEWEST]  # an earlier look has found where to begin, and tried the rest in pieces
+                return self._likely(promised)
             every = left >= CLOSE * self.count
             return [o for i, o in enumerate(promised) if every or i < FEWEST or o[0] > OFFERED * self.worth]
         if left < self.worth:
@@ -275,6 +282,12 @@ class _Rounds:
             return [o for o in promised[:candidates] if o[0] > OFFERED * self.worth]
         # far from a good fit the linear promise misleads: the commonest effects are always tried
         return [o for i, o in enumerate(promised) if i < candidates or o[1].effect.common]
+
+    def _likely(self, promised: list[Offer]) -> list[Offer]:
+        """Return the most promising, and of those whose promise says little."""
+        jumps = [o for o in promised if o[1].effect.discontinuous or len(o[1].starts(self.fitter.context))]
+        nonlinear = {o[1] for o in jumps[:NONLINEAR]}
+        return [o for i, o in enumerate(promised) if i < CANDIDATES or o[1] in nonlinear]
 
     def _with_one_more(
         self, contender: Contender, candidate: Candidate, vector: np.ndarray, size: int, target: float

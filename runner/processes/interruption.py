@@ -44,8 +44,9 @@ def going_on(words: str, at_end: Callable[[], object]) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt as error:
-        if words and not error.args:
-            error.args = (words,)
+        if words and not getattr(error, "going_on", False):
+            error.going_on = True  # type: ignore[attr-defined]
+            error.args = (" ".join([words, *map(str, error.args)]),)
         raise
     finally:
         _go_on = before

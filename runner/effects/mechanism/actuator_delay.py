@@ -12,6 +12,8 @@ from runner.effects.mechanism.base import Command, MechanismEffect, Scope, effec
 from runner.effects.wording import Values
 from runner.errors import check_range
 
+SAMPLES = np.array([1.0, 4.0, 16.0])  # delays, in sample periods, at which is looked what one does
+
 
 def shifted(column: np.ndarray, before: float, delay_s: float, step_s: float) -> np.ndarray:
     """Return means over steps (n,) of a command that comes late (or early: then its end is held).
@@ -60,6 +62,11 @@ class ActuatorDelay(MechanismEffect):
     @classmethod
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
         return (Parameter("delay_s", "s", 0.03, 0.0, min(1.0, 0.5 * context.length_s)),)
+
+    @classmethod
+    def sizes(cls, context: Scope) -> np.ndarray:
+        most = cls.parameters(context)[0].upper
+        return np.minimum(SAMPLES * context.step_s, 0.5 * most)[:, None]
 
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:

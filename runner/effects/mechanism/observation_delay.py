@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
+import numpy as np
+
 from runner.effects.base import Confounded, Parameter, Phrase, Vector
-from runner.effects.mechanism.actuator_delay import shifted
+from runner.effects.mechanism.actuator_delay import SAMPLES, shifted
 from runner.effects.mechanism.base import Command, MechanismEffect, Scope, effect
 from runner.effects.wording import Values
 from runner.errors import check_range
@@ -55,6 +57,11 @@ class ObservationDelay(MechanismEffect):
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
         most = min(1.0, 0.5 * context.length_s)
         return (Parameter("delay_s", "s", 0.03, -most, most),)
+
+    @classmethod
+    def sizes(cls, context: Scope) -> np.ndarray:
+        most = cls.parameters(context)[0].upper
+        return np.minimum(SAMPLES * context.step_s, 0.5 * most)[:, None]
 
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:

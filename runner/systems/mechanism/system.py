@@ -59,6 +59,8 @@ class MechanismSystem(AbstractSystem):
     activities = ("regime", "load")
     noun = "mechanism"
     plan_view = None
+    # of two effects that do the same each would be explained away by what the other's small mismatch may do
+    screening_level = 0.0
     recording: MechanismRecording
     initial: MechanismStart
 

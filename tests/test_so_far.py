@@ -1,0 +1,51 @@
+"""An interrupted diagnosis leaves the answer that it had; one that ends leaves its verdict instead."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from runner.outputs.so_far import FILE, kept_so_far
+from runner.processes.interruption import going_on, line
+from runner.progress import Spoken
+
+
+def interrupted(said: list[str], folder: Path) -> None:
+    """Find two things, and be interrupted."""
+    with (
+        going_on("Go on with: runner diagnose x", lambda: None),
+        kept_so_far(Spoken(said.append), folder) as observer,
+    ):
+        observer.best((), 3.0, 0.2)
+        observer.best(("mass", "friction"), 1.1, 0.875)
+        raise KeyboardInterrupt
+
+
+def test_the_last_of_what_was_found_is_left(tmp_path: Path) -> None:
+    """The file holds the likeliest by then, and the one line of the interruption says so, after the command."""
+    said: list[str] = []
+    with pytest.raises(KeyboardInterrupt) as raised:
+        interrupted(said, tmp_path)
+    left = json.loads((tmp_path / FILE).read_text())
+    assert left["effects"] == ["mass", "friction"]
+    assert left["probability"] == 0.875
+    assert left["checked_on_unseen"] is False
+    assert said[-1] == "so far best mass + friction (probability 0.88, 1.1 noises left)"
+    words = line(raised.value)
+    assert (
+        words
+        == f"Interrupted. Go on with: runner diagnose x So far: mass + friction, probability 0.88 ({tmp_path / FILE})."
+    )
+
+
+def test_nothing_is_left_of_it_at_the_end(tmp_path: Path) -> None:
+    """Nor is anything said of it where nothing had been found."""
+    with kept_so_far(Spoken(lambda _: None), tmp_path) as observer:
+        observer.best(("mass",), 1.0, 0.9)
+        assert (tmp_path / FILE).exists()
+    assert not (tmp_path / FILE).exists()
+    with pytest.raises(KeyboardInterrupt) as raised, kept_so_far(Spoken(lambda _: None), tmp_path):
+        raise KeyboardInterrupt
+    assert raised.value.args == ()
