@@ -163,6 +163,45 @@ def store_schemas(name: str, root: type) -> None:
         store.store(group=group, name=f"schema_{option}", node=schema(cls), provider="runner")
 
 
+def restored(plain: Any, cls: type) -> Any:
+    """Return plain containers of a file as `build` wants them: types checked, names in place of which enums stand.
+
+    Args:
+        plain: What `config.yaml` of a results folder holds.
+        cls: The dataclass of the whole.
+
+    Raises:
+        ConfigError: Naming the full key of the first value of another type.
+    """
+    schema(cls)
+    return _restored(plain, cls, "")
+
+
+def _restored(value: Any, cls: Any, key: str) -> Any:
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    if not isinstance(value, dict):
+        return value
+    known = _TARGETS.get(str(value[TARGET])) if TARGET in value else cls
+    if not (inspect.isclass(known) and dataclasses.is_dataclass(known)):  # by name, as effects and estimators are
+        return {k: _restored(v, None, f"{key}.{k}") for k, v in value.items()}
+    node = OmegaConf.structured(schema(known))
+    out: dict[str, Any] = {}
+    for name, part in value.items():
+        place = f"{key}.{name}".lstrip(".")
+        hint = _hints(known).get(str(name))
+        if isinstance(part, dict) or name == TARGET or hint is None:
+            out[str(name)] = _restored(part, hint, place)
+            continue
+        try:
+            node[name] = part
+            out[str(name)] = OmegaConf.to_container(node, resolve=False)[name]  # type: ignore[index]
+        except (OmegaConfBaseException, ValueError) as error:
+            raise ConfigError(f"{place}: {' '.join(str(error).split('full_key')[0].split())}") from None
+    return out
+
+
 def build(config: Any, cls: type[T]) -> T:
     """Make the frozen dataclass, and all dataclasses in it, from a composed config.
 
@@ -183,11 +222,13 @@ def build(config: Any, cls: type[T]) -> T:
 
 def _build(value: Any, hint: Any, key: str) -> Any:
     origin, args = typing.get_origin(hint), typing.get_args(hint)
-    if isinstance(value, dict) and (TARGET in value or (inspect.isclass(hint) and dataclasses.is_dataclass(hint))):
+    if isinstance(value, dict) and origin is not dict and (TARGET in value or _is_section(hint)):
         return _build_section(value, hint, key)
     if origin in (typing.Union, types.UnionType):
         chosen = [a for a in args if a is not type(None)]
         return value if value is None else _build(value, chosen[0] if len(chosen) == 1 else Any, key)
+    if (origin is dict and not isinstance(value, dict)) or (_is_section(hint) and not isinstance(value, dict)):
+        raise ConfigError(f"{key}: must be a section of keys, got {value!r}.")
     if isinstance(value, dict):
         inner = args[1] if origin is dict else Any
         return {k: _build(v, inner, f"{key}.{k}" if key else str(k)) for k, v in value.items()}
@@ -202,11 +243,17 @@ def _build(value: Any, hint: Any, key: str) -> Any:
     return value
 
 
+def _is_section(hint: Any) -> bool:
+    return inspect.isclass(hint) and (dataclasses.is_dataclass(hint) or _is_abstract(hint))
+
+
 def _build_section(value: dict[str, Any], hint: Any, key: str) -> Any:
     target = value.get(TARGET)
     cls = hint if target is None else _TARGETS.get(target)
     if cls is None:
         raise ConfigError(f"{key + '.' if key else ''}{TARGET}: no class '{target}' is registered.")
+    if _is_section(hint) and not issubclass(cls, hint):
+        raise ConfigError(f"{key + '.' if key else ''}{TARGET}: must be of {hint.__name__}, got '{target}'.")
     hints = _hints(cls)
     start = f"{key}." if key else ""
     own = {f.name: f for f in dataclasses.fields(cls) if f.init}

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from runner.errors import ResultError
-from runner.storage.limits import check_size
+from runner.storage.parquet_file import UNREADABLE, ParquetError, read_whole
 from runner.teleop import tables
 
 GAP = "gap.parquet"
@@ -66,12 +66,15 @@ def verdict_table(case: str, ranked: Sequence[dict[str, Any]]) -> pd.DataFrame:
 def _read_verdict(file: Path) -> pd.DataFrame:
     from runner.diagnosis.verdict import read_verdict
 
-    return verdict_table(str(file.parent), read_verdict(file)["ranked"])
+    ranked = read_verdict(file)["ranked"]
+    try:
+        return verdict_table(str(file.parent), ranked)
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise ResultError(f"{file}: is no verdict: {type(error).__name__}: {str(error)[:200]}.") from None
 
 
 def _read_gap(file: Path) -> pd.DataFrame:
-    check_size(file)
     try:
-        return pd.read_parquet(file)
-    except (OSError, ValueError) as error:
-        raise ResultError(f"{file}: can't be read: {str(error).splitlines()[0]}") from None
+        return read_whole(file).to_pandas()
+    except (ParquetError, *UNREADABLE) as error:
+        raise ResultError(f"{file}: can't be read: {str(error)[:300]}") from None

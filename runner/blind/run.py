@@ -2,7 +2,8 @@
 
 The path of the answers is given to nobody here. A worker sees a copy of each case that holds the recording and what
 its owner believes, named after its own content; it may open no file outside its temporary folder, Python and the
-package, and start no program: see `runner.blind.fence`.
+package, and start no program: the kernel sees to that (`runner.blind.kernel_fence`), and the interpreter, which says so
+in words (`runner.blind.fence`). Each verdict says in its provenance what was in force.
 """
 
 from __future__ import annotations
@@ -10,13 +11,20 @@ from __future__ import annotations
 import hashlib
 import shutil
 import tempfile
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from runner.blind.fence import enter_fence
+import matplotlib
+import numba
+from numba.misc.appdirs import AppDirs
+
+from runner.blind import kernel_fence
+from runner.blind.fence import enter_fence, fence_of_kernel
+from runner.blind.kernel_fence import Kept
 from runner.blind.make import HASH_FILE
 from runner.errors import ResultError
 from runner.outputs.many import Seclusion, diagnose_many
@@ -63,7 +71,8 @@ def blind_run(
     with tempfile.TemporaryDirectory(prefix="runner-blind-") as name:
         place = Path(name).resolve()
         hidden = copy_cases(cases, place / "cases")
-        fence = Seclusion(place / "verdicts", begin_worker, (place,))
+        own = [place, *caches()]
+        fence = Seclusion(place / "verdicts", (fence_of_kernel, (own,)), (begin_worker, (own,)))
         failed = diagnose_many(hidden, results, workers=workers, report=False, secluded=fence, config_hash=config_hash)
     return len(cases), failed
 
@@ -112,9 +121,20 @@ def own_provenance() -> Provenance:
     return Provenance(version("runner"), sha, changed, datetime.now(UTC).isoformat(timespec="seconds"))
 
 
-def begin_worker(folder: Path) -> None:
-    """Shut a worker in; this module's imports, and so the diagnosis and the fonts of figures, are loaded by then."""
-    enter_fence([folder])
+def caches() -> list[Path]:
+    """Return where libraries keep what takes them long to make: compiled functions, the list of fonts."""
+    named = (numba.config.CACHE_DIR, AppDirs("numba", appauthor=False).user_cache_dir, matplotlib.get_cachedir())
+    return [Path(name) for name in named if name and Path(name).is_dir()]
+
+
+def begin_worker(folders: Sequence[Path]) -> dict[str, str]:
+    """Shut a worker in; this module's imports, and so the diagnosis and the fonts of figures, are loaded by then.
+
+    Returns:
+        What verdicts say of it.
+    """
+    enter_fence(folders)
+    return {"fence": " and ".join(filter(None, (kernel_fence.in_force(), Kept.hook)))}
 
 
 def copy_cases(cases: dict[str, Path], place: Path) -> dict[str, Path]:

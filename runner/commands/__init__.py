@@ -34,6 +34,7 @@ class Job:
         number: Place in the sweep, from 0; None outside a sweep.
         experiment: The experiment that was chosen, None if there was none to choose.
         provenance: Columns that say what makes the result: versions, commit, hashes of the config and of what is read.
+        spread: Makes calls, each in a process of the launcher that was asked for, and waits for them; None: none was.
     """
 
     folder: Path | None
@@ -42,6 +43,7 @@ class Job:
     number: int | None = None
     experiment: str | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    spread: Callable[[Sequence[Callable[[], object]]], None] | None = None
 
     @property
     def about(self) -> dict[str, Any]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -22,8 +23,9 @@ from runner.commands._belonging import belongs_to, provenance, sweep_belongs
 from runner.commands._compose import Composer, composer, without_hydra
 from runner.commands._explain import built, explain
 from runner.commands._jobs import overridden, write_config
+from runner.commands._launch import is_alone, literal, spread
 from runner.commands._sweep import explain_sweep, sweep, whole_chunk
-from runner.commands._trust import check_kept
+from runner.commands._trust import check_kept, of_launcher
 from runner.errors import ConfigError
 from runner.processes.interruption import going_on
 from runner.storage.holding import holding
@@ -33,6 +35,7 @@ from runner.storage.writing import write_text
 from runner.teleop.tables import SWEEP, still_held
 
 RESULTS = Path("results")
+Spread = Callable[[Sequence[Callable[[], object]]], None]
 
 
 def execute(name: str, overrides: Sequence[str], *, multirun: bool) -> int:
@@ -54,7 +57,7 @@ def execute(name: str, overrides: Sequence[str], *, multirun: bool) -> int:
             return _resume(name, command, hydra, Path(resume), overrides, whole_chunk(chunk))
         composed = None if multirun else composed_for(hydra, overrides)
         if composed is not None and composed.hydra.mode is not RunMode.MULTIRUN:
-            return _once(name, command, hydra, composed, out)
+            return _once(name, command, hydra, composed, out, overrides)
         if command.keeps is None:
             raise ConfigError(f"runner {name}: keeps no results, so it can't be swept with -m.")
         experiment = _swept_name(hydra, overrides) or command.keeps
@@ -97,7 +100,9 @@ def composed_for(hydra: Composer, overrides: Sequence[str]) -> DictConfig:
         raise explain(error, overrides, hydra) from error
 
 
-def _once(name: str, command: Command[Any], hydra: Composer, composed: DictConfig, out: str | None) -> int:
+def _once(
+    name: str, command: Command[Any], hydra: Composer, composed: DictConfig, out: str | None, overrides: Sequence[str]
+) -> int:
     value = built(command, without_hydra(composed), hydra.groups())
     settings = list(composed.hydra.overrides.task)
     if command.keeps is None:
@@ -107,14 +112,24 @@ def _once(name: str, command: Command[Any], hydra: Composer, composed: DictConfi
     belongs = belongs_to(name, command, value, job.config)
     with _folder(out, job.experiment or command.keeps) as folder:
         check_belongs(folder, belongs)
-        again = _again(command, name, [*settings, f"out={folder}"])
+        again = _again(command, name, [*settings, *of_launcher(overrides), f"out={folder}"])
         with running(folder, belongs, _say) as note, going_on(again, note.interrupted):
             write_config(folder, name, settings, job.config)
-            job = dataclasses.replace(job, folder=folder, provenance=provenance(belongs))
+            job = dataclasses.replace(
+                job, folder=folder, provenance=provenance(belongs), spread=_spread(hydra, folder, overrides)
+            )
             code = command.main(value, job) or 0
             if code:
                 note.fails(f"exit code {code}")
             return code
+
+
+def _spread(hydra: Composer, folder: Path, overrides: Sequence[str]) -> Spread | None:
+    """Return what makes calls by the launcher of the command line; None: there is none."""
+    if not of_launcher(overrides):
+        return None
+    own = hydra.bare(overrides, place=literal(folder.absolute()))
+    return None if is_alone(own) else functools.partial(spread, own, hydra)
 
 
 def _again(command: Command[Any], name: str, settings: Sequence[str]) -> str:

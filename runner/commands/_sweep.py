@@ -18,14 +18,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.plugins import Plugins  # as Hydra's example of a sweeper does: nothing else gives a launcher
-from hydra.experimental.callback import Callback
-from hydra.types import HydraContext, RunMode
-from omegaconf import DictConfig
+from hydra.types import RunMode
 
 from runner import commands
 from runner.commands import Command, Job
@@ -33,12 +29,12 @@ from runner.commands._belonging import job_provenance
 from runner.commands._compose import Composer
 from runner.commands._explain import built, explain
 from runner.commands._jobs import ConfigWriter, JobComposer
-from runner.commands._trust import read_nothing_kept
+from runner.commands._launch import is_alone, launch, literal
 from runner.errors import ConfigError, RunnerError
-from runner.processes.workers import joblib_workers
 from runner.progress import progress
 from runner.storage.writing import write_text
 from runner.teleop import tables
+from runner.teleop.frames import ENDED, Status
 
 Row = Mapping[str, Any]
 TOGETHER = 32  # jobs done at once; memory grows with it, and the cost per run hardly falls any more
@@ -58,11 +54,6 @@ def whole_chunk(text: str | None) -> int | None:
     if not text.isdigit() or int(text) < 1:
         raise ConfigError(f"chunk: must be a whole number of runs of at least 1, got '{text}'.")
     return int(text)
-
-
-def literal(path: Path) -> str:
-    """Return a path as a value that Hydra takes literally."""
-    return "'" + str(path).replace("'", "\\'") + "'"
 
 
 def sweep(
@@ -85,7 +76,7 @@ def sweep(
     try:
         composed = hydra.compose(overrides, mode=RunMode.MULTIRUN)
         own = hydra.bare(overrides, place=literal(place))
-        alone = own.hydra.runtime.choices["hydra/launcher"] == "basic"  # all in this process
+        alone = is_alone(own)
         swept = [f"{key}={values}" for key, values in (composed.hydra.sweeper.params or {}).items()]
         sources = [o for o in overrides if o.startswith("hydra.searchpath=")]
         jobs = combinations([*sources, *swept, *composed.hydra.overrides.task], hydra)
@@ -94,7 +85,8 @@ def sweep(
             expect(len(missing))
             length = chunk or _length(command, len(missing), alone=alone)
             tasks = [missing[i : i + length] for i in range(0, len(missing), length)]
-            _launch(_Work(name, place, tasks, threads=0 if alone else 1), own, hydra)
+            work = _Work(name, place, tasks, threads=0 if alone else 1)
+            launch(functools.partial(_chunk, work), len(tasks), own, hydra)
     except Exception as error:
         raise explain_sweep(error, hydra, overrides) from error
     rows = tables.finish_sweep(folder)
@@ -104,13 +96,15 @@ def sweep(
 
 
 def _told(rows: Sequence[Row], folder: Path) -> int:
-    failed = [row for row in rows if row["status"] != "done"]
+    failed = [row for row in rows if row["status"] not in ENDED]
+    astray = sum(row["status"] == Status.unconverged.value for row in rows)
     for row in failed[:TOLD]:
         print(f"job {row['job']}: {row['reason']}", file=sys.stderr)
     if len(failed) > TOLD:
         print(f"... and {len(failed) - TOLD} more: runner table {folder}", file=sys.stderr)
     count = len({row["job"] for row in rows})
-    print(f"{count} runs in {folder}" + (f", {len(failed)} of them failed" if failed else ""))
+    said = [(len(failed), "failed"), (astray, "did not converge")]
+    print(f"{count} runs in {folder}" + "".join(f", {n} of them {what}" for n, what in said if n))
     return 1 if failed else 0
 
 
@@ -181,23 +175,6 @@ def _missing(jobs: Sequence[Sequence[str]], hydra: Composer, folder: Path) -> li
     ]
 
 
-def _launch(work: _Work, own: DictConfig, hydra: Composer) -> None:
-    """Hand the tasks to the launcher that Hydra's own config asks for, and wait for them."""
-    if not work.tasks:
-        return
-    # nothing is called when a job begins or ends: a callback of Hydra's that does nothing stands for all of them
-    context = HydraContext(config_loader=hydra.loader, callbacks=cast(Any, Callback()))
-    read_nothing_kept(own)
-    launcher = Plugins.instance().instantiate_launcher(
-        hydra_context=context, task_function=functools.partial(_ended, work), config=own
-    )
-    if isinstance(settings := getattr(launcher, "joblib", None), dict):
-        settings |= joblib_workers()  # else those that wait for a task would wait for ever once this process is killed
-    for returned in launcher.launch([[] for _ in work.tasks], initial_job_idx=0):
-        if isinstance(returned.return_value, Exception):
-            raise returned.return_value
-
-
 @contextmanager
 def _watched(folder: Path) -> Iterator[Callable[[int], None]]:
     """Show a bar of the runs that have ended, whoever does them, by their rows; give a function that sets the total."""
@@ -230,19 +207,10 @@ def _watched(folder: Path) -> Iterator[Callable[[int], None]]:
         watcher.join()
 
 
-def _ended(work: _Work, composed: DictConfig) -> Exception | None:
-    """Do one task, and return what went wrong in it: of what is raised, Hydra says in words of its own."""
-    try:
-        _chunk(work, composed)
-    except Exception as error:
-        return error
-    return None
-
-
-def _chunk(work: _Work, composed: DictConfig) -> None:
+def _chunk(work: _Work, number: int) -> None:
     """Do one task: called by a launcher, in this process or another, on this machine or another."""
     command = commands.load(work.name)
-    task = work.tasks[HydraConfig.get().job.num]
+    task = work.tasks[number]
     writer = ConfigWriter(work.name)
     together = TOGETHER if command.batch is not None else 1
     by_hand = _collected_by_hand() if command.batch is not None else nullcontext()

@@ -17,6 +17,7 @@ from typing import Any
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
+from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 
 from runner.errors import ConfigError
@@ -100,7 +101,12 @@ def check_kept(name: str, file: Path, kept: Sequence[str], typed: Sequence[str])
         ConfigError: With the setting, and how to say it again.
     """
     for setting in kept:
-        if setting not in typed and not _harmless(OverridesParser.create().parse_override(setting)):
+        try:
+            harmless = _harmless(OverridesParser.create().parse_override(setting))
+        except HydraException as error:
+            said = str(error).splitlines()[0]
+            raise ConfigError(f"resume: '{file}' holds no settings of a sweep: '{setting}': {said}.") from None
+        if setting not in typed and not harmless:
             again = shlex.join(["runner", *name.split(), f"resume={file.parent}", setting])
             raise ConfigError(f"resume: '{file}' sets '{setting}', which may run programs; if you trust it: {again}")
 

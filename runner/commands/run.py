@@ -27,6 +27,7 @@ from rich.table import Table
 from runner.commands import Command, Job
 from runner.errors import ConfigError
 from runner.estimation import averaged  # noqa: F401
+from runner.estimation.convergence import judged
 from runner.physics.forces import CsvForces
 from runner.progress import progress
 from runner.storage.provenance import files_digest, versions
@@ -47,7 +48,7 @@ from runner.studies import (  # noqa: F401
 from runner.studies.base import AbstractStudy
 from runner.teleop.batch import run_batch
 from runner.teleop.experiment import Experiment
-from runner.teleop.frames import RunResult, Status
+from runner.teleop.frames import ENDED, RunResult, Status
 from runner.teleop.loop import run
 from runner.teleop.sinks import LogConfig, RrdSink, combine
 from runner.teleop.tables import SUMMARY, summary_row, write_summary
@@ -69,15 +70,24 @@ def main(config: RunConfig, job: Job) -> int | None:
     folder = job.results
     (folder / SUMMARY).unlink(missing_ok=True)  # of the same settings, and yet not of this run
     write_versions(folder)
+    found = rows(config, job)
+    write_summary(found, folder)
     if config.study is not None:
-        _studied(config.study, config, job)
+        _print_study(found, job)
         return None
+    (row,) = found
+    _print(config, row, folder)
+    return None if row["status"] in ENDED else 1
+
+
+def rows(config: RunConfig, job: Job) -> list[dict[str, Any]]:
+    """Run, write what is kept of it but its summary, and return the rows of that: one, of a study many."""
+    if config.study is not None:
+        found = config.study.rows(config, job.results)
+        return [{**job.about, "status": Status.done.value, **row, **job.provenance} for row in found]
     with progress("Running", total=config.steps, unit="steps") as advance:
-        result = run(config, advance)
-    row = {**job.about, **_logged(result, config, job), **job.provenance}
-    write_summary([row], folder)
-    _print(result, row, folder)
-    return None if result.status is Status.done else 1
+        result = judged(config, run(config, advance))
+    return [{**job.about, **_logged(result, config, job), **job.provenance}]
 
 
 def batch(jobs: Sequence[tuple[RunConfig, Job]], threads: int) -> list[dict[str, Any] | Exception]:
@@ -91,15 +101,11 @@ def batch(jobs: Sequence[tuple[RunConfig, Job]], threads: int) -> list[dict[str,
         if len(jobs) == 1:
             return [error]
         return [row for job in jobs for row in batch([job], threads)]
-    return [_logged(result, config, job) for result, (config, job) in zip(results, jobs, strict=True)]
+    return [_logged(judged(config, result), config, job) for result, (config, job) in zip(results, jobs, strict=True)]
 
 
-def _studied(study: AbstractStudy, config: RunConfig, job: Job) -> None:
-    """Make the table of a study, write and print it."""
-    rows = [
-        {**job.about, "status": Status.done.value, **row, **job.provenance} for row in study.rows(config, job.results)
-    ]
-    write_summary(rows, job.results)
+def _print_study(rows: Sequence[Mapping[str, Any]], job: Job) -> None:
+    """Print the table of a study."""
     table = pd.DataFrame(rows).drop(columns=["experiment", "status", *job.provenance], errors="ignore")
     text = table.to_string(index=False, na_rep="", float_format=lambda x: f"{x:.4g}", line_width=WIDTH)
     console = Console()
@@ -124,7 +130,7 @@ def finish(folder: Path) -> None:
         combine(parts, folder / SWEEP_RRD)
         for part in parts:
             part.unlink()
-        print(f"Look at it: rerun {folder / SWEEP_RRD}")
+        print(f"Look at it: runner view {folder}")
 
 
 def write_versions(folder: Path) -> None:
@@ -132,13 +138,13 @@ def write_versions(folder: Path) -> None:
     write_yaml(folder / "versions.yaml", dict(versions()))
 
 
-def _print(result: RunResult, row: Mapping[str, Any], folder: Path) -> None:
-    table = Table(title=f"{row['simulated_s']:g} s, {row['updates']} updates: {result.status.value}")
+def _print(config: RunConfig, row: Mapping[str, Any], folder: Path) -> None:
+    table = Table(title=f"{row['simulated_s']:g} s, {row['updates']} updates: {row['status']}")
     table.add_column("")
     columns = []
-    for name in result.estimators:
-        prefix = f"{name}_" if len(result.estimators) > 1 else ""
-        for parameter in result.parameters[name]:
+    for name, rule in config.estimator.items():
+        prefix = f"{name}_" if len(config.estimator) > 1 else ""
+        for parameter in rule.names:
             stem, _, unit = parameter.rpartition("_")
             table.add_column(f"{name}: {stem}", justify="right")
             columns.append((prefix + stem, unit))
@@ -151,11 +157,11 @@ def _print(result: RunResult, row: Mapping[str, Any], folder: Path) -> None:
         table.add_row(label, *(_seconds(row[f"{at}_to_{key}_s"]) for at, _ in columns))
     console = Console()
     console.print(table)
-    if result.reason:
-        console.print(f"{result.status.value}: {result.reason}", highlight=False)
+    if row["reason"]:
+        console.print(f"{row['status']}: {row['reason']}", highlight=False, soft_wrap=True)
     console.print(f"{row['steps_per_s']:,.0f} physics steps per second. Results: {folder}", highlight=False)
     if (folder / RrdSink.FILE).is_file():
-        console.print(f"Look at it: rerun {folder / RrdSink.FILE}", highlight=False, soft_wrap=True)
+        console.print(f"Look at it: runner view {folder}", highlight=False, soft_wrap=True)
 
 
 def _seconds(value: float) -> str:

@@ -13,7 +13,7 @@ from enum import Enum
 
 from runner.config import registered
 from runner.errors import check_range
-from runner.teleop.estimators import AbstractEstimator, MassRule, Outcome, Seen, Setup
+from runner.teleop.estimators import AbstractEstimator, Compared, MassRule, Outcome, Seen, Setup
 
 
 class Average(Enum):
@@ -42,6 +42,10 @@ class Averaged(AbstractEstimator):
 
     def __post_init__(self) -> None:
         check_range("updates", self.updates, 1, 10_000)
+
+    @property
+    def compared(self) -> Compared:
+        return self.rule.compared
 
     def start(self, setup: Setup) -> AveragedMemory:
         return AveragedMemory(self.rule.start(setup))

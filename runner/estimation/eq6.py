@@ -49,7 +49,7 @@ import numpy as np
 from runner.config import registered
 from runner.estimation.copies import Copies, to_vector
 from runner.physics.scene import BodyConfig, SceneConfig
-from runner.teleop.estimators import AbstractEstimator, Outcome, Seen, Setup
+from runner.teleop.estimators import AbstractEstimator, Compared, Outcome, Seen, Setup
 from runner.teleop.parameters import COM_X, COM_Y
 
 _SLOWEST_M_S = 1e-3  # below it the local cube sticks, or creeps
@@ -122,6 +122,10 @@ class ComEq6(AbstractEstimator):
 
     names: ClassVar[tuple[str, ...]] = (COM_X, COM_Y)
     factor: Factor = Factor.sliding
+
+    @property
+    def compared(self) -> Compared:
+        return Compared.angular
 
     def start(self, setup: Setup) -> Eq6Memory:
         return Eq6Memory(setup, Copies(setup.scene, setup.body), 0, setup.body.com_m[:2])

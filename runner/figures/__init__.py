@@ -22,9 +22,9 @@ new module) and nothing else:
 `runs.table` has a row for each run that went well, in run order, with the columns of `runner table`; `runs.values(key)`
 is one of them as an array; `runs.frames(i)` is the run's `frames.parquet`, `runs.parquet(i, "other.parquet")` any other
 table in its folder. A command other than `run` takes part if the rows of its `summary.parquet` have the columns
-`experiment` and `status` ("done" for a run to be drawn). `claim` is empty where the paper says nothing; `holds` is None
-where there is nothing to hold. `seen` becomes the title of the figure. `runner figures PATH...` writes PNG, SVG,
-`index.html` and `index.md`.
+`experiment` and `status` ("done" or "not converged" for a run to be drawn). `claim` is empty where the paper says
+nothing; `holds` is None where there is nothing to hold. `seen` becomes the title of the figure. `runner figures
+PATH...` writes PNG, SVG, `index.html` and `index.md`.
 """
 
 from __future__ import annotations

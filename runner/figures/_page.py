@@ -16,6 +16,7 @@ from runner.figures import Drawn, Runs, load
 from runner.figures._look import INK, STYLE
 from runner.storage.writing import replacing, write_text
 from runner.teleop import tables
+from runner.teleop.frames import ENDED
 
 VERDICT = {True: "holds", False: "does not hold", None: "no telling"}
 NO_CLAIM = "nothing to hold"
@@ -45,7 +46,7 @@ def runs_in(paths: Iterable[Path]) -> list[Runs]:
         raise ResultError("paths: no row says of which experiment it is.")
     out = []
     for name, rows in table.groupby("experiment", sort=False):
-        ended = rows["status"] == "done"
+        ended = rows["status"].isin(ENDED)
         well, badly = (pd.DataFrame(rows[which]).dropna(axis=1, how="all") for which in (ended, ~ended))
         out.append(Runs(str(name), well.reset_index(drop=True), badly.reset_index(drop=True)))
     return out

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from runner.diagnosis.pipeline import diagnose
 from runner.diagnosis.result import Diagnosis
 from runner.diagnosis.verdict import ALL, FILE, verdict
 from runner.errors import ConfigError, ResultError, RunnerError, WriteError
+from runner.outputs.elsewhere import Spread, elsewhere
 from runner.processes.workers import kill_workers, shielded, worker_of
 from runner.progress import progress
 from runner.recording.case import TABLES, content_hash
@@ -112,13 +114,13 @@ class Seclusion:
 
     Args:
         folder: Where the workers write.
-        begin: Called first in every worker; must be importable by name.
-        arguments: What it is given.
+        first: Called in every worker before anything of size is imported, with its arguments; importable by name.
+        begin: Called in every worker before its first case, likewise. What it returns stands in each verdict.
     """
 
     folder: Path
-    begin: Callable[..., None]
-    arguments: tuple[Any, ...] = ()
+    first: tuple[Callable[..., object], tuple[Any, ...]]
+    begin: tuple[Callable[..., Mapping[str, Any]], tuple[Any, ...]]
 
 
 def diagnose_many(
@@ -129,6 +131,7 @@ def diagnose_many(
     report: bool = True,
     secluded: Seclusion | None = None,
     config_hash: str | None = None,
+    spread: Spread | None = None,
 ) -> dict[str, str]:
     """Diagnose cases that have no verdict in the results yet, and keep `verdicts.json` of all up to date.
 
@@ -141,6 +144,8 @@ def diagnose_many(
         report: Whether to write more than the verdict and the corrected model, and to look for advice.
         secluded: How workers are kept from everything but their cases; None: they are not.
         config_hash: Of the settings, for the verdicts.
+        spread: Makes calls in other processes, maybe on other machines, which see the same folders, in place of
+            `workers`; see `runner.outputs.elsewhere`.
 
     Returns:
         What was wrong with each case that could not be diagnosed, by name.
@@ -159,7 +164,13 @@ def diagnose_many(
     failed: dict[str, str] = {}
     with progress("Diagnosing", total=len(cases), unit="cases", minutes=True) as advance:
         advance(len(cases) - len(todo))
-        for name, problem in _run({n: (cases[n], target[n]) for n in todo}, count, report, secluded, made_with):
+        tasks = {n: (cases[n].absolute(), target[n].absolute()) for n in todo}
+        ended = (
+            _run(tasks, count, report, secluded, made_with)
+            if spread is None
+            else elsewhere(spread, {n: partial(_one_made_with, made_with, *tasks[n], report) for n in todo}, target)
+        )
+        for name, problem in ended:
             if problem is not None:
                 failed[name] = problem
             elif secluded is not None:
@@ -197,10 +208,11 @@ def _run(
     a time, and one that is killed again by itself is given up.
     """
     # fresh processes: MuJoCo's threads and a fork don't go together
-    begin = pickle.dumps((_begin, (made_with, secluded)))
+    first = [] if secluded is None else [secluded.first]
+    begin = [pickle.dumps(called) for called in (*first, (_begin, (made_with, secluded)))]
     left = dict(tasks)
     while left:
-        pool = ProcessPoolExecutor(workers, get_context("spawn"), worker_of, (os.getpid(), begin))
+        pool = ProcessPoolExecutor(workers, get_context("spawn"), worker_of, (os.getpid(), *begin))
         try:
             with shielded():
                 jobs = {pool.submit(_one, case, folder, report): name for name, (case, folder) in left.items()}
@@ -230,7 +242,14 @@ def _begin(made_with: Mapping[str, Any], secluded: Seclusion | None) -> None:
     """Begin a worker."""
     _MADE_WITH.update(made_with)
     if secluded is not None:
-        secluded.begin(*secluded.arguments)
+        function, arguments = secluded.begin
+        _MADE_WITH.update(function(*arguments))
+
+
+def _one_made_with(made_with: Mapping[str, Any], path: Path, folder: Path, report: bool) -> str | None:
+    """Diagnose a case as `_one` does, in a process that was told nothing before."""
+    _MADE_WITH.update(made_with)
+    return _one(path, folder, report)
 
 
 def _one(path: Path, folder: Path, report: bool) -> str | None:

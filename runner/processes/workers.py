@@ -40,16 +40,18 @@ def joblib_workers() -> dict[str, Any]:
     return {"initializer": end_with_parent, "initargs": (os.getpid(),)}
 
 
-def worker_of(parent: int, begin: bytes) -> None:
+def worker_of(parent: int, *begin: bytes) -> None:
     """Begin a worker: see to its end before anything of size is imported, which takes seconds.
 
     Args:
         parent: Process id of the parent.
-        begin: A function and its arguments, pickled by the parent: only to be unpickled imports what they are of.
+        begin: Functions with their arguments, pickled by the parent: only to be unpickled imports what they are of.
+            Each is called before the next is unpickled.
     """
     end_with_parent(parent)
-    function, arguments = pickle.loads(begin)
-    function(*arguments)
+    for pickled in begin:
+        function, arguments = pickle.loads(pickled)
+        function(*arguments)
 
 
 def end_with_parent(parent: int) -> None:

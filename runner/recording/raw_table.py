@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from runner.errors import RecordingError
 from runner.numerics.arrays import FloatArray
 from runner.storage.csv_text import CsvError, number, read_csv
-from runner.storage.limits import check_bytes, check_shape, check_size
+from runner.storage.parquet_file import UNREADABLE, ParquetError, columns_and_rows
 
 
 @dataclass(frozen=True)
@@ -65,16 +65,10 @@ def row_place(row: int, lines: list[int] | None) -> str:
 
 
 def _parquet(path: Path) -> RawTable:
-    check_size(path)
     try:
-        with pq.ParquetFile(path) as file:
-            names, rows = list(file.schema_arrow.names), file.metadata.num_rows
-            groups = range(file.metadata.num_row_groups)
-            held = sum(file.metadata.row_group(g).total_byte_size for g in groups)
-    except (pa.ArrowException, OSError) as error:
-        raise RecordingError(f"{path}: can't be read as Parquet: {' '.join(str(error).split())}") from None
-    check_shape(path, rows, 1)
-    check_bytes(path, held)
+        names, rows = columns_and_rows(path)
+    except ParquetError as error:
+        raise RecordingError(f"{path}: can't be read as Parquet: {error}") from None
     return RawTable(names, rows, None, None)
 
 
@@ -114,7 +108,7 @@ def _from_parquet(path: Path, name: str, within: str) -> FloatArray:
         # text as a dictionary: a page of a few bytes can stand for a long text in every row
         with pq.ParquetFile(path, read_dictionary=[name]) as file:
             column = file.read([name], use_threads=False).column(0)
-    except (pa.ArrowException, OSError) as error:
+    except UNREADABLE as error:
         raise RecordingError(f"{path}: can't be read as Parquet: {' '.join(str(error).split())}") from None
     if pa.types.is_null(column.type):
         return np.full(len(column), np.nan)

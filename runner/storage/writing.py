@@ -64,6 +64,16 @@ def write_text(path: Path, text: str) -> None:
         part.write_text(text, encoding="utf-8")
 
 
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write bytes.
+
+    Raises:
+        WriteError: If they can't be written.
+    """
+    with replacing(path) as part:
+        part.write_bytes(content)
+
+
 def write_yaml(path: Path, content: Any) -> None:
     """Write plain data as YAML, keys in their own order.
 

@@ -41,7 +41,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from enum import IntEnum
+from enum import Enum, IntEnum
 from operator import mul
 from typing import Any, ClassVar, NamedTuple
 
@@ -61,6 +61,14 @@ class Outcome(IntEnum):
     opposed = 3  # the two move in opposite directions
     not_driven = 4  # the guard: no push along the motion, so that nothing is learnt, or the error would grow
     implausible = 5  # the result lies outside the allowed range
+
+
+class Compared(Enum):
+    """Which rates of the two bodies an estimator compares."""
+
+    linear = "linear"
+    angular = "angular"
+    both = "both"
 
 
 Numbers = Sequence[float]
@@ -172,6 +180,11 @@ class AbstractEstimator(ABC):
     names: ClassVar[tuple[str, ...]] = ("mass_kg",)  # of `runner.teleop.parameters`
     details: ClassVar[tuple[str, ...]] = ()  # further numbers that the frames keep
 
+    @property
+    def compared(self) -> Compared:
+        """Which rates it compares."""
+        return Compared.both
+
     @abstractmethod
     def start(self, setup: Setup) -> Any:
         """Return the memory before the first update."""
@@ -221,6 +234,10 @@ class Linear(MassRule):
 
     slowest_m_s: float = 1e-3
 
+    @property
+    def compared(self) -> Compared:
+        return Compared.linear
+
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("slowest_m_s", self.slowest_m_s, 0.0, 100.0, unit="m/s", lower_open=True)
@@ -237,6 +254,10 @@ class Rotational(MassRule):
 
     slowest_rad_s: float = 2e-3
 
+    @property
+    def compared(self) -> Compared:
+        return Compared.angular
+
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("slowest_rad_s", self.slowest_rad_s, 0.0, 100.0, unit="rad/s", lower_open=True)
@@ -252,6 +273,10 @@ class LinearGuarded(MassRule):
     """Eq. 2 with the guard: no overshoot at the start of a push, no growth while pushed against the motion."""
 
     slowest_m_s: float = 1e-3
+
+    @property
+    def compared(self) -> Compared:
+        return Compared.linear
 
     def __post_init__(self) -> None:
         super().__post_init__()

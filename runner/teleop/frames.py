@@ -103,8 +103,12 @@ class Status(Enum):
     """How a run ended."""
 
     done = "done"
+    unconverged = "not converged"  # it went to its end; an estimate is not where what was measured has it
     diverged = "diverged"  # the physics blew up; what was recorded until then is kept
     failed = "failed"
+
+
+ENDED = (Status.done.value, Status.unconverged.value)  # of runs that went to their end
 
 
 class Truth(NamedTuple):

@@ -24,6 +24,7 @@ from filelock import FileLock, Timeout
 
 from runner.errors import ResultError, RunnerError, WriteError
 from runner.storage import run_status
+from runner.storage.parquet_file import UNREADABLE, ParquetError, read_whole
 from runner.storage.writing import replacing
 from runner.teleop.frames import RunResult, Truth
 
@@ -123,9 +124,16 @@ def read_summary(file: Path) -> list[dict[str, Any]]:
         ResultError: If it can't be read.
     """
     try:
-        return pq.read_table(file).to_pylist()
-    except (OSError, pa.ArrowInvalid) as error:
-        raise ResultError(f"paths: '{file}' can't be read: {str(error).splitlines()[0]}") from error
+        return _table(file).to_pylist()
+    except UNREADABLE as error:  # texts that are none are found only now
+        raise ResultError(f"paths: '{file}' can't be read: {str(error)[:300]}") from None
+
+
+def _table(file: Path) -> pa.Table:
+    try:
+        return read_whole(file)
+    except ParquetError as error:
+        raise ResultError(f"paths: '{file}' can't be read: {error}") from None
 
 
 def append_line(file: Path, item: Any) -> None:
@@ -150,10 +158,10 @@ def append_line(file: Path, item: Any) -> None:
 
 def whole_lines(file: Path) -> Iterator[Any]:
     """Yield the lines of JSON of a file, save for those that are empty or were cut off."""
-    for line in file.read_text(encoding="utf-8").splitlines():
+    for line in file.read_text(encoding="utf-8", errors="replace").splitlines():
         try:
             yield json.loads(line)
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):
             continue
 
 
@@ -198,7 +206,9 @@ def still_held(folder: Path) -> bool:
 def _noted(file: Path) -> dict[int, list[dict[str, Any]]]:
     found: dict[int, list[dict[str, Any]]] = {}
     for noted in whole_lines(file):
-        found[noted["job"]] = noted["rows"]
+        job, rows = (noted.get("job"), noted.get("rows")) if isinstance(noted, dict) else (None, None)
+        if isinstance(job, int) and isinstance(rows, list) and all(isinstance(row, dict) for row in rows):
+            found[job] = [{**row, "job": job} for row in rows]
     return found
 
 
@@ -207,6 +217,8 @@ def sweep_rows(folder: Path) -> list[dict[str, Any]]:
     found: dict[int, list[dict[str, Any]]] = {}
     if (folder / SUMMARY).is_file():
         for row in read_summary(folder / SUMMARY):
+            if not isinstance(row.get("job"), int):
+                raise ResultError(f"paths: '{folder / SUMMARY}' is not of a sweep: a row has no number in 'job'.")
             found.setdefault(row["job"], []).append(row)
     for file in sorted((folder / ROWS).glob("*.jsonl")):
         found |= _noted(file)
@@ -294,9 +306,11 @@ def _read(folder: Path) -> pd.DataFrame:
     if not (folder / SUMMARY).is_file() and (row := _begun(folder)) is not None:
         return pd.DataFrame([{"run": str(folder), **row}])
     try:
-        table = _whole(pq.read_table(folder / SUMMARY))
-    except (OSError, ValueError) as error:
-        raise ResultError(f"paths: '{folder / SUMMARY}' can't be read: {str(error).splitlines()[0]}") from error
+        table = _whole(_table(folder / SUMMARY))
+    except UNREADABLE as error:
+        raise ResultError(f"paths: '{folder / SUMMARY}' can't be read: {str(error)[:300]}") from None
+    if "run" in table:
+        raise ResultError(f"paths: '{folder / SUMMARY}' is no summary of runs: it has a column 'run'.")
     table.insert(0, "run", str(folder))
     return table
 

@@ -15,7 +15,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 import rerun_bindings
 
-from runner.storage.writing import replacing
+from runner.storage.writing import write_bytes
 
 
 class _Followed(rrb.Blueprint):
@@ -46,12 +46,16 @@ def written(path: Path, blueprint: rrb.Blueprint, application: str = "runner") -
         application: Recordings of one application share a viewer's settings.
     """
     layout = _Followed(blueprint)
-    with replacing(path) as part, rr.RecordingStream(application) as recording:
-        recording.save(part, default_blueprint=layout)
+    with rr.RecordingStream(application) as recording:
+        # through memory: where the disk is full, Rerun's own thread that writes files ends with no more than a warning,
+        # and what waits for it may wait for ever
+        stream = recording.binary_stream()
+        recording.send_blueprint(layout, make_active=False, make_default=True)
         layout.let_go()
         yield recording
-        recording.flush()
+        content = stream.read()
         recording.disconnect()
-    del recording
+    write_bytes(path, content or b"")
+    del recording, stream
     # whoever was given this recording may refer to it still: then it goes with the next one
     rerun_bindings.flush_and_cleanup_orphaned_recordings()

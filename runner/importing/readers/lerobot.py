@@ -51,6 +51,9 @@ def read_lerobot(path: Path, options: ReadOptions) -> Log:
     if EPISODE not in table.column_names:
         raise RecordingError(f"{path}: its data have no column '{EPISODE}'.")
     whole, _ = table_part(path.name, table, names)
+    counted = whole.signals[EPISODE].values if EPISODE in whole.signals else np.empty(0)
+    if not len(counted) or counted.ndim != 1 or counted.dtype.kind not in "iuf" or not np.isfinite(counted).all():
+        raise RecordingError(f"{path}: '{EPISODE}' of its data must be a number in every row.")
     return Log(f"LeRobot {version}", _episodes(whole), _notes(info))
 
 

@@ -12,6 +12,7 @@ import pyarrow as pa
 from rerun.chunk import Chunk, McapReader, RrdReader
 
 from runner.importing.readers.arrow import compute, signals_of
+from runner.importing.readers.mcap_check import check_mcap
 from runner.importing.signals import BULKY, Clock, Log, ReadOptions, Signal, bulky_notes, file_error, part_of
 
 DECODERS = ("ros2_reflection", "protobuf", "raw")  # as the messages are, not as a viewer draws them
@@ -57,14 +58,15 @@ def read_mcap(path: Path, options: ReadOptions) -> Log:
         RecordingError: If it is none.
     """
     notes: list[str] = []
+    check_mcap(path)
     try:
         chunks, json_topics, bulky = _mcap_chunks(path, recover=False)
-    except ValueError as error:
+    except (ValueError, RuntimeError) as error:
         if "recovery" not in str(error):
             raise file_error(path, "MCAP", error) from None
         try:
             chunks, json_topics, bulky = _mcap_chunks(path, recover=True)
-        except ValueError as again:
+        except (ValueError, RuntimeError) as again:
             raise file_error(path, "MCAP", again) from None
         notes.append(f"{path.name}: was cut off while it was written; read as far as it goes")
     notes += bulky_notes(path, bulky)

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
-import pyarrow.parquet as pq
 
 from runner.errors import RecordingError
 from runner.importing.readers.arrow import WIDEST, signals_of
 from runner.importing.signals import Clock, Log, Part, ReadOptions, Signal, file_error, part_of
+from runner.storage.limits import check_size
+from runner.storage.parquet_file import UNREADABLE, ParquetError, read_whole
 
 DELIMITERS = (",", "\t", ";", "|")
 TABLE = "table"  # the stream of all columns of a table
@@ -38,11 +39,13 @@ def read_text(path: Path, options: ReadOptions) -> Log:
     convert = pa_csv.ConvertOptions(
         decimal_point=options.decimal, strings_can_be_null=True, null_values=["", "nan", "NaN", "NAN", "null", "None"]
     )
+    check_size(path)
     try:
         table = pa_csv.read_csv(path, parse_options=pa_csv.ParseOptions(delimiter=delimiter), convert_options=convert)
-    except (pa.ArrowException, OSError) as error:
+        table = table.rename_columns([c.strip().lstrip("%\ufeff") for c in table.column_names])
+    except UNREADABLE as error:
         raise file_error(path, "a text table", error) from None
-    part, texts = table_part(path.name, table.rename_columns([c.strip().lstrip("%\ufeff") for c in table.column_names]))
+    part, texts = table_part(path.name, table)
     notes = [f"{path.name}: columns parted by {delimiter!r}"] if delimiter not in (",", "\t") else []
     commas = [name for name in texts if _decimal_commas(table.column(texts[name]))]
     if commas and options.decimal == ".":
@@ -75,9 +78,8 @@ def parquet_table(path: Path) -> pa.Table:
         RecordingError: If it can't be read.
     """
     try:
-        with pq.ParquetFile(path) as file:
-            table = file.read()
-    except (pa.ArrowException, OSError) as error:
+        table = read_whole(path)
+    except ParquetError as error:
         raise file_error(path, "Parquet", error) from None
     return table.select([i for i, n in enumerate(table.column_names) if not n.startswith("__index_level_")])
 
@@ -120,7 +122,8 @@ def read_npz(path: Path, options: ReadOptions) -> Log:
         RecordingError: If it is none, or holds objects.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        # opened here: of a file that is none, NumPy leaves its handle open
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
     except ValueError as error:
         if "allow_pickle" in str(error):
