@@ -43,6 +43,7 @@ from runner.studies import (  # noqa: F401
     latency,
     model_jump,
     plumb_line,
+    space,
 )
 from runner.studies.base import AbstractStudy
 from runner.teleop.batch import run_batch
