@@ -1,50 +1,65 @@
-# `make run` and `make test` need python3 (3.11 or 3.12) and nothing else: both first build .venv from the pins
-# in constraints.txt when it is missing or older than them.
+# `make run` and `make test` need python3 (3.11 or 3.12) and nothing else: both first build .venv from the pins in
+# constraints.txt when it is missing or older than them. `make run` installs what it needs, `make test` the rest.
 
 export MUJOCO_GL ?= disable
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
 BIN := .venv/bin
 STAMP := .venv/.built-from-pins
+FULL := .venv/.with-extras
+SITE := .venv/.with-docs
 FITS := import sys; raise SystemExit(not (3, 11) <= sys.version_info < (3, 13))
 ARGS ?=
 # tests fill all cores by themselves: threads of linear algebra beside them only wait for each other (a fifth of the time)
 ONE_BLAS_THREAD := OPENBLAS_NUM_THREADS=1
 
-.PHONY: run test check golden fuzz faults soak venv clean
+# nothing is compiled to bytecode beforehand: Python does it for what it imports, which is a part
+INSTALL = $(BIN)/pip install --quiet --no-compile --constraint constraints.txt
+
+.PHONY: run test check golden fuzz faults soak venv reference site wheel clean
 
 run: $(STAMP)  ## The published experiment; other commands: make run ARGS="gap examples/..."
 	@$(BIN)/python -m runner $(ARGS)
 
-test: $(STAMP) check  ## Style, types, tests
+test: $(FULL) check  ## Style, types, tests
 	@$(ONE_BLAS_THREAD) $(BIN)/python -m pytest --numprocesses auto --dist worksteal $(ARGS)
 
-check: $(STAMP)
+check: $(FULL)
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/pyright
 
-golden: $(STAMP)  ## Every number of all golden verdicts; ARGS=--refresh writes them anew
+golden: $(FULL)  ## Every number of all golden verdicts; ARGS=--refresh writes them anew
 	@$(BIN)/python -m tests.golden $(ARGS)
 
-fuzz: $(STAMP)  ## 100,000 spoilt inputs over all readers, some an hour; ARGS="count=1000 seed=7 kind=log_"
+fuzz: $(FULL)  ## 100,000 spoilt inputs over all readers, some an hour; ARGS="count=1000 seed=7 kind=log_"
 	@$(ONE_BLAS_THREAD) nice $(BIN)/python -m tests.fuzzing $(ARGS)
 
-faults: $(STAMP)  ## Every call that changes a file fails once, and kills once; ARGS="only=run every=10"
+faults: $(FULL)  ## Every call that changes a file fails once, and kills once; ARGS="only=run every=10"
 	@$(ONE_BLAS_THREAD) nice $(BIN)/python -m tests.faults $(ARGS)
 
-soak: $(STAMP)  ## 10,000 runs in one process, an hour at 240 Hz diagnosed; ARGS="runs=1000 minutes=5"
+soak: $(FULL)  ## 10,000 runs in one process, an hour at 240 Hz diagnosed; ARGS="runs=1000 minutes=5"
 	@$(ONE_BLAS_THREAD) nice $(BIN)/python -m benchmarks.soak $(ARGS)
 
-venv: $(STAMP)
+venv: $(FULL)  ## All that `make test` needs
+
+reference: $(STAMP)  ## docs/reference/*.md from schemas and docstrings
+	@$(BIN)/python docs/reference/make_reference.py
+
+site: $(SITE)  ## docs/ as a site in site/, which opens from the disk
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+	@echo "site/index.html"
+
+wheel: $(FULL)  ## dist/runner-*.whl, for `pipx install`
+	@$(BIN)/pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist .
 
 $(STAMP): pyproject.toml constraints.txt
 	@for python in $(PYTHON) python3 python3.12 python3.11; do \
 		if $$python -c '$(FITS)' 2>/dev/null; then \
 			echo "Building .venv with $$($$python --version) from constraints.txt ..." && \
 			$$python -m venv --clear .venv && \
-			$(BIN)/pip install --quiet --constraint constraints.txt setuptools hatchling editables && \
-			$(BIN)/pip install --quiet --constraint constraints.txt --no-build-isolation --editable '.[test,cluster,import]' && \
+			$(INSTALL) setuptools hatchling editables && \
+			$(INSTALL) --no-build-isolation --editable . && \
 			$(BIN)/pip check --quiet && touch $(STAMP) && exit 0; \
 			exit 1; \
 		fi; \
@@ -52,5 +67,13 @@ $(STAMP): pyproject.toml constraints.txt
 	echo "runner needs Python 3.11 or 3.12 as python3, python3.12 or python3.11 (or make PYTHON=/path/to/python)." >&2; \
 	exit 1
 
+$(FULL): $(STAMP)
+	@$(INSTALL) --no-build-isolation --editable '.[test,cluster,import]'
+	@$(BIN)/pip check --quiet && touch $(FULL)
+
+$(SITE): $(STAMP)
+	@$(INSTALL) --no-build-isolation --editable '.[docs]'
+	@touch $(SITE)
+
 clean:
-	rm -rf .venv build dist .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv build dist site .pytest_cache .ruff_cache .hypothesis

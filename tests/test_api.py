@@ -261,5 +261,5 @@ def test_folders_that_hold_something_are_left_alone(model: Path, found: runner.C
         found.report(tmp_path / "kept")
     with pytest.raises(runner.RunnerError, match="no folder 'nowhere'"):
         runner.read_table("nowhere")
-    with pytest.raises(runner.RunnerError, match="no such folder"):
+    with pytest.raises(runner.RunnerError, match="no such file or folder"):
         runner.read(tmp_path / "nowhere")

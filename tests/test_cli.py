@@ -353,9 +353,9 @@ def test_every_option_of_every_group_is_usable() -> None:
 def readme_lines() -> list[str]:
     """Return the command lines of the README and of all other pages, in blocks of shell code, without comments."""
     root = CONF_FOLDER.parent
-    pages = [page.read_text(encoding="utf-8") for page in (root / "README.md", *sorted((root / "docs").glob("*.md")))]
+    pages = [page.read_text(encoding="utf-8") for page in (root / "README.md", *sorted((root / "docs").rglob("*.md")))]
     blocks = [block for page in pages for block in re.findall(r"```sh\n(.*?)```", page, re.DOTALL)]
-    lines = [line.partition("#")[0].strip() for block in blocks for line in block.splitlines()]
+    lines = [line.partition("#")[0].partition(" > ")[0].strip() for block in blocks for line in block.splitlines()]
     return list(dict.fromkeys(line for line in lines if line.startswith("runner ")))
 
 

@@ -242,10 +242,23 @@ def test_command_reproduces_the_gap_with_the_model_that_was_written(
     want = measure_gap(system, measure(system), effects=effect).table
     np.testing.assert_allclose(table["rms"], want["rms"], rtol=1e-9)
     out = capsys.readouterr().out
-    assert "starts fitted" in out
-    assert "noise alone" in out
+    assert out.index("the model") < out.index("starts fitted") < out.index("starts fitted: from the start states")
+    assert max(map(len, out.splitlines()[:-1])) <= 80
     episodes = pd.read_parquet(tmp_path / "out" / "gap_episodes.parquet")
     assert set(episodes["episode"]) == {0, 1}
+
+
+def test_a_table_by_any_name_is_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The file that is named is read, not the one beside it that has the usual name; without pushes that is said."""
+    recording, _ = made(episodes=2, seconds=2.0)
+    write_case(recording, tmp_path, table="recording.csv")
+    table = pd.read_csv(tmp_path / "recording.csv")
+    table[table["episode"] == 1].assign(fx=0.0, fy=0.0).to_csv(tmp_path / "mylog.csv", index=False)
+    assert main(["gap", str(tmp_path / "mylog.csv"), f"out={tmp_path / 'out'}", "horizons_s=[0.5]"]) == 0
+    assert set(pd.read_parquet(tmp_path / "out" / "gap_episodes.parquet")["episode"]) == {1}
+    out = capsys.readouterr().out
+    assert "nothing is pushed: 'fx', 'fy' are zero in every row" in out
+    assert "over the whole episode the model misses" in " ".join(out.split())
 
 
 def test_command_takes_a_folder_of_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -269,7 +282,7 @@ def test_command_takes_a_folder_of_cases(tmp_path: Path, capsys: pytest.CaptureF
         ("horizons_s=[]", "horizons_s: at least one horizon is needed"),
         ("horizons_s=[0.1,-1]", r"horizons_s[1]: must be a finite number in ]0, 3600] s, got -1.0"),
         ("horizons_s=[0.1,0.1]", "horizons_s: each once only"),
-        ("recording=nowhere", "nowhere: no such folder"),
+        ("recording=nowhere", "nowhere: no such file or folder"),
     ],
 )
 def test_command_refuses_bad_settings(

@@ -38,9 +38,9 @@ OPERATIONS = {("math", "floor"), ("np", "floor")}
 # (file, what is found there, whose word it is)
 LIBRARIES = (
     ("terminal.py", "box", "the borders of rich's tables: `from rich import box`"),
-    ("record.py", "'box'", "MuJoCo's name of a shape that is drawn"),
+    ("record_shapes.py", "'box'", "MuJoCo's name of a shape that is drawn"),
     ("drawing.py", "'box' in a string", "the same, where the kinds of shapes are told"),
-    ("record.py", "Boxes3D", "rerun's name of that shape"),
+    ("record_shapes.py", "Boxes3D", "rerun's name of that shape"),
 )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,6 +16,7 @@ from log_writers import FLAT, WRITERS, Import, Run
 
 from runner.errors import RecordingError
 from runner.importing import map_file, units
+from runner.importing.propose import propose
 from runner.importing.readers import read_log
 from runner.importing.readers.rosbag import check_definitions
 from runner.importing.signals import ReadOptions
@@ -268,3 +270,25 @@ def test_what_is_no_data_set_is_refused(tmp_path: Path) -> None:
         read_log([tmp_path / "empty"], ReadOptions())
     with pytest.raises(RecordingError, match="nowhere' does not exist"):
         read_log([tmp_path / "nowhere"], ReadOptions())
+
+
+@pytest.mark.parametrize(
+    ("begins", "proposed"),
+    [
+        ((0.0, 8.0), {"by": "gap", "longer_than_s": 3.5}),
+        ((0.0, 0.0), {"by": "restart"}),
+        ((0.0, 1.01), {"by": "part"}),
+    ],
+)
+def test_runs_in_one_file_are_told_by_the_clock(
+    begins: tuple[float, float], proposed: dict[str, object], tmp_path: Path
+) -> None:
+    """Where it leaps or goes back another run begins; where it goes on there is one."""
+    t = np.concatenate([begin + np.arange(101) * 0.01 for begin in begins])
+    pd.DataFrame({"time": t, "hinge_deg": np.sin(t), "cmd_drive": t}).to_csv(tmp_path / "log.csv", index=False)
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body><joint name='hinge'/><geom size='.1'/></body></worldbody>"
+        "<actuator><motor name='drive' joint='hinge'/></actuator></mujoco>"
+    )
+    text = propose(read_log([tmp_path / "log.csv"], ReadOptions()), model).text
+    assert yaml.safe_load(text)["episodes"] == proposed

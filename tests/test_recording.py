@@ -208,4 +208,5 @@ def test_cases_are_found_below_a_folder(tmp_path: Path) -> None:
         write_case(planar(), tmp_path / name, table=table)
     assert find_cases(tmp_path) == [tmp_path / "a/deep", tmp_path / "b"]
     assert find_cases(tmp_path / "b") == [tmp_path / "b"]
-    assert find_cases(tmp_path / "b/recording.parquet") == [tmp_path / "b"]
+    # a table is itself, not its folder
+    assert find_cases(tmp_path / "b/recording.parquet") == [tmp_path / "b/recording.parquet"]

@@ -296,9 +296,9 @@ def test_columns_of_other_types_are_refused(tmp_path: Path) -> None:
 def test_missing_files_are_named(tmp_path: Path) -> None:
     """A wrong path, a folder without a recording, one without beliefs, one without any case below."""
     write_case(planar(), tmp_path / "box_one")
-    with pytest.raises(RecordingError, match=r"box_noe: no such folder\. Did you mean '.*box_one'\?"):
+    with pytest.raises(RecordingError, match=r"box_noe: no such file or folder\. Did you mean '.*box_one'\?"):
         read_case(tmp_path / "box_noe")
-    with pytest.raises(RecordingError, match=r"box_noe: no such folder\. Did you mean '.*box_one'\?"):
+    with pytest.raises(RecordingError, match=r"box_noe: no such file or folder\. Did you mean '.*box_one'\?"):
         find_cases(tmp_path / "box_noe")
     (tmp_path / "box_one/recording.parquet").rename(tmp_path / "box_one/train.parquet")
     with pytest.raises(RecordingError, match=r"neither recording\.parquet nor recording\.csv in it, found: 'nominal"):

@@ -148,16 +148,15 @@ def test_log_of_a_mechanism(found: Any, tmp_path: Path) -> None:
         if "sim_time" in batch.schema.names:
             rows[entity] = rows.get(entity, 0) + batch.num_rows
         shapes |= {entity} if entity.endswith("/capsule") else set()
-    samples = sum(len(e) for e in found.recording.episodes)
-    bodies = [
-        f"world/{model}/{body}" for model in ("measured", "nominal", "corrected") for body in ("upper", "forearm")
-    ]
-    for entity in (*bodies, "residual/q_shoulder", "residual/q_elbow"):
-        assert rows[entity] == samples
-    assert shapes == {f"{body}/capsule" for body in bodies}
-    assert {f"missing_force/{name}" for name in found.system.disturbance.names} <= rows.keys()
-    assert "world/command" not in rows
-    assert "world/missing_force" not in rows
+    for episode in found.recording.episodes:
+        root = f"episode_{episode.index}"
+        bodies = [f"{root}/{model}/{body}" for model in ("measured", "nominal") for body in ("upper", "forearm")]
+        frames = [f"{root}/corrected/{body}" for body in ("upper", "forearm")]
+        for entity in (*bodies, *frames, f"{root}/residual/q_shoulder", f"{root}/residual/q_elbow"):
+            assert rows[entity] == len(episode)
+        assert {f"{body}/capsule" for body in bodies} <= shapes
+        assert {f"{root}/missing_force/{name}" for name in found.system.disturbance.names} <= rows.keys()
+    assert not any(entity.endswith(("/command", "/missing_arrow")) for entity in rows)
 
 
 def test_log_of_what_has_no_shape(found: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -165,8 +164,8 @@ def test_log_of_what_has_no_shape(found: Any, tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(type(found.system), "drawn", lambda _: ())
     monkeypatch.setattr(type(found.system), "poses", lambda *_: {})
     entities = {c.entity_path.lstrip("/") for c in rr.chunk.RrdReader(write_rrd(found, tmp_path)).stream()}
-    assert "residual/q_elbow" in entities
-    assert not any(e.startswith("world/measured") for e in entities)
+    assert "episode_0/residual/q_elbow" in entities
+    assert not any("/measured" in e for e in entities)
 
 
 def test_misses_of_what_is_sampled_slowly(found: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 import rerun as rr
 
 from runner.report.record import write_rrd
+from runner.report.record_gap import window_gaps
 from tests.report_case import changed, diagnosis, ranked
 
 
@@ -36,25 +38,43 @@ def test_log_verifies(log: Path) -> None:
 
 
 def test_log_holds_all_motions(found: Any, log: Path) -> None:
-    """Three bodies and the residuals of every channel, all episodes one after another, held-out ones first."""
+    """Each episode has its own bodies, residuals and missing force, from time zero; a window is coloured by its gap."""
     rows: dict[str, int] = {}
-    times = []
+    times, colours = [], []
     for chunk in rr.chunk.RrdReader(log).stream():
         batch = chunk.to_record_batch()
         entity = chunk.entity_path.lstrip("/")
         if "sim_time" in batch.schema.names:
             rows[entity] = rows.get(entity, 0) + batch.num_rows
-            if entity == "world/nominal/object":
+            if entity == "episode_5/nominal/object":
                 times.append(batch.column("sim_time").to_numpy(zero_copy_only=False))
-    samples = sum(len(e) for e in found.recording.episodes)
-    bodies = [f"world/{model}/object" for model in ("measured", "nominal", "corrected")]
-    for entity in (*bodies, "world/command", "residual/x", "residual/wz"):
-        assert rows[entity] == samples
-    assert rows["episode"] == 3
-    assert rows["world/missing_force"] == len(found.where.missing_force)
+            if entity == "episode_5/nominal/object/box":
+                (name,) = (n for n in batch.schema.names if "colors" in n)
+                colours += [row[0] for row in batch.column(name).to_pylist()]
+    for episode in found.recording.episodes:
+        root = f"episode_{episode.index}"
+        bodies = [f"{root}/{model}/object" for model in ("measured", "nominal", "corrected")]
+        for entity in (*bodies, f"{root}/command", f"{root}/residual/x", f"{root}/residual/wz"):
+            assert rows[entity] == len(episode)
+    arrows = sum(count for entity, count in rows.items() if entity.endswith("/missing_arrow"))
+    assert arrows == len(found.where.missing_force)
     time_s = np.concatenate(times).astype("timedelta64[ns]").astype(float) * 1e-9
+    assert time_s[0] == 0
     assert np.all(np.diff(time_s) > 0)
+    assert len(set(colours)) > 3
     assert rr.chunk.RrdReader(log).blueprints()
+
+
+def test_shares_of_the_gap_are_those_of_the_windows(found: Any) -> None:
+    """All windows together are the whole gap; the darkest has most of it."""
+    paths = [SimpleNamespace(episode=e) for e in range(3)]
+    gaps = [g for g in window_gaps(found, paths) if g is not None]  # type: ignore[arg-type]
+    share = np.concatenate([g.share for g in gaps])
+    strength = np.concatenate([g.strength for g in gaps])
+    assert share.sum() == pytest.approx(1.0)
+    assert strength.max() == 1.0
+    assert strength[np.argmax(share)] == 1.0
+    assert all(g.begin_s[0] == 0.0 and np.all(np.diff(g.begin_s) > 0) for g in gaps)
 
 
 def test_log_of_none_has_no_corrected_body(found: Any, tmp_path: Path) -> None:
@@ -62,5 +82,5 @@ def test_log_of_none_has_no_corrected_body(found: Any, tmp_path: Path) -> None:
     nothing = changed(found, ranked=(ranked(("none",), 1.0),), effects=(), corrected_starts=found.nominal_starts)
     path = write_rrd(nothing, tmp_path / "none.rrd")
     entities = {c.entity_path for c in rr.chunk.RrdReader(path).stream()}
-    assert "/world/nominal/object" in entities
-    assert not any(e.startswith("/world/corrected") for e in entities)
+    assert "/episode_5/nominal/object" in entities
+    assert not any("/corrected" in e for e in entities)

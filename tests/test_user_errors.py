@@ -46,6 +46,7 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         ("remote.mass_kg=1e-300", "remote.mass_kg: 1e-300 kg makes the smallest inertia"),
         ("start.inertia_kg_m2=[1e-200,1e-200,1e-200]", "start.mass_kg: 1 kg makes the smallest inertia 1e-200 kg m2"),
         ("start.com_m=[9,0,0]", "start.com_m[0]: must be a finite number in [-0.5, 0.5] m"),
+        ("effect=[friction, mass, friction]", "effect: 'friction' is named twice, allowed: once."),
         ("~link.noise", "link.noise: can't be taken out, it must be a section with position_m"),
         ("~start.mass_kg", "start.mass_kg: can't be taken out, it must be a number; set it to another value."),
         ("~start.mas_kg", "start.mas_kg: no such key."),

@@ -22,6 +22,8 @@ from hydra.plugins.launcher import Launcher
 from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig, open_dict
 
+from runner.errors import ConfigError
+
 
 @dataclass
 class RayLauncherConfig:
@@ -49,7 +51,12 @@ class RayLauncher(Launcher):
 
     def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> Sequence[JobReturn]:
         """Do the jobs, and return what became of them in their order."""
-        import ray
+        try:
+            import ray
+        except ModuleNotFoundError:
+            raise ConfigError(
+                "hydra/launcher: Ray is not installed; it comes with the extra: pip install 'runner[cluster]'."
+            ) from None
 
         setup_globals()
         connected = ray.is_initialized()

@@ -81,7 +81,7 @@ class CaseDiagnosis:
             {
                 "effects": " + ".join(r.effects),
                 "probability": r.probability,
-                "amount": "; ".join(p.amount for p in words.phrases(self.case.system, r) if p.amount),
+                "amount": "; ".join(words.amounts(self.case.system, r)),
                 "gap_closed": r.gap_closed,
                 "log_evidence": r.log_evidence,
                 "equivalent": ", ".join(" + ".join(e) for e in r.equivalent),

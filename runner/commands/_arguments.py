@@ -5,6 +5,7 @@ from __future__ import annotations
 import typing
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from runner import commands
@@ -14,6 +15,7 @@ FLAGS = {
     "-h": "help", "--help": "help", "-m": "multirun", "--multirun": "multirun", "--config": "config",
     "--version": "version", "--traceback": "traceback",
 }  # fmt: skip
+CONFIG_DIR = "config-dir"
 TRUTHS = ("true", "false", "yes", "no", "on", "off", "1", "0")
 
 
@@ -70,6 +72,9 @@ def overrides(name: str, command: commands.Command[Any], rest: Sequence[str]) ->
         word = words.pop(0)
         if word.startswith("--"):
             key, equals, value = word[2:].partition("=")
+            if key == CONFIG_DIR:
+                found.append(_searched(value if equals else words.pop(0) if words else ""))
+                continue
             if not equals:
                 if key.replace("-", "_") in switches and not (words and words[0].lower() in TRUTHS):
                     value = "true"
@@ -96,6 +101,18 @@ def overrides(name: str, command: commands.Command[Any], rest: Sequence[str]) ->
     if len(bare) > 1:
         raise ConfigError(f"{key}: takes one value, got {', '.join(map(repr, bare))}.")
     return [f"{key}={quoted(bare[0])}", *found]
+
+
+def _searched(folder: str) -> str:
+    """Return the setting by which a folder of configs is searched beside `conf/`.
+
+    Raises:
+        ConfigError: If there is no such folder.
+    """
+    path = Path(folder).expanduser().absolute()
+    if not folder or not path.is_dir():
+        raise ConfigError(f"--{CONFIG_DIR}: needs a folder of configs as conf/ is one, got '{folder}'.")
+    return f"hydra.searchpath=[{quoted(f'file://{path}')}]"
 
 
 def takes_many(command: commands.Command[Any]) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from omegaconf import DictConfig, OmegaConf
 from runner import config
 from runner.commands import Command, module
 from runner.commands._trust import check_hydra, check_launcher, check_sources, of_launcher
+from runner.errors import ConfigError
 
 # no files and no logging of Hydra's own beside the results
 QUIET = ("hydra.output_subdir=null", "hydra/job_logging=none", "hydra/hydra_logging=none")
@@ -44,6 +46,7 @@ class Composer:
             ConfigError: If it sets what could run something.
         """
         check_sources(overrides)
+        _check_twice(overrides)
         composed = self.loader.load_configuration(
             self.config_name, [*QUIET, *overrides], mode, validate_sweep_overrides=mode is RunMode.RUN
         )
@@ -75,6 +78,20 @@ class Composer:
                 names = self.loader.get_group_options(group, ObjectType.CONFIG)
                 found[group] = tuple(sorted(n for n in names if not n.startswith("schema_")))
         return found
+
+
+def _check_twice(overrides: Sequence[str]) -> None:
+    """Refuse a list of parts that names one twice: the second would take the place of the first without a word.
+
+    Raises:
+        ConfigError: Naming it.
+    """
+    for override in overrides:
+        found = re.fullmatch(r"([\w/]+)=\[([\w, ]*)\]", override)
+        named = [] if found is None else [n for part in found[2].split(",") if (n := part.strip())]
+        twice = next((n for n in named if named.count(n) > 1 and not re.fullmatch(r"\d+", n)), None)
+        if found is not None and twice is not None:
+            raise ConfigError(f"{found[1]}: '{twice}' is named twice, allowed: once.")
 
 
 def _bare(loader: ConfigLoader, overrides: Sequence[str]) -> DictConfig:

@@ -65,7 +65,9 @@ def explain(error: Exception, overrides: Sequence[str], composer: Composer) -> E
         return _syntax(error.override)
     parser = OverridesParser.create(config_loader=composer.loader)
     groups = composer.groups()
-    parsed = sorted(parser.parse_overrides(list(overrides)), key=lambda o: o.key_or_group not in groups)
+    # folders of configs first, then the parts that are chosen, then what is set in them
+    order = {"hydra.searchpath": 0} | dict.fromkeys(groups, 1)
+    parsed = sorted(parser.parse_overrides(list(overrides)), key=lambda o: order.get(o.key_or_group, 2))
     kept: list[str] = []
     base: DictConfig | None = None
     try:
@@ -124,7 +126,8 @@ def _composition(
     key, value = culprit.key_or_group, culprit.get_value_string()
     if isinstance(error, MissingConfigException) and (key in groups or error.options):
         missing = (error.missing_cfg_file or value).removeprefix(f"{key}/")
-        return ConfigError(f"{key}: no '{missing}'. {_names(missing, groups.get(key, error.options or ()))}")
+        extra = " It comes with the extra: pip install 'runner[cluster]'." * missing.startswith("submitit")
+        return ConfigError(f"{key}: no '{missing}'.{extra} {_names(missing, groups.get(key, error.options or ()))}")
     node = node_at(base, key)
     if culprit.is_add() and node is not None:
         return ConfigError(f"{key}: is there already; write {key}={value} without '+'.")

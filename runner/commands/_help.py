@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import textwrap
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
@@ -12,9 +14,11 @@ from runner.commands._compose import composer
 from runner.commands._explain import describe, node_at
 from runner.config import TARGET
 
+WIDTH = 80
 OPTIONS = """Options:
   -h, --help       this text; after a command, its settings and what they may be
   -m, --multirun   sweep: every combination of key=a,b,c or 'key=range(0,5)', each a run of its own
+  --config-dir D   look in folder D, laid out as conf/, too: forces=NAME, experiment=NAME, ...
   --config         print the config that the settings make, and stop
   --traceback      show where in the program an error arose
   --version        versions of runner and of what it stands on"""
@@ -24,7 +28,7 @@ def overview() -> str:
     """Return the text of `runner --help`."""
     width = max(map(len, commands.names())) + 2
     lines = [f"  {name:{width}} {commands.description(name).splitlines()[0]}" for name in commands.names()]
-    return (
+    return _folded(
         "Usage: runner [COMMAND] [key=value ...] [-m]        also: python -m runner\n\n"
         "Headless experiments on simulated and recorded objects, and a diagnosis of the gap between the two.\n\n"
         f"Commands ('{commands.DEFAULT}' if none is named; runner COMMAND --help says more):\n"
@@ -50,15 +54,26 @@ def of_command(name: str) -> str:
         if chosen:
             lines = [f"  {g}={'null' if c is None else c}".ljust(30) + ", ".join(groups[g]) for g, c in chosen.items()]
             parts.append("Config groups (choice now, then all options):\n" + "\n".join(lines))
-        lines = [f"  {key}={value}".ljust(44) + kind for key, value, kind in _settings(composed)]
+        lines = [f"  {key}={value}".ljust(44) + kind for key, value, kind in settings_of(composed)]
     if lines:
         parts.append("Settings (value now, then what is allowed):\n" + "\n".join(lines))
     if command.keeps is not None:
         parts.append("out=PATH names the folder for results; resume=PATH goes on with a sweep that was stopped.")
-    return "\n\n".join([*parts, OPTIONS])
+    return _folded("\n\n".join([*parts, OPTIONS]))
 
 
-def _settings(config: DictConfig, prefix: str = "") -> list[tuple[str, str, str]]:
+def _folded(text: str) -> str:
+    """Fold what is wider than a terminal; of a list of two columns the second stays one."""
+    lines = []
+    for line in text.splitlines():
+        indent = len(line) - len(line.lstrip())
+        column = re.match(r"  \S.*?\s{2,}(?=\S)", line)
+        below = " " * (min(len(column[0]), WIDTH // 2) if column else indent)
+        lines += textwrap.wrap(line, WIDTH, subsequent_indent=below, break_on_hyphens=False) or [""]
+    return "\n".join(lines)
+
+
+def settings_of(config: DictConfig, prefix: str = "") -> list[tuple[str, str, str]]:
     """Return key, value and kind of every setting, in the schema's order."""
     found = []
     for name in config:
@@ -67,7 +82,7 @@ def _settings(config: DictConfig, prefix: str = "") -> list[tuple[str, str, str]
         node = node_at(config, str(name))
         key = f"{prefix}{name}"
         if isinstance(node, DictConfig) and not node._is_none() and not node._is_missing() and len(node):
-            found += _settings(node, key + ".")
+            found += settings_of(node, key + ".")
         elif node is not None:
             found.append((key, _text(node), describe(node)))
     return found

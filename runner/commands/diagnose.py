@@ -14,7 +14,7 @@ it was stopped:
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,9 +53,8 @@ def main(config: DiagnoseConfig, job: Job) -> int | None:
     """Diagnose and report."""
     cases = find_cases(config.recording)
     console = Console()
-    root = config.recording.parent if config.recording.is_file() else config.recording
     check_results(job.results)
-    if _is_one(config.recording, cases):
+    if cases == [config.recording]:
         case = read(config.recording)
         with observed("Diagnosing") as shown, kept_so_far(shown, job.results) as observer:
             diagnosis = diagnose(case, progress=observer)
@@ -65,7 +64,7 @@ def main(config: DiagnoseConfig, job: Job) -> int | None:
         console.print(summary(diagnosis.result))
         console.print(f"{page}", highlight=False, soft_wrap=True)
         return None
-    named = {case.relative_to(root).as_posix(): case for case in cases}
+    named = {case.relative_to(config.recording).as_posix(): case for case in cases}
     failed = diagnose_many(
         named,
         job.results,
@@ -88,13 +87,9 @@ def say_how_many(count: int, failed: Mapping[str, str], results: Path, console: 
     return 2 if failed else None
 
 
-def _is_one(path: Path, cases: Sequence[Path]) -> bool:
-    return len(cases) == 1 and cases[0] in (path, path.parent if path.is_file() else path)
-
-
 def inputs(config: DiagnoseConfig) -> dict[str, str]:
     """Return a hash of a single recording; of many, each verdict keeps that of its own."""
-    one = _is_one(config.recording, find_cases(config.recording))
+    one = find_cases(config.recording) == [config.recording]
     return {"recording": content_hash(config.recording)} if one else {}
 
 

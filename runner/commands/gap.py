@@ -18,7 +18,9 @@ from pathlib import Path
 import pandas as pd
 from rich import box
 from rich.console import Console
+from rich.padding import Padding
 from rich.table import Table
+from rich.text import Text
 
 from runner.api.case import read
 from runner.api.corrected import Corrected
@@ -26,6 +28,7 @@ from runner.api.gap import gap
 from runner.api.tables import GAP
 from runner.commands import Command, Job
 from runner.diagnosis.corrected import corrected_file
+from runner.effects.wording import listed
 from runner.errors import ConfigError, check_range
 from runner.progress import progress
 from runner.recording import find_cases
@@ -38,6 +41,11 @@ from runner.systems.base import AbstractSystem
 
 EPISODES_FILE = "gap_episodes.parquet"
 # so that a reader sees 5 numbers and no zeros: mm, mrad
+LEGEND = (
+    ("starts fitted", "from the start states that suit the model best; 1 is a perfect model"),
+    ("starts measured", "from the measured start states, whose noise spreads"),
+    ("noise alone", "what that noise makes of a perfect model; compare starts measured with it"),
+)
 AT_NOISE = 1.1  # times the noise: up to here, what a model that is right leaves too
 SHOWN = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "m/s": ("mm/s", 1e3), "rad/s": ("mrad/s", 1e3)}
 
@@ -92,37 +100,44 @@ def _case_first(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _print(system: AbstractSystem, found: Gap, console: Console) -> None:
+    """Print what the model misses: in a sentence, then in a table, then what the table's words mean."""
     recording = system.recording
+    console.print(Text(f"{recording.path}: {_in_short(found, len(recording.episodes))}", style="bold"))
     for note in recording.notes:
-        console.print(f"Note: {note}.", highlight=False, soft_wrap=True)
+        console.print(Text(f"Note: {note}."), soft_wrap=True)
     horizons = list(dict.fromkeys(found.table["horizon"]))
     table = Table(
-        title=f"{recording.path}: gap, RMS = noises", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False
-    )
+        title="RMS = in noises", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False,
+        collapse_padding=True,
+    )  # fmt: skip
     table.add_column("channel", no_wrap=True)
     for name in ("noise", *("episodes" if h == WHOLE_EPISODE else h for h in horizons)):
         table.add_column(name, justify="right", no_wrap=True)
     at = {(r["starts"], r["channel"], r["horizon"]): r for r in found.table.to_dict("records")}
-    for starts, alone in (("measured", False), ("measured", True), ("fitted", False)):
+    for starts, alone in (("fitted", False), ("measured", False), ("measured", True)):
         table.add_row("[italic]noise alone[/]" if alone else f"[italic]starts {starts}[/]")
         for c, channel in enumerate(system.channels):
             unit, factor = SHOWN.get(channel.unit, (channel.unit, 1.0))
             rows = [at[starts, channel.name, horizon] for horizon in horizons]
             mark = "" if rows[0]["stated"] else "~"
             if alone:
-                cells = [f"{mark}{row['noises_expected']:.2f}" for row in rows]
+                cells = [f"{mark}{_noises(row['noises_expected'])}" for row in rows]
             else:
-                cells = [f"{row['rms'] * factor:.3g} = {mark}{row['noises']:.2f}" for row in rows]
+                cells = [f"{row['rms'] * factor:.3g} = {mark}{_noises(row['noises'])}" for row in rows]
             noise = f"{mark}{rows[0]['noise'] * factor:.3g}"
             last = c == len(system.channels) - 1
-            table.add_row(f" {channel.name}, {unit}", noise, *cells, end_section=last)
+            table.add_row(Text(f" {channel.name}, {unit}"), noise, *cells, end_section=last)
     _print_whole(table, console)
-    console.print(
-        "Starts measured: compare with what noise alone makes of it. Starts fitted: 1 for a perfect model."
-        + (" ~: noise estimated." if not found.table["stated"].to_numpy().all() else ""),
-        highlight=False,
-    )
-    console.print(_in_short(found, len(recording.episodes)), highlight=False, soft_wrap=True)
+    for term, meaning in LEGEND:
+        console.print(Padding(Text.assemble((term, "italic"), f": {meaning}"), (0, 0, 0, 1)))
+    if not found.table["stated"].to_numpy().all():
+        console.print(Padding(Text("~: the noise is not stated but estimated."), (0, 0, 0, 1)))
+
+
+def _noises(value: float) -> str:
+    """Return a multiple of the noise with three digits, of large ones only how large they are."""
+    decimals = 2 if value < 10 else 1 if value < 100 else 0
+    return f"{value:.{decimals}f}" if value < 1e5 else f"{value:.0e}"
 
 
 def _print_whole(table: Table, console: Console) -> None:
@@ -135,12 +150,12 @@ def _in_short(found: Gap, episodes: int) -> str:
     """Say in a sentence which channels stand out over whole episodes."""
     rows = found.table.loc[lambda t: (t["starts"] == "fitted") & (t["horizon"] == WHOLE_EPISODE)].to_dict("records")
     over = sorted((r for r in rows if r["noises"] > AT_NOISE), key=lambda r: -r["noises"])
-    where = f"In short, over all {episodes} episodes from fitted starts: "
+    where = "over the whole episode" if episodes == 1 else f"over all {episodes} episodes"
     if not over:
-        return f"{where}every channel is at its noise."
-    named = [f"{r['channel']} {r['noises']:.3g} times its noise" for r in over]
-    rest = "the others at it" if len(over) < len(rows) else ""
-    return where + ", ".join([*named, *([rest] if rest else [])]) + "."
+        return f"{where} the model misses nothing but the noise."
+    named = [f"{r['channel']} by {r['noises']:.3g} times the noise" for r in over]
+    rest = ", the others by no more than it" if len(over) < len(rows) else ""
+    return f"{where} the model misses {listed(named)}{rest}."
 
 
 def _print_many(rows: pd.DataFrame, console: Console) -> None:
@@ -165,8 +180,7 @@ def _print_many(rows: pd.DataFrame, console: Console) -> None:
 def inputs(config: GapConfig) -> dict[str, str]:
     """Return hashes of the recordings, and of the model."""
     cases = find_cases(config.recording)
-    one = cases[0] if len(cases) > 1 or config.recording.is_dir() else config.recording
-    hashes = {"recording": digest([content_hash(c) for c in cases]) if len(cases) > 1 else content_hash(one)}
+    hashes = {"recording": digest([content_hash(c) for c in cases]) if len(cases) > 1 else content_hash(cases[0])}
     if config.model is not None:
         hashes["model"] = files_digest([("", corrected_file(config.model))])
     return hashes

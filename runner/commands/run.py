@@ -43,6 +43,7 @@ from runner.studies import (  # noqa: F401
     latency,
     model_jump,
     plumb_line,
+    space,
 )
 from runner.studies.base import AbstractStudy
 from runner.teleop.batch import run_batch
@@ -129,7 +130,7 @@ def finish(folder: Path) -> None:
         combine(parts, folder / SWEEP_RRD)
         for part in parts:
             part.unlink()
-        print(f"Look at it: rerun {folder / SWEEP_RRD}")
+        print(f"Look at it: runner view {folder}")
 
 
 def write_versions(folder: Path) -> None:
@@ -160,7 +161,7 @@ def _print(config: RunConfig, row: Mapping[str, Any], folder: Path) -> None:
         console.print(f"{row['status']}: {row['reason']}", highlight=False, soft_wrap=True)
     console.print(f"{row['steps_per_s']:,.0f} physics steps per second. Results: {folder}", highlight=False)
     if (folder / RrdSink.FILE).is_file():
-        console.print(f"Look at it: rerun {folder / RrdSink.FILE}", highlight=False, soft_wrap=True)
+        console.print(f"Look at it: runner view {folder}", highlight=False, soft_wrap=True)
 
 
 def _seconds(value: float) -> str:

@@ -20,6 +20,12 @@ INTERVAL = 1.959964  # standard deviations to either side that hold 95 %
 SLACK, LIMIT = 1.0, 25.0
 
 
+def excess_after(excess: float, surprise: float, count: float) -> float:
+    """Return the cumulative sum after one more squared whitened innovation, of so many numbers."""
+    step = (surprise - count) / np.sqrt(2 * count) - SLACK if count else 0.0
+    return max(0.0, excess + step)
+
+
 @dataclass(frozen=True)
 class Watched:
     """A belief of one lane under watch.
@@ -61,10 +67,8 @@ class Watch:
         if self.certain is None:
             return Watched(belief, watched.prior)
         (surprise,), (count,) = belief.surprise
-        known = watched.frozen is not None
         # a state that was badly known is no surprise: only what is frozen is watched
-        step = (surprise - count) / np.sqrt(2 * count) - SLACK if count and known else 0.0
-        excess = max(0.0, watched.excess + step)
+        excess = 0.0 if watched.frozen is None else excess_after(watched.excess, surprise, count)
         if excess > LIMIT:
             prior = Prior(watched.x[0], watched.prior.sd)
             return Watched(self.tracker.start(prior, measured), prior, alarms=watched.alarms + 1)

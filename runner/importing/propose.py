@@ -11,9 +11,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import mujoco
+import numpy as np
 import yaml
 
-from runner.importing.guess.clock import guess_clock
+from runner.importing.guess.clock import ClockGuess, guess_clock
 from runner.importing.guess.elements import Element, elements_of, match
 from runner.importing.guess.poses import Pose, guess_poses, guess_up
 from runner.importing.guess.unit import guess_unit
@@ -22,6 +23,10 @@ from runner.importing.plausible import coarse_step
 from runner.importing.signals import Log, Part, Signal
 from runner.importing.units import allowed
 
+COUNTERS = ("episode", "episode_index", "episode_id", "run", "trial", "toss", "push", "demo", "rollout")
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+GAP_STEPS, GAP_S = 50.0, 0.5  # a clock that leaps further has begun another run
+BY_CLOCK = {"gap": "where it leaps", "restart": "where it goes back"}
 SHOWN = 8  # names that are listed of what is not used
 
 
@@ -78,7 +83,9 @@ def propose(log: Log, model: mujoco.MjModel, *, rate_hz: float | None = None) ->
     up = guess_up(part, poses, model)
     if up.note:
         draft.notes.append(up.note)
-    episodes = _episodes(log)
+    episodes = _episodes(log, clock)
+    if episodes["by"] in ("gap", "restart"):
+        draft.notes.append(f"several runs in one file: the clock parts episodes {BY_CLOCK[str(episodes['by'])]}")
     if draft.noise:
         names = _listed(list(draft.noise))
         draft.notes.append(f"recorded in steps so coarse that noise does not show; stated by rounding: {names}")
@@ -160,11 +167,11 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(map(repr, names[:SHOWN])) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
 
 
-def _episodes(log: Log) -> dict[str, object]:
-    """Return where episodes begin: at parts, unless a signal of a single part counts them."""
+def _episodes(log: Log, clock: ClockGuess) -> dict[str, object]:
+    """Return where episodes begin: at parts, unless a signal of a single part counts them, or its clock jumps."""
     if len(log.parts) > 1:
         return {"by": "part"}
-    for name in ("episode", "episode_index", "episode_id", "run", "trial"):
+    for name in COUNTERS:
         signal = log.parts[0].signals.get(name)
         if (
             signal is not None
@@ -173,7 +180,15 @@ def _episodes(log: Log) -> dict[str, object]:
             and signal.values.max() > signal.values.min()
         ):
             return {"by": "column", "signal": name}
-    return {"by": "part"}
+    times = log.parts[0].signals.get(clock.name or "")
+    if times is None or clock.unit not in SECONDS:
+        return {"by": "part"}
+    steps = np.diff(times.values[np.isfinite(times.values)]) * SECONDS[clock.unit]
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    if (steps < -usual).any() and usual > 0:
+        return {"by": "restart"}
+    gaps = steps[steps > max(GAP_STEPS * usual, GAP_S)]
+    return {"by": "gap", "longer_than_s": float(f"{gaps.min() / 2:.2g}")} if len(gaps) else {"by": "part"}
 
 
 def _free(wanted: str, taken: set[str]) -> str:

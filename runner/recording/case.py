@@ -14,6 +14,7 @@ from runner.numerics.arrays import FloatArray
 from runner.recording import nominal as nominal_file
 from runner.recording.checks import check_finite, check_times, check_yaw, episode_spans, unit_quaternions
 from runner.recording.data import Episode, Form, Nominal, Recording
+from runner.recording.own_run import CONFIG, FRAMES, is_run, read_run
 from runner.recording.plausible import check_motion, note_motion
 from runner.recording.table import FORCE, POINT, POSE, TWIST, Table, read_table
 from runner.recording.units import check_units
@@ -25,19 +26,18 @@ MODEL_FILES = (".xml", ".mjcf", ".obj", ".stl", ".msh", ".png", ".hf", ".bin", "
 
 
 def find_cases(path: str | Path) -> list[Path]:
-    """Return the cases at or below a path: the folder itself if it is a case, else every one below it, sorted.
+    """Return the cases at or below a path: the path itself if it is a case, else every one below it, sorted.
 
-    A case is a folder that holds `recording.parquet` or `recording.csv`. Hidden folders are left out.
+    A case is a folder that holds `recording.parquet` or `recording.csv`, or one that an experiment left; or a table, by
+    whatever name. Hidden folders are left out, and below a folder experiments.
 
     Raises:
         RecordingError: If the path does not exist or there is no case.
     """
     path = Path(path)
-    if not path.exists():
-        raise RecordingError(f"{path}: no such folder.{_near_folder(path)}")
-    if path.is_file():
-        path = path.parent
-    if any((path / name).is_file() for name in TABLES):
+    if not path.is_dir():
+        return [table_file(path)[0]]
+    if any((path / name).is_file() for name in TABLES) or is_run(path):
         return [path]
     found = {file.parent for name in TABLES for file in path.rglob(name)}
     cases = sorted(case for case in found if not any(p.startswith(".") for p in case.relative_to(path).parts))
@@ -71,7 +71,8 @@ def content_hash(path: str | Path) -> str:
     table, _ = table_file(Path(path))
     folder = table.parent
     models = (f for f in folder.rglob("*") if f.suffix.lower() in MODEL_FILES and f.is_file())
-    files = [table, *(f for f in (folder / nominal_file.FILE,) if f.is_file()), *sorted(models)]
+    others = (folder / (CONFIG if table.name == FRAMES else nominal_file.FILE),)
+    files = [table, *(f for f in others if f.is_file()), *sorted(models)]
     return files_digest((f.relative_to(folder).as_posix(), f) for f in files)
 
 
@@ -82,7 +83,7 @@ def read_case(path: str | Path, *, nominal: Nominal | None = None) -> Recording:
     is at the height of the geometric centre.
 
     Args:
-        path: The folder, or a table in it (`.parquet` or `.csv`).
+        path: The folder, or a table in it (`.parquet` or `.csv`), or a folder that `runner run` left.
         nominal: What the owner believes; None: it is read from `nominal.yaml` beside the table.
 
     Raises:
@@ -91,8 +92,12 @@ def read_case(path: str | Path, *, nominal: Nominal | None = None) -> Recording:
     """
     path = Path(path)
     file, notes = table_file(path)
-    nominal = nominal_file.read_nominal(file.parent) if nominal is None else nominal
-    table, form = read_table(file)
+    if file.name == FRAMES and is_run(file.parent):
+        (table, started), form = read_run(file.parent), Form.PLANAR
+        nominal = started if nominal is None else nominal
+    else:
+        nominal = nominal_file.read_nominal(file.parent) if nominal is None else nominal
+        table, form = read_table(file)
     check_finite(table, form)
     spans = episode_spans(table)
     check_times(table, spans, nominal)
@@ -164,8 +169,10 @@ def table_file(path: Path) -> tuple[Path, list[str]]:
             raise RecordingError(f"{path}: must be a folder, a .parquet or a .csv file.")
         return path, []
     if not path.is_dir():
-        raise RecordingError(f"{path}: no such folder.{_near_folder(path)}")
+        raise RecordingError(f"{path}: no such file or folder.{_near_folder(path)}")
     present = [path / name for name in TABLES if (path / name).is_file()]
+    if not present and is_run(path):
+        return path / FRAMES, []
     if not present:
         names = ", ".join(repr(p.name) for p in sorted(path.iterdir())[:8]) or "nothing"
         raise RecordingError(f"{path}: neither {TABLES[0]} nor {TABLES[1]} in it, found: {names}.")
@@ -174,7 +181,8 @@ def table_file(path: Path) -> tuple[Path, list[str]]:
 
 def _near_folder(path: Path) -> str:
     folder = path.parent
-    names = [p.name for p in folder.iterdir() if p.is_dir()] if folder.is_dir() else []
+    tables = (".parquet", ".csv")
+    names = [p.name for p in folder.iterdir() if p.is_dir() or p.suffix in tables] if folder.is_dir() else []
     close = difflib.get_close_matches(path.name, names, n=1)
     return f" Did you mean '{folder / close[0]}'?" if close else ""
 

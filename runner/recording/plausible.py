@@ -97,6 +97,9 @@ def _note_spikes(table: Table, spans: Iterable[slice], name: str, least: float) 
 
 def _note_forces(table: Table, spans: Sequence[slice], nominal: Nominal) -> None:
     """Note commanded forces that do not fit the motion: in size, in direction, in the energy that they give."""
+    if len(table) >= MANY and not any(table[name].any() for name in ("fx", "fy")):
+        table.notes.append(f"{WARNING}nothing is pushed: 'fx', 'fy' are zero in every row")
+        return
     needed, commanded, gained, given = _blocks(table, spans, nominal)
     if len(commanded) >= LEAST_BLOCKS:
         design = np.hstack([commanded, np.ones((len(commanded), 1))])  # a constant: wind, a slope

@@ -89,15 +89,15 @@ def of_whole_episodes(diagnosis: Diagnosis) -> list[Miss]:
 def headline_miss(diagnosis: Diagnosis) -> tuple[str, str] | None:
     """Return what is missed of where things are: of which sensor, and how much, before and after.
 
-    On a map the distance; otherwise all channels of the first one's sensor, root of the mean square.
+    On a map the distance; otherwise all channels of the sensor that is missed most, root of the mean square.
     """
     found = of_whole_episodes(diagnosis)
     system = diagnosis.system
     flat = () if system.plan_view is None else tuple(system.channels[i] for i in system.plan_view)
-    group = system.channels[0].group if not flat else flat[0].group
-    part = [m for m in found if (m.channel in flat if flat else m.channel.group == group)]
-    if not part:
+    if not found:
         return None
+    group = flat[0].group if flat else max(found, key=lambda m: m.before / m.noise).channel.group
+    part = [m for m in found if (m.channel in flat if flat else m.channel.group == group)]
     count = 1 if flat else len(part)
     before, after = (float(np.sqrt(sum(getattr(m, k) ** 2 for m in part) / count)) for k in ("before", "after"))
     if part[0].channel.unit == "m":

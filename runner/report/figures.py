@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import io
 import re
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 # colours that stand for the page's: what is drawn in them follows the theme
@@ -25,6 +27,7 @@ VARIABLES = {
     BAND: "--band",
     ACCENT: "--accent",
 }
+LETTER, LINE = 0.085, 0.17  # width of a bold letter of a title, distance of its lines, inches
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "runner",
@@ -80,6 +83,19 @@ def new(width: float, height: float, *, left: float = 0.5, top: float = 0.28, bo
         left=left / width, right=1 - 0.08 / width, bottom=bottom / height, top=1 - top / height, hspace=0.16
     )
     return figure
+
+
+def title(ax: Axes, text: str) -> None:
+    """Write a title above axes, in as many lines as the figure's width asks for; the figure grows by them."""
+    figure = ax.get_figure(root=True)
+    assert isinstance(figure, Figure)
+    width, height = figure.get_size_inches()
+    lines = textwrap.wrap(text, max(12, int((width - width * figure.subplotpars.left) / LETTER))) or [""]
+    more = LINE * (len(lines) - 1)
+    below, above = height * figure.subplotpars.bottom, height * (1 - figure.subplotpars.top) + more
+    figure.set_size_inches(width, height + more)
+    figure.subplots_adjust(bottom=below / (height + more), top=1 - above / (height + more))
+    ax.set_title("\n".join(lines))
 
 
 def span(values: Sequence[float], halves: Sequence[float]) -> tuple[float, float]:

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 
 from runner.report.before_after import Miss, small
 from runner.report.figures import BAND, FAINT, GREY, INK, ORANGE, STYLE, new, svg
+from runner.report.figures import title as titled
 from runner.report.motions import Paths, autocorrelation
 from runner.systems.base import AbstractSystem
 from runner.systems.channels import Channel
@@ -67,7 +68,7 @@ def _channel(channel: Channel, path: Paths, i: int, sigma: float, name: str, aft
     upper.plot(path.t_s, scale * path.nominal[:, i], color=GREY, lw=2.0)
     upper.plot(path.t_s, scale * path.corrected[:, i], color=after, lw=2.0)
     upper.plot(path.t_s, scale * path.measured[:, i], color=INK, lw=0.9)
-    upper.set_title(f"{channel.label} [{unit}]" if unit else channel.label)
+    titled(upper, f"{channel.label} [{unit}]" if unit else channel.label)
     upper.tick_params(labelbottom=False)
 
     unit, scale = small(channel.unit)
@@ -98,7 +99,7 @@ def horizons(found: Sequence[Miss], name: str, *, after: str = ORANGE) -> list[s
             ax.plot(x, [m.noise for m in part], color=INK, lw=0.9, ls=(0, (1, 2)))
             ax.set_ylim(0, 1.12 * max(max(m.before, m.after, m.noise) for m in part))
             ax.set_xticks(x, [m.horizon.replace("whole ", "") for m in part])
-            ax.set_title(part[0].title)
+            titled(ax, part[0].title)
             out.append(svg(figure, f"{name}{i}", f"{channel.label}: error before and after over the horizon"))
     return out
 
@@ -153,7 +154,7 @@ def whiteness(
             ax.plot(t, first, color=GREY, lw=1.5)
             ax.vlines(t, 0, second, color=colour, lw=1.6)
             ax.plot(t, second, ".", color=colour, ms=3.5)
-            ax.set_title(channel.label)
+            titled(ax, channel.label)
             ax.set_ylim(-0.5, 1.05)
             ax.set_yticks([0, 0.5, 1])
             ax.set_xlabel("lag [s]", labelpad=1)

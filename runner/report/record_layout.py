@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun.blueprint as rrb
 
+from runner.report.record_gap import MUCH
 from runner.systems.base import AbstractSystem
 from runner.systems.channels import Channel
 
 if TYPE_CHECKING:
     from runner.diagnosis.result import Diagnosis
 
-TRAIL_S = 4.0  # how much of the way is seen behind a body
 PAPER, INK = (247, 247, 245), (60, 62, 66)
-COLOURS = {"measured": (84, 89, 98), "nominal": (130, 135, 142), "corrected": (213, 94, 0)}
-COMMAND = (0, 158, 115)
-# of the components of the missing force, in turn: told apart by those who see few colours, too
-FORCE = ((0, 114, 178), (204, 121, 167), (0, 158, 115), (86, 180, 233), (230, 159, 0), (120, 94, 240))
+# told apart by those who see few colours, too
+COLOURS = {"measured": (66, 148, 214), "nominal": (125, 130, 137), "corrected": (213, 94, 0)}
+COMMAND, MISSING = (40, 190, 120), MUCH
 MOST = 12  # residuals, and
 MOST_FORCES = 6  # components of the missing force that have a plot
+MOST_TABS = 16  # episodes
 FROM = np.array([0.35, -0.7, 0.62])  # where the eye is from what it looks at, of length 1
 
 
@@ -44,68 +45,111 @@ class Eye:
     followed: str | None
 
 
-def blueprint(diagnosis: Diagnosis, eye: Eye) -> rrb.Blueprint:
-    """Return the layout."""
-    system = diagnosis.system
-    paper = rrb.archetypes.PlotBackground(color=PAPER)
-    recent = rrb.VisibleTimeRange(
-        "sim_time",
-        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-TRAIL_S),
-        end=rrb.TimeRangeBoundary.cursor_relative(),
+@dataclass(frozen=True)
+class Tab:
+    """An episode: where its entities lie, what it is called, and from where it is seen."""
+
+    root: str
+    name: str
+    eye: Eye
+
+
+def blueprint(diagnosis: Diagnosis, tabs: Sequence[Tab]) -> rrb.Blueprint:
+    """Return the layout: a tab for each episode, and beside them what was found."""
+    texts = rrb.Vertical(
+        rrb.TextDocumentView(origin="/verdict", name="verdict"),
+        rrb.TextDocumentView(origin="/ranking", name="which explanation"),
+        row_shares=[1, 1],
     )
-    corrected = ", corrected (orange)" if diagnosis.effects else ""
-    scene = rrb.Spatial3DView(
-        origin="/world",
-        overrides={f"/world/trail/{model}": rrb.VisibleTimeRanges([recent]) for model in models(diagnosis)},
-        name=f"measured (black), as believed (grey){corrected}",
+    shown = [_episode(diagnosis, tab) for tab in tabs[:MOST_TABS]]
+    return rrb.Blueprint(
+        rrb.Horizontal(rrb.Tabs(*shown, active_tab=0), texts, column_shares=[3.4, 1]) if shown else texts,
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="paused"),
+        auto_views=False,
+    )
+
+
+def _episode(diagnosis: Diagnosis, tab: Tab) -> rrb.Container:
+    """Return the views of one episode: measured and simulated side by side, below them the curves."""
+    corrected = ", orange: corrected" if diagnosis.effects else ""
+    root, paper = f"/{tab.root}", rrb.archetypes.PlotBackground(color=PAPER)
+    measured = _scene(
+        tab,
+        "measured" + ("" if diagnosis.system.plan_view is None else "; arrows: commanded (green), missing (purple)"),
+        [f"{root}/measured/**", f"{root}/way/measured", f"{root}/command", f"{root}/missing_arrow"],
+        without=f"{root}/measured",
+        frames=False,
+        diagnosis=diagnosis,
+    )
+    simulated = _scene(
+        tab,
+        f"simulated as believed; blue frame: measured{corrected}",
+        [
+            f"{root}/nominal/**",
+            f"{root}/measured/**",
+            f"{root}/corrected/**",
+            f"{root}/way/nominal",
+            f"{root}/way/corrected",
+        ],
+        without=f"{root}/measured",
+        frames=True,
+        diagnosis=diagnosis,
+    )
+    channels = drawn_channels(diagnosis.system)
+    residuals = [
+        rrb.TimeSeriesView(
+            origin=f"{root}/residual/{channel.name}",
+            name=f"missed: {channel.label} [noises]",
+            background=paper,
+            plot_legend=rrb.PlotLegend(visible=i == 0, corner=rrb.Corner2D.RightTop),
+        )
+        for i, channel in enumerate(channels)
+    ]
+    hidden = rrb.PlotLegend(visible=False)
+    disturbance = diagnosis.system.disturbance
+    forces = [
+        rrb.TimeSeriesView(
+            origin=f"{root}/missing_force/{name}", name=f"missing: {label}", background=paper, plot_legend=hidden
+        )
+        for name, label in list(zip(disturbance.names, disturbance.labels, strict=True))[:MOST_FORCES]
+    ]
+    gap = rrb.TimeSeriesView(origin=f"{root}/gap", name="share of the gap [%]", background=paper, plot_legend=hidden)
+    below = [gap, *forces] if diagnosis.where is not None else []
+    columns = 2 if len(residuals) <= 2 else 3 if len(residuals) <= 6 else 4
+    rows = -(-len(residuals) // columns)
+    plots = [
+        rrb.Grid(*residuals, grid_columns=columns),
+        *([rrb.Grid(*below, grid_columns=min(len(below), 4))] if below else []),
+    ]
+    return rrb.Vertical(
+        rrb.Horizontal(measured, simulated),
+        rrb.Vertical(*plots, row_shares=[rows, -(-len(below) // 4)] if below else [1]),
+        row_shares=[1, 1],
+        name=tab.name,
+    )
+
+
+def _scene(
+    tab: Tab, name: str, contents: list[str], *, without: str, frames: bool, diagnosis: Diagnosis
+) -> rrb.Spatial3DView:
+    """Return a view of bodies; of what was measured either the solid bodies or their frames."""
+    eye = tab.eye
+    hidden = []
+    for body in diagnosis.system.drawn():
+        for kind in dict.fromkeys(s.kind for s in body.shapes):
+            hidden.append(f"- {without}/{body.name}/{kind}" + ("" if frames else "_frame"))
+    return rrb.Spatial3DView(
+        origin=f"/{tab.root}",
+        contents=[*(f"+ {c}" for c in contents), *hidden],
+        name=name,
         background=list(PAPER),
         line_grid=rrb.LineGrid3D(visible=True, spacing=0.5, color=[120, 124, 130, 90]),
         eye_controls=rrb.EyeControls3D(
             position=tuple(eye.target_m + eye.distance_m * FROM),
             look_target=tuple(eye.target_m),
             eye_up=(0, 0, 1),
-            tracking_entity=None if eye.followed is None else f"/world/measured/{eye.followed}",
+            tracking_entity=None if eye.followed is None else f"/{tab.root}/measured/{eye.followed}",
         ),
-    )
-    residuals = [
-        rrb.TimeSeriesView(
-            origin=f"/residual/{channel.name}",
-            name=f"missed: {channel.label} [noise levels]",
-            background=paper,
-            plot_legend=rrb.PlotLegend(visible=i == 0, corner=rrb.Corner2D.RightTop),
-        )
-        for i, channel in enumerate(drawn_channels(system))
-    ]
-    disturbance = system.disturbance
-    forces = [
-        rrb.TimeSeriesView(
-            origin=f"/missing_force/{name}",
-            name=label,
-            background=paper,
-            plot_legend=rrb.PlotLegend(visible=True, corner=rrb.Corner2D.LeftTop),
-        )
-        for name, label in list(zip(disturbance.names, disturbance.labels, strict=True))[:MOST_FORCES]
-    ]
-    texts = rrb.Horizontal(
-        rrb.TextDocumentView(origin="/verdict", name="verdict"),
-        rrb.Vertical(
-            rrb.TextDocumentView(origin="/ranking", name="which explanation"),
-            rrb.TextDocumentView(origin="/episode", name="now"),
-            row_shares=[3, 1],
-        ),
-        column_shares=[3, 2],
-    )
-    plots = rrb.Grid(*residuals, grid_columns=2 if len(residuals) <= 8 else 3)
-    return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(scene, texts, row_shares=[3, 2]),
-            rrb.Vertical(plots, rrb.Grid(*forces, grid_columns=min(len(forces), 3)), row_shares=[3, 1])
-            if diagnosis.where is not None
-            else plots,
-            column_shares=[1, 1],
-        ),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="paused"),
-        auto_views=False,
     )

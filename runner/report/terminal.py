@@ -46,11 +46,10 @@ def ranking(diagnosis: Diagnosis) -> Table:
     said = state(diagnosis)
     for ranked in said.order[:SHOWN]:
         closed = said.closed_by(ranked)
-        amounts = [p.amount for p in words.phrases(diagnosis.system, ranked) if p.amount]
         table.add_row(
             words.title(ranked.effects or (NONE,)),
             probability(ranked.probability),
-            "\n".join(amounts),
+            "\n".join(words.amounts(diagnosis.system, ranked)),
             "" if closed is None else percent(closed),
             ", ".join(words.title(e) for e in words.equals(ranked)),
         )

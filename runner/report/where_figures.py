@@ -11,6 +11,7 @@ from matplotlib.patches import Circle, Rectangle
 
 from runner.effects.base import Effects
 from runner.report.figures import ACCENT, BAND, GREY, INK, ORANGE, STYLE, new, span, svg
+from runner.report.figures import title as titled
 from runner.report.missing_force import Mean, MissingForce
 from runner.report.motions import Paths
 from runner.systems.base import AbstractSystem
@@ -40,7 +41,7 @@ def regimes(before: Sequence[Mean], after: Sequence[Mean], titles: dict[str, str
             ax.set_xlim(*span([m.value for m in everything], [1.96 * m.error for m in everything]))
             for row, regime in enumerate(order):
                 ax.text(0.0, row - 0.22, regime, transform=ax.get_yaxis_transform(), fontsize=8.5, va="bottom")
-            ax.set_title(title)
+            titled(ax, title)
             ax.locator_params(axis="x", nbins=5)
             ax.set_yticks([])
             ax.spines["left"].set_visible(False)
@@ -67,7 +68,7 @@ def over_time(before: MissingForce, after: MissingForce | None, titles: Sequence
             values = np.concatenate([f.value[:, i] for f, _ in shown])
             bands = np.concatenate([2 * f.error[:, i] for f, _ in shown])
             ax.set_ylim(*span(values.tolist(), bands.tolist()))
-            ax.set_title(title)
+            titled(ax, title)
             ax.set_xlabel("time [s]", labelpad=1)
             out.append(svg(figure, f"{name}{i}", f"Missing force over time: {title}"))
     return out

@@ -25,6 +25,7 @@ Numbers = Mapping[str, float]
 SURE = 0.9  # an answer less likely than this asks for more data
 NOTEWORTHY = 0.02  # explanations less likely than this are not worth a sentence
 LEAST_SHARE = 0.005  # of anything: less is told as nothing
+PLACE = {"x_m", "y_m", "radius_m"}  # of an effect that is somewhere
 MANIFOLD = 10.0  # a share from which on it is told as so many times
 
 
@@ -58,6 +59,8 @@ def phrase(system: AbstractSystem, effect: str, values: Numbers, errors: Numbers
     known = [{f.name for f in fields(v.effect)} for v in variants]  # type: ignore[arg-type]
     candidate = next(v for v, names in zip(variants, known, strict=True) if set(values) <= names)
     of_first = candidate.effect.phrase(Values(values, errors), system.beliefs, candidate.target)
+    if _placed_nowhere(values, errors):
+        of_first = replace(of_first, amount="where and how much can't be told")
     if not candidate.targets:
         return of_first
     others = listed(candidate.targets[1:])
@@ -75,6 +78,16 @@ def phrases(system: AbstractSystem, ranked: Ranked) -> list[Phrase]:
         for e in ranked.effects
         if e not in (NONE, UNKNOWN)
     ]
+
+
+def amounts(system: AbstractSystem, ranked: Ranked) -> list[str]:
+    """Return how much of each effect of an explanation, where that can be told."""
+    return [p.amount for p in phrases(system, ranked) if p.amount]
+
+
+def _placed_nowhere(values: Numbers, errors: Numbers) -> bool:
+    """Tell whether an effect has a place and a reach, and the reach may as well be none."""
+    return set(values) >= PLACE and not errors.get("radius_m", 0.0) <= values["radius_m"]
 
 
 def explanation(system: AbstractSystem, ranked: Ranked) -> str:

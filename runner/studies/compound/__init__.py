@@ -14,8 +14,7 @@ the fitted box does under them beside what the object does.
 
 from __future__ import annotations
 
-from runner.studies.compound.fit import InertialFit, fit
-from runner.studies.compound.inertial import (
+from runner.estimation.space.inertial import (
     Inertial,
     from_vector,
     inertial_in,
@@ -23,6 +22,7 @@ from runner.studies.compound.inertial import (
     to_vector,
     write_inertial,
 )
+from runner.studies.compound.fit import InertialFit, fit
 from runner.studies.compound.pokes import HUNG, Part, Poke, PokeSimulator, compound_mjcf, differences, with_noise
 from runner.studies.compound.study import NOISE, Compound
 

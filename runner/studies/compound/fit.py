@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
-from runner.studies.compound.inertial import SIZE, Inertial, from_vector, to_vector
+from runner.estimation.space.inertial import SIZE, Inertial, from_vector, to_vector
 from runner.studies.compound.pokes import PokeSimulator, differences
 from runner.teleop.link import NoiseConfig
 

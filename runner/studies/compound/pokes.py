@@ -13,9 +13,9 @@ from dm_control import mjcf
 from mujoco import rollout
 
 from runner.errors import check_range, check_vector
+from runner.estimation.space.inertial import Inertial, write_inertial
 from runner.physics.forces import Push, push_means
 from runner.physics.scene import BodyConfig, SceneConfig, build, push_columns
-from runner.studies.compound.inertial import Inertial, write_inertial
 from runner.studies.plumb_line import LIFT_M
 from runner.systems.planar_box.simulator import FULL, USERDATA
 from runner.teleop.experiment import REMOTE

@@ -9,8 +9,8 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from runner.estimation.space.inertial import Inertial
 from runner.studies.compound.fit import InertialFit
-from runner.studies.compound.inertial import Inertial
 from runner.studies.compound.pokes import Part
 from runner.studies.plumb_line import log_estimate
 from runner.viewer.rrd import written

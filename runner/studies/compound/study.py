@@ -11,11 +11,11 @@ from dm_control import mjcf
 
 from runner.config import registered
 from runner.errors import ConfigError, check_range
+from runner.estimation.space.inertial import NAMES, Inertial, inertial_in
 from runner.physics.scene import BodyConfig, Dof, FloorContact, build
 from runner.progress import track
 from runner.studies.base import AbstractStudy, Rows
 from runner.studies.compound.fit import InertialFit, fit
-from runner.studies.compound.inertial import NAMES, Inertial, inertial_in
 from runner.studies.compound.pokes import (
     HUNG,
     STANDING,

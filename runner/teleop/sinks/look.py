@@ -16,7 +16,8 @@ from runner.teleop.frames import RunResult
 from runner.viewer.rrd import written
 
 REMOTE_COLOUR = (70, 130, 220)
-LOCAL_COLOURS = ((240, 140, 40), (60, 190, 130), (200, 90, 200), (220, 200, 60))
+LOCAL_COLOURS = ((240, 140, 40), (60, 190, 130), (235, 205, 225), (220, 200, 60))
+REMOTE_WIDTH, LOCAL_WIDTH = 5.0, 1.6
 FORCE_COLOUR = (230, 60, 60)
 TRAIL_COLOUR = (250, 225, 110)
 TRAIL = "world/trail"
@@ -54,13 +55,17 @@ def static_look(
         for i, name in enumerate(estimators)
     }
     names = [REMOTE, *estimators]
+    # the remote's curves are broad, so that they are seen below those of the local cubes, which hardly leave them
+    widths = [REMOTE_WIDTH, *[LOCAL_WIDTH] * len(estimators)]
     lines = {
-        "velocity/linear": rr.SeriesLines(names=[f"{n} {a}" for n in names for a in ("vx", "vy")], colors=along),
-        "velocity/turning": rr.SeriesLines(names=[f"{n} wz" for n in names], colors=turning),
+        "velocity/linear": rr.SeriesLines(
+            names=[f"{n} {a}" for n in names for a in ("vx", "vy")], colors=along, widths=np.repeat(widths, 2)
+        ),
+        "velocity/turning": rr.SeriesLines(names=[f"{n} wz" for n in names], colors=turning, widths=widths),
         "force": rr.SeriesLines(names=["Fx", "Fy"], colors=[FORCE_COLOUR, (240, 170, 90)]),
     }
     for parameter in parameters:
-        lines[f"estimate/{parameter}"] = rr.SeriesLines(names=["true", *estimators], colors=turning)
+        lines[f"estimate/{parameter}"] = rr.SeriesLines(names=["true", *estimators], colors=turning, widths=widths)
         lines[f"error/{parameter}"] = rr.SeriesLines(names=list(estimators), colors=colours)
     entities: dict[str, rr.AsComponents] = {
         "world": rr.ViewCoordinates.RIGHT_HAND_Z_UP,
@@ -80,7 +85,10 @@ def _static(entity: str, archetype: rr.AsComponents) -> rr.chunk.Chunk:
 
 
 Point = tuple[float, float, float]
-LayoutKey = tuple[tuple[str, ...], Point, float]  # parameters, middle of the way, how far from there to look
+Range = tuple[float, float] | None  # of a plot; None: the viewer's own
+# parameters, their ranges, middle of the way, how far from there to look
+LayoutKey = tuple[tuple[str, ...], tuple[Range, ...], Point, float]
+MOST = 95.0  # percentile of the distances of estimates from the truth that a plot reaches to
 
 
 def layout_key(result: RunResult) -> LayoutKey:
@@ -91,7 +99,22 @@ def layout_key(result: RunResult) -> LayoutKey:
     x, y = np.round(2 * (place.min(axis=0) + place.max(axis=0)) / 2) / 2
     reach = float(np.ptp(place, axis=0).max()) / 2 + 2.0 * max(result.half_size_m)
     middle = (float(x), float(y), 0.5 * result.half_size_m[2])
-    return tuple(parameters_of(result)), middle, math.ceil(4 * reach) / 4
+    parameters = tuple(parameters_of(result))
+    return parameters, tuple(_range(result, p) for p in parameters), middle, math.ceil(4 * reach) / 4
+
+
+def _range(result: RunResult, parameter: str) -> Range:
+    """Return what a plot of estimates shows: the truth and the start, and no spike that would flatten the rest."""
+    owners = [n for n in result.estimators if parameter in result.parameters[n]]
+    truth = result.parameters[owners[0]][parameter]
+    told = np.concatenate([result.updates.column(f"{n}_{parameter}") for n in owners]) if result.update_count else []
+    off = np.abs(np.append(told, truth.start) - truth.true)
+    off = off[np.isfinite(off)]
+    reach = max(abs(truth.start - truth.true), float(np.percentile(off, MOST)) if len(off) else 0.0)
+    if not 0.0 < reach < math.inf or len(off) == 0 or reach >= off.max():
+        return None
+    reach = float(f"{1.15 * reach:.1e}")  # rounded, so that runs share a layout
+    return truth.true - reach, truth.true + reach
 
 
 class Layout(rrb.Blueprint):
@@ -114,7 +137,7 @@ def _layout_chunks(key: LayoutKey) -> list[rr.chunk.Chunk]:
         return list(reader.stream(store=reader.blueprints()[0]))
 
 
-def _blueprint(parameters: tuple[str, ...], middle: Point, reach: float) -> rrb.Blueprint:
+def _blueprint(parameters: tuple[str, ...], ranges: tuple[Range, ...], middle: Point, reach: float) -> rrb.Blueprint:
     everything = [
         rrb.VisibleTimeRange(t, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative())
         for t in ("sim_time", "frame")
@@ -130,10 +153,15 @@ def _blueprint(parameters: tuple[str, ...], middle: Point, reach: float) -> rrb.
     )
     legend = rrb.PlotLegend(corner=rrb.Corner2D.RightTop)
     estimates, errors = [], []
-    for parameter in parameters:
+    for parameter, span in zip(parameters, ranges, strict=True):
         stem, _, unit = parameter.rpartition("_")
         estimates.append(
-            rrb.TimeSeriesView(origin=f"/estimate/{parameter}", name=f"{stem} [{unit}]", plot_legend=legend)
+            rrb.TimeSeriesView(
+                origin=f"/estimate/{parameter}",
+                name=f"{stem} [{unit}]",
+                plot_legend=legend,
+                axis_y=None if span is None else rrb.ScalarAxis(range=span),
+            )
         )
         errors.append(
             rrb.TimeSeriesView(
