@@ -126,8 +126,8 @@ def test_a_sweep(number: int, all_of_them: bool, launcher: tuple[str, ...], tmp_
     assert 5 < ended < 150
     assert tables.unfinished([tmp_path]) == [(tmp_path / "s", Status.interrupted)]
     if not launcher:
-            # the link loses and delays what the estimator is never told of
-            assert begun_anew(line, tmp_path).stdout == "150 runs in s, 150 of them did not converge\n"
+        # the link loses and delays what the estimator is never told of
+        assert begun_anew(line, tmp_path).stdout == "150 runs in s, 150 of them did not converge\n"
         assert status_of(tmp_path / "s") is Status.done
 
 
