@@ -8,7 +8,7 @@ import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -48,7 +48,7 @@ def write_all(diagnosis: Diagnosis, folder: Path, *, report: bool, provenance: M
     _clear(folder)
     write_parquet(folder / "closure.parquet", diagnosis.closure.table)
     write_parquet(folder / "closure_regimes.parquet", diagnosis.closure.regimes)
-    write_corrected(folder, diagnosis.effects, diagnosis.system)
+    diagnosis = with_corrected(diagnosis, folder)
     if report:
         where = diagnosis.where
         tables = {
@@ -63,6 +63,18 @@ def write_all(diagnosis: Diagnosis, folder: Path, *, report: bool, provenance: M
         write_rrd(diagnosis, folder / "diagnosis.rrd")
     content = {"sentence": words.verdict(diagnosis), **verdict(diagnosis), "provenance": dict(provenance)}
     write_json(folder / FILE, content)
+
+
+def with_corrected(diagnosis: Diagnosis, folder: Path) -> Diagnosis:
+    """Write the corrected model; where it can't be, return the diagnosis with a note that says why.
+
+    What took minutes to find is not thrown away for the file that it would be used with.
+    """
+    try:
+        write_corrected(folder, diagnosis.effects, diagnosis.system)
+    except ResultError as error:
+        return replace(diagnosis, notes=(*diagnosis.notes, f"No corrected model was written. {error}"))
+    return diagnosis
 
 
 def check_results(folder: Path) -> None:
