@@ -58,11 +58,18 @@ def test_two_runs_leave_the_same_frames(tmp_path: Path) -> None:
     assert (tmp_path / "a" / "frames.parquet").read_bytes() == (tmp_path / "b" / "frames.parquet").read_bytes()
 
 
+def is_study(name: str) -> bool:
+    """Whether an experiment is a sweep or a study, or builds upon one."""
+    text = yaml.safe_load((CONF / "experiment" / f"{name}.yaml").read_text()) or {}
+    chosen = text.get("defaults", [])
+    built_upon = [c for c in chosen if isinstance(c, str) and c != "_self_"]
+    return "hydra" in text or any("override /study" in c for c in chosen) or any(map(is_study, built_upon))
+
+
 @pytest.mark.parametrize("name", sorted(p.stem for p in (CONF / "experiment").glob("*.yaml")))
 def test_every_experiment_runs_briefly(name: str, tmp_path: Path) -> None:
     """Each file in conf/experiment composes, runs and leaves a row. Studies have tests of their own."""
-    text = yaml.safe_load((CONF / "experiment" / f"{name}.yaml").read_text()) or {}
-    if "hydra" in text or any("override /study" in choice for choice in text.get("defaults", [])):
+    if is_study(name):
         pytest.skip("a sweep, or a study")
     assert main([f"out={tmp_path}/x", f"experiment={name}", *BRIEF]) == 0
     assert pd.read_parquet(tmp_path / "x" / "summary.parquet")["status"].tolist() == ["done"]
