@@ -50,7 +50,8 @@ def settings() -> str:
         for key, cls in _sections(command.config):
             out += [f"### {name}: {key}", _prose(cls), *_table(_own(cls, f"{key}."))]
     own = {k: c for k, c in sorted(config._REGISTERED.items()) if c.__module__.startswith("runner.")}
-    for group in dict.fromkeys(g for g, _ in own):
+    conf = Path(__file__).parents[2] / "conf"
+    for group in dict.fromkeys(g for g, _ in own if (conf / g).is_dir()):
         out += [f"## {group}"]
         chosen = f"{group}=NAME" if group != "effect" else "effect=[NAME,...]"
         out.append(f"`runner run {chosen}`; the files stand in `conf/{group}/`.")
