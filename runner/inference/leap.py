@@ -37,8 +37,10 @@ RIDGE = 0.05  # of the information: what nothing measured depends on has none
 
 def leap(
     fitter: Fitter, fit: Fit, every: Sequence[Direction], known: Sensitivities, worth_beside: Callable[[float], float]
-) -> Fit:
+) -> tuple[Fit, tuple[Fit, Sensitivities]]:
     """Return the fit that leaps from a fit lead to, each of which leaves less; the fit itself, where none does.
+
+    And the last fit around which all directions were simulated, with what they do there: mostly the same one.
 
     Args:
         fitter: Of the episodes.
@@ -47,12 +49,13 @@ def leap(
         known: What they do around the fit.
         worth_beside: What an effect has to take off the loss where so much is left.
     """
-    for number in range(LEAPS):
+    surveyed = fit
+    for _ in range(LEAPS):
         room = min(fitter.system.most_effects - len(fit.explanation.candidates), AT_ONCE)
         if not room:
             break
-        if number:
-            known = sensitivities(fitter, fit, every)
+        if surveyed is not fit:
+            surveyed, known = fit, sensitivities(fitter, fit, every)
         worth = worth_beside(fit.total)
         extra = chosen(normal_equations(fit, known), fitter, room, worth)
         if not extra:
@@ -64,7 +67,7 @@ def leap(
         if not tried.total < fit.total - worth:
             break
         fit = _tied(fitter, _split(fitter, tried))
-    return fit
+    return fit, (surveyed, known)
 
 
 @dataclass

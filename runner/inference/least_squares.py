@@ -193,12 +193,17 @@ class Fitter:
     def changes(self, base: Effects, runs: Sequence[Effects], fit: Fit) -> list[np.ndarray]:
         """Return how the whitened prediction changes from `base` to each run, per episode (n, len(runs)).
 
-        Simulated from the start states of `fit`, whose derivatives are projected out.
+        Simulated from the start states of `fit`, whose derivatives are projected out, where need be more coarsely than
+        fits are.
         """
+        surveyor = replace(self, simulator=self.simulator.surveying())
+        before_s = surveyor.simulator.simulated_s
         out = []
         for k, e in enumerate(fit.episodes):
-            rows = self.whitened(e, [Run(effects, fit.starts[k]) for effects in (base, *runs)])
+            rows = surveyor.whitened(e, [Run(effects, fit.starts[k]) for effects in (base, *runs)])
             out.append(project(finite(rows[1:] - rows[0]).T, fit.basis.q[k]))
+        if surveyor.simulator is not self.simulator:
+            self.simulator.simulated_s += surveyor.simulator.simulated_s - before_s
         return out
 
     def fit(

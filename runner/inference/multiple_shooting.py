@@ -22,6 +22,9 @@ from runner.recording import Span
 ASTRAY = 2.5  # mean square, in noises, from which on a descent from the nominal model is not trusted
 # Into so many pieces episodes are cut, and into more as long as the nominal model goes astray in them, none shorter.
 PIECES, SHORTEST_S = 8, 0.5
+# Of what the nominal model leaves of the whole: where pieces leave more, its errors do not pile up over time, descents
+# go as well from the whole as from pieces, and those show nothing that the whole does not.
+PILED_UP = 0.5
 TOLD = 0.5  # share of the pieces that is searched
 TOGETHER = 2  # effects that are sought in pieces: what acts less than those comes in on the whole
 LIKELIEST = 2  # of several effects, of each size, that fits begin with; and of all that are carried over to the whole
@@ -55,9 +58,11 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     """
     episodes = nominal.episodes
     count = fitter.measured.count(episodes)
+    # by the noise of this fitter, which may have been told from that fit
+    whole_loss = fitter.loss(NONE, nominal.x, nominal.starts, episodes)
     longest_s = fitter.longest_s(episodes)
     piece_s = max(longest_s / PIECES, SHORTEST_S)
-    if nominal.total <= ASTRAY * count or longest_s < 2 * piece_s:
+    if whole_loss <= ASTRAY * count or longest_s < 2 * piece_s:
         return None
     spans = fitter.pieces(piece_s, episodes)
     if not spans:
@@ -69,6 +74,9 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
         if not shorter or rough.total < ASTRAY * cut.measured.count(rough.episodes):
             break
         spans, piece_s = shorter, piece_s / 2
+    if rough.total / cut.measured.count(rough.episodes) > PILED_UP * whole_loss / count:
+        fitter.simulator.simulated_s += cut.simulator.simulated_s
+        return None
     # where the nominal model is good, little is to be learnt about what it lacks
     lacks = rough.loss - [cut.measured.count([i]) for i in rough.episodes]
     first = np.array([s.begin == 0 for s in spans])
@@ -91,7 +99,7 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     if cut.measured.excess(best.total, best.episodes) > fitter.system.cut_from and key_of(best.explanation) in seeds:
         # over longer times what is lacking may pile up, or what is there may come to show: whichever leaves less tells
         longer = carried(whole, seeds[key_of(best.explanation)], episodes, longest_s)[-1]
-        if longer.total / nominal.total > best.total / found.nominal.total:
+        if longer.total / whole_loss > best.total / found.nominal.total:
             return Look(Beginning(seeds), late, piece_s)
         seeds[key_of(best.explanation)] = longer
         there = {key_of(best.explanation)}

@@ -33,6 +33,14 @@ class AbstractSimulator(ABC):
     def predict(self, episode: int, runs: Sequence[Run]) -> FloatArray:
         """Return the predicted channels at the samples of an episode, or span, (len(runs), T, C)."""
 
+    def surveying(self) -> AbstractSimulator:
+        """Return a simulator of the same that may be coarser, and cheaper.
+
+        What it predicts differs from a prediction by about the noise, which is nothing to how a prediction *changes*
+        with an effect.
+        """
+        return self
+
     @abstractmethod
     def parts(self, spans: Sequence[Span]) -> AbstractSimulator:
         """Return a simulator of parts of what this one simulates; `episode` counts what that is."""

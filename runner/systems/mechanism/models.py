@@ -27,7 +27,8 @@ from runner.systems.mechanism import midpoint
 from runner.systems.mechanism.coordinates import Coordinates
 
 OWN = "runner:"  # what is added to a believed model bears names that begin so
-KEPT_MODELS = 256
+KEPT_COMPILED = 256
+KEPT_MODELS, KEPT_BYTES = 2048, 2e8  # of edited ones, whichever is less: a survey of all effects needs hundreds
 HARD_S = 0.002  # a time constant of dry friction up to that means: none
 LIGHTEST = 0.4  # at most this share of the inertia is taken off for the trapezoidal rule
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
@@ -90,6 +91,7 @@ class Models:
         self._contact_time_s: dict[Effects, float] = {}
         model = self.compiled(()).model
         self.file_step_s = float(model.opt.timestep)
+        self._kept = max(16, min(KEPT_MODELS, int(KEPT_BYTES / max(model.nbuffer, 1))))
         self.leapfrog = int(model.opt.integrator) != RK4
         self.believed_coordinates = self.compiled(()).coordinates
         self.qpos0 = np.array(model.qpos0)
@@ -129,7 +131,7 @@ class Models:
         """Return the model with the elements of structural effects, compiled once for each set of them."""
         key = tuple(e for e in effects if e.structural)
         if key not in self._compiled:
-            if len(self._compiled) > KEPT_MODELS:
+            if len(self._compiled) > KEPT_COMPILED:
                 self._compiled.clear()
             spec = self.spec(key, instrumented=True)
             with quiet():
@@ -156,7 +158,7 @@ class Models:
         """Return the shortest time constant of a contact, infinite without any: steps must be at most half of it."""
         key = tuple(e for e in mechanical(effects) if type(e).edit_model is not MechanismEffect.edit_model)
         if key not in self._contact_time_s:
-            if len(self._contact_time_s) > KEPT_MODELS:
+            if len(self._contact_time_s) > KEPT_COMPILED:
                 self._contact_time_s.clear()
             self._contact_time_s[key] = shortest_contact_s(self.edited(key))
         return self._contact_time_s[key]
@@ -165,7 +167,7 @@ class Models:
         """Return the model with these effects in it, ready to be stepped by `step_s`; not to be written to."""
         key = effects, step_s
         if key not in self._models:
-            if len(self._models) > KEPT_MODELS:
+            if len(self._models) > self._kept:
                 self._models.clear()
             model = self.edited(effects, step_s)
             _discretise(model, step_s, self.compiled(effects).data[0], leapfrog=self.leapfrog)

@@ -77,17 +77,35 @@ class MechanismSimulator(AbstractSimulator):
         models: Its compiled models.
         step_s: Physics step.
         threads: For the rollouts; None: one per core.
+
+    Attributes:
+        survey_step_s: Physics step of surveys of all effects, see `surveying`; to begin with the same.
     """
 
     def __init__(
-        self, recording: MechanismRecording, models: Models, step_s: float, threads: int | None = None
+        self,
+        recording: MechanismRecording,
+        models: Models,
+        step_s: float,
+        threads: int | None = None,
     ) -> None:
         self.recording, self.models, self.step_s = recording, models, step_s
+        self.survey_step_s = step_s
         self.simulated_s = 0.0
         self.threads = min(threads or models.threads, models.threads)
         self._pool = rollout.Rollout(nthread=self.threads if self.threads > 1 else 0)
         self._spans = tuple(Span(i, 0, len(e)) for i, e in enumerate(recording.episodes))
         self._commands, self._readings = Commands(recording, models.compiled(()).model), Readings(recording, models)
+
+    def surveying(self) -> MechanismSimulator:
+        """See the base class."""
+        return self if self.survey_step_s == self.step_s else self.stepping(self.survey_step_s)
+
+    def stepping(self, step_s: float) -> MechanismSimulator:
+        """Return a simulator of the same with another physics step."""
+        other = copy.copy(self)  # threads and commands are shared
+        other.step_s, other.simulated_s = step_s, 0.0
+        return other
 
     def parts(self, spans: Sequence[Span]) -> MechanismSimulator:
         """Return a simulator of parts of what this one simulates; `episode` counts what that is."""

@@ -33,6 +33,9 @@ BENT = 0.2  # share of the response that may be out of proportion, in half of th
 # must still be near enough for a comparison
 FAR = 0.5
 LOOKS = 24  # windows that are looked at, for each length
+# The longest physics steps of a survey of all effects, which asks only how a prediction changes; and by which share
+# the response to a small force may be another with them than with the steps of fits, in half of the windows.
+LONGEST_STEP_S, ANOTHER = 0.004, 0.02
 SAME_CLOCK = 1.1  # times the shortest period
 FEWEST = 5  # samples of each measured channel in a stretch
 
@@ -108,6 +111,33 @@ def _lengths_s(known: Sensitive, episodes: Sequence[int], length_s: float) -> Fl
         unsure = [e for e in unsure if over.get(e, others) > BENT]
         out |= dict.fromkeys(unsure, length_s)
     return np.array([out[e] for e in episodes])
+
+
+def survey_step_s(known: Sensitive, spans: Sequence[Span]) -> float:
+    """Return the longest physics step with which these parts of a recording answer a small force as they do in fits."""
+    simulator, period_s = known.simulator, known.simulator.recording.step_s
+    chosen = [spans[i] for i in spread_over(len(spans), LOOKS)]
+    samples = min(len(range(s.begin, s.end)) for s in chosen)
+    windows = Windows(np.array([s.episode for s in chosen]), np.array([s.begin for s in chosen]), samples)
+    if samples < FEWEST:
+        return simulator.step_s
+    exact = _responses(known, windows, simulator)
+    most = int(LONGEST_STEP_S / period_s + 1e-9)
+    steps = [k * period_s for k in range(most, 0, -1)] or [period_s / int(np.ceil(period_s / LONGEST_STEP_S - 1e-9))]
+    for step_s in (s for s in steps if s > simulator.step_s * (1 + 1e-9)):
+        off = _norm(_responses(known, windows, simulator.stepping(step_s)) - exact)
+        if _median(np.nan_to_num(off / np.maximum(_norm(exact), 1e-9), nan=np.inf)) < ANOTHER:
+            return step_s
+    return simulator.step_s
+
+
+def _responses(known: Sensitive, windows: Windows, simulator: MechanismSimulator) -> FloatArray:
+    """Return how a small force on each degree of freedom changes what is shown, in noises, (W, D, n, C)."""
+    starts = known.initial.guess_windows(known.signals, windows, smooth=True)
+    forces = np.vstack([np.zeros(len(known.usual)), np.diag(LARGE * known.usual)])
+    with np.errstate(invalid="ignore", over="ignore"):
+        shown = simulator.predict_windows((), windows, np.repeat(starts[:, None], len(forces), axis=1), forces)
+        return (shown[:, 1:] - shown[:, :1]) / known.signals.sigma
 
 
 def impact_stretches(known: Sensitive, found: Sequence[Sequence[Span]], lying: Sequence[Span]) -> tuple[Span, ...]:

@@ -30,7 +30,7 @@ from runner.systems.mechanism.scatter import scatter
 from runner.systems.mechanism.scope import RawSignals, raw_signals, scope_of, vocabulary_of
 from runner.systems.mechanism.simulator import MechanismSimulator, cores
 from runner.systems.mechanism.steps import choose_step
-from runner.systems.mechanism.stretches import Sensitive, impact_stretches, stretches
+from runner.systems.mechanism.stretches import Sensitive, impact_stretches, stretches, survey_step_s
 from runner.systems.windows import Labels, Windows
 
 FORCE_SHARE, LARGE = 0.03, 3.0  # of the usual force: the step of a missing force; how large one may be
@@ -146,6 +146,7 @@ class MechanismSystem(AbstractSystem):
                 self._stretches = impact_stretches(known, self._found_flights, lying)
             else:
                 self._stretches = stretches(known, self.searched_s)
+                known.simulator.survey_step_s = survey_step_s(known, self._stretches)
         return self._stretches
 
     def scatter(self) -> FloatArray | None:
