@@ -47,7 +47,7 @@ def test_two_causes_are_found_in_one_leap(arm: MechanismSystem) -> None:
     nominal = fitter.fit(NONE, episodes, iterations=20)
     every = directions(arm)
     worth = 0.03 * fitter.measured.count(episodes)
-    fit = leap(fitter, nominal, every, sensitivities(fitter, nominal, every), lambda _: worth)
+    fit, _ = leap(fitter, nominal, every, sensitivities(fitter, nominal, every), lambda _: worth)
     assert nominal.total > 100 * fitter.measured.count(episodes)
     assert fit.total < 1.1 * fitter.measured.count(episodes)
     assert fit.explanation.names == ("mass[forearm]", "servo_gain[*]")

@@ -67,9 +67,9 @@ class Attempt:
 
     @property
     def not_searched(self) -> tuple[int, ...]:
-        """Positions of stretches of the fitted episodes that were not searched, as others told enough."""
-        searched = self.confirmed.search.nominal.episodes
-        return tuple(i for i in self.of(self.fitted) if i not in searched)
+        """Positions of stretches that were neither searched nor held against what was found: others told enough."""
+        used = {*self.confirmed.search.nominal.episodes, *self.confirmed.before.episodes}
+        return tuple(i for i in (*self.of(self.fitted), *self.of(self.held_out)) if i not in used)
 
     @property
     def in_parts(self) -> bool:
@@ -94,7 +94,7 @@ def attempt(
     first = _first_look(system, simulator, fitted, observer)
     fitter, found = _explained(first, held_out)
     observer.stage("checking on the episodes left out")
-    confirmed = confirm(with_outside(found, fitter), fitter, stretches_of(fitter, held_out))
+    confirmed = confirm(with_outside(found, fitter), fitter, _to_search(fitter, held_out, 1.0))
     if fitter.simulator is not simulator:
         simulator.simulated_s += fitter.simulator.simulated_s
     return Attempt(fitted, held_out, fitter, confirmed)
@@ -107,7 +107,7 @@ def stretches_of(fitter: Fitter, episodes: Iterable[int]) -> tuple[int, ...]:
 
 
 def _to_search(fitter: Fitter, episodes: Iterable[int], share: float) -> tuple[int, ...]:
-    """Return the positions of stretches to search: of some recorded episodes, evenly spread where they are too long.
+    """Return the positions of stretches that tell enough of some recorded episodes, spread over long ones.
 
     Args:
         fitter: Of all stretches.

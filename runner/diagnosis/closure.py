@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 
 from runner.diagnosis.result import Closure
 from runner.effects.base import Effects
-from runner.inference.least_squares import Fit, Fitter
+from runner.inference.least_squares import Fitter
 from runner.noise.measured import Measured
 from runner.systems.simulator import Run
 
 
 def close(
-    before: Fit, after: Fit, measured: Measured, fitter: Fitter, effects: Effects, regimes: pd.DataFrame
+    starts: Mapping[int, tuple[np.ndarray, np.ndarray]],
+    measured: Measured,
+    fitter: Fitter,
+    effects: Effects,
+    regimes: pd.DataFrame,
 ) -> Closure:
     """Compare residuals of held-out episodes without and with the effects.
 
     Args:
-        before: The nominal model with its start states fitted to what is held out.
-        after: The corrected one, likewise.
+        starts: Of all that is held out, by what `fitter` calls its episode: the start states, (S,), that were fitted to
+            it with the nominal model and with the corrected one.
         measured: Channels and noise of what `fitter` calls episodes: recorded ones, or stretches of them.
         fitter: Simulates them.
         effects: What the corrected model holds.
@@ -27,16 +33,15 @@ def close(
     """
     rows, pairs, episode = [], [], []
     by_recorded: dict[int, list[int]] = {}
-    for k, e in enumerate(before.episodes):
-        by_recorded.setdefault(measured.spans[e].episode, []).append(k)
+    for e in starts:
+        by_recorded.setdefault(measured.spans[e].episode, []).append(e)
     for recorded, members in by_recorded.items():
         residuals = []
-        for k in members:
-            e = before.episodes[k]
+        for e in members:
             truth = measured.values[e]
             both = (
-                fitter.simulator.predict(e, [Run(model, fit.starts[k])])[0] - truth
-                for model, fit in (((), before), (effects, after))
+                fitter.simulator.predict(e, [Run(model, start)])[0] - truth
+                for model, start in zip(((), effects), starts[e], strict=True)
             )
             residuals.append([np.where(measured.valid[e], r, np.nan) for r in both])
         old, new = (np.concatenate(of) for of in zip(*residuals, strict=True))

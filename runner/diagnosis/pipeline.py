@@ -14,7 +14,7 @@ from runner.diagnosis.notes import notes
 from runner.diagnosis.ranking import contender_of, ranking
 from runner.diagnosis.result import Diagnosis
 from runner.diagnosis.split import split
-from runner.inference.held_out import unseen
+from runner.inference.held_out import start_states, unseen
 from runner.inference.least_squares import Fit
 from runner.inference.outside import said_of_outside
 from runner.localise.dated import dated_disturbances
@@ -60,19 +60,20 @@ def diagnose(
     ranked = ranking(confirmed, found.nominal_excess, fitter)
     # what is named is what is put into the corrected model
     top = contender_of(searched, next(r for r in ranked if r.effects != ("unknown",)), fitter.context)
-    after = confirmed.after.get(id(top.fit)) or unseen(top, fitter, found.of(found.held_out), before)
+    after = confirmed.after.get(id(top.fit)) or unseen(top, fitter, before.episodes, before)
     effects = top.fit.explanation.make(top.fit.x, fitter.context)
     nominal_starts = _starts(searched.nominal, before)
     corrected_starts = _starts(top.fit, after)
     if rest := found.not_searched:
         nominal = next(c for c in searched.contenders if not c.fit.explanation.candidates)
-        nominal_starts |= _starts(more := unseen(nominal, fitter, rest, None))
-        corrected_starts |= _starts(unseen(top, fitter, rest, more))
+        nominal_starts |= start_states(nominal, fitter, rest)
+        corrected_starts |= start_states(top, fitter, rest)
     observer.stage("telling where the gap lies")
     measured = fitter.measured.joined(measure(system)) if found.in_parts else fitter.measured
     where = localise(system, measured, nominal_starts, stretches=found.stretches)
     regimes = closure_by_regime(system, measured, found.held_out, effects, where.window_s)
-    closure = close(before, after, fitter.measured, fitter, effects, regimes)
+    replayed = {e: (nominal_starts[e], corrected_starts[e]) for e in found.of(found.held_out)}
+    closure = close(replayed, fitter.measured, fitter, effects, regimes)
     ranked = tuple(replace(r, gap_closed=closure.gap_closed) if r.values == effects else r for r in ranked)
     disturbances = dated_disturbances(system, simulator, effects, measured) if system.dates_disturbances else ()
     if advise:

@@ -19,7 +19,9 @@ from runner.inference.evidence import directions, evidence, normal_equations, se
 from runner.inference.least_squares import NONE, Fit, Fitter, amplitudes
 from runner.inference.search import Search
 
-LEADERS = 6  # so many are held against the episodes left out, and the nominal model,
+LEADERS = 6  # so many at most are held against the episodes left out, and the nominal model,
+HOPELESS = 200.0  # behind in log odds by more than that: what is left out will not turn it
+ROUGHLY = 3  # steps of start states that nothing rests on
 PLAIN, LEAVES = 1.0, 0.5  # squared noises; share of them
 CLOSE = 20.0  # and whatever is so near in log odds
 # errors of the model that what the best explanation leaves is the doing of: of the unseen episodes, and of the fitted
@@ -82,7 +84,12 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     finite.sort(key=lambda c: -c.log_posterior)
     nominal = next(c for c in finite if not c.fit.explanation.candidates)
     near = finite[0].log_posterior - CLOSE
-    leaders = [c for i, c in enumerate(finite) if i < LEADERS or c is nominal or c.log_posterior > near]
+    hopeless = finite[0].log_posterior - HOPELESS if fitter.system.leaps else -np.inf
+    leaders = [
+        c
+        for i, c in enumerate(finite)
+        if (i < LEADERS and c.log_posterior > hopeless) or c is nominal or c.log_posterior > near
+    ]
     before = unseen(nominal, fitter, held_out, None)
     there_by = {id(c): before if c is nominal else unseen(c, fitter, held_out, before) for c in leaders}
     every = directions(fitter.system)
@@ -205,8 +212,16 @@ def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nomina
     explanation, x = contender.fit.explanation, contender.fit.x
     held = replace(fitter, held=explanation.make(x, fitter.context))
     tries = [held.fit(NONE, held_out)]
-    if nominal is not None:
-        # where the body spins fast, a descent of the start states may end in a hollow: from two sides
+    # where the body spins fast, a descent of the start states may end in a hollow: from two sides, save where stretches
+    # are so short that their ends answer to their starts in proportion
+    if nominal is not None and not (fitter.system.leaps and tries[0].total < nominal.total):
         tries.append(held.fit(NONE, held_out, near=nominal))
     best = min(tries, key=lambda f: f.total)
     return fitter.fit(explanation, held_out, x=x, near=best, iterations=0)
+
+
+def start_states(contender: Contender, fitter: Fitter, episodes: Sequence[int]) -> dict[int, np.ndarray]:
+    """Return start states (S,), that nothing rests on, of episodes or stretches, with a contender at its parameters."""
+    held = replace(fitter, held=contender.fit.explanation.make(contender.fit.x, fitter.context))
+    fit = held.fit(NONE, episodes, iterations=ROUGHLY, polish=False)
+    return dict(zip(fit.episodes, fit.starts, strict=True))

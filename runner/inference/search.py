@@ -105,6 +105,7 @@ class _Rounds:
         ruled_out: What is not to be tried again.
         contenders: Compared by evidence so far.
         seen: What was fitted.
+        taken_apart: Sets whose effects were left out one by one.
         last: A fit and what every effect does beside it.
         dispersion: How many times as uncertain as noise residuals are, from the fit that leaves least.
     """
@@ -120,6 +121,7 @@ class _Rounds:
     ruled_out: frozenset[Key]
     contenders: list[Contender]
     seen: set[Key]
+    taken_apart: set[Key]
     last: tuple[Fit, Sensitivities]
     dispersion: float
 
@@ -146,6 +148,7 @@ class _Rounds:
             contenders=[contend(fitter, nominal, alone, dispersion=dispersion)],
             dispersion=dispersion,
             seen={NONE.candidates},
+            taken_apart=set(),
             last=(nominal, alone),
         )
 
@@ -270,15 +273,18 @@ class _Rounds:
             foreseen = min((s.total for s in self.seeds.values()), default=np.inf) - self.count
             if self.fitter.system.leaps and foreseen < SETTLED * left:
                 return promised[:FEWEST]  # an earlier look has found where to begin
-            if self.fitter.system.leaps and AHEAD * max(foreseen, self.worth) < left:
-                return self._likely(promised)
             every = left >= CLOSE * self.count
+            ahead = AHEAD * max(foreseen, self.worth) < left
+            if self.fitter.system.leaps and (ahead or every):
+                return self._likely(promised)
             return [o for i, o in enumerate(promised) if every or i < FEWEST or o[0] > OFFERED * self.worth]
         if left < self.worth:
             return []  # nothing is left that would be worth an effect
         candidates = FEWEST if self.pieces else CANDIDATES
         if self.fitter.system.leaps:
-            return [o for o in promised[:FEWEST] if o[0] > OFFERED * self.worth]
+            reached = min(s.total for s in (*self.seeds.values(), *(c.fit for c in self.contenders))) - self.count
+            enough = max(OFFERED * self.worth, left - AHEAD_BY_LEAP * max(reached, self.worth))
+            return [o for o in promised[:FEWEST] if o[0] > enough]
         if left < min(LINEAR * (self.nominal.total - self.count), self.count):
             return [o for o in promised[:candidates] if o[0] > OFFERED * self.worth]
         # far from a good fit the linear promise misleads: the commonest effects are always tried
@@ -341,6 +347,9 @@ class _Rounds:
         """Add what the likeliest, and the one that leaves least, are with one effect taken out of them."""
         least = min(new, key=lambda c: c.fit.total)
         for whole in {id(c): c for c in (least, new[0])}.values():
+            if key_of(whole.fit.explanation) in self.taken_apart:
+                continue
+            self.taken_apart.add(key_of(whole.fit.explanation))
             for fit in without_one(self.fitter, whole, self.contenders, self.episodes):
                 fewer, key = self._worthy(fit, around_best), key_of(fit.explanation)
                 self.seen.add(key)

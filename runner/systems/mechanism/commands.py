@@ -30,6 +30,8 @@ class Commands:
         self._names = [c.actuator for c in recording.mapping.commands.values()]
         self._servos = np.array([is_servo(believed, believed.actuator(n).id) for n in self._names], bool)
         self._sent: dict[tuple[Effects, int, float], dict[str, FloatArray]] = {}
+        # many runs one after the other are of one window
+        self._last: tuple[tuple[Effects, int, float, float, int], FloatArray] | None = None
 
     def control(
         self, effects: Effects, episode: int, begin_s: float, steps: int, step_s: float, model: mujoco.MjModel
@@ -44,26 +46,26 @@ class Commands:
             step_s: Length of each.
             model: Whose actuators are meant.
         """
-        out = np.zeros((steps, model.nu))
-        place = begin_s / step_s
-        first = round(place)
-        for name, column in self._whole(effects, episode, step_s).items():
+        editing = _on_commands(effects)
+        columns = self._whole(editing, episode, step_s)
+        key = editing, episode, step_s, begin_s, steps
+        if self._last is None or self._last[0] != key:
+            whole = np.column_stack(list(columns.values())) if columns else np.zeros((1, 0))
+            place = begin_s / step_s
+            first = round(place)
             if abs(place - first) < ALIGNED:
-                part = column[first : first + steps]
-                part = np.concatenate([part, np.repeat(column[-1:], steps - len(part))])
+                part = whole[first : first + steps]
+                part = np.concatenate([part, np.repeat(whole[-1:], steps - len(part), axis=0)])
             else:
                 edges = begin_s + even_times(steps + 1, step_s)
-                part = step_means(even_times(len(column), step_s), column[:, None], edges, column[:1])[:, 0]
-            out[:, model.actuator(name).id] = part
+                part = step_means(even_times(len(whole), step_s), whole, edges, whole[0])
+            self._last = key, part
+        out = np.zeros((steps, model.nu))
+        out[:, [model.actuator(name).id for name in columns]] = self._last[1]
         return out
 
-    def _whole(self, effects: Effects, episode: int, step_s: float) -> dict[str, FloatArray]:
+    def _whole(self, editing: tuple[MechanismEffect, ...], episode: int, step_s: float) -> dict[str, FloatArray]:
         """Return what the actuators really get over a whole episode, by actuator, (n,) each."""
-        editing = tuple(
-            e
-            for e in effects
-            if isinstance(e, MechanismEffect) and type(e).edit_command is not MechanismEffect.edit_command
-        )
         key = editing, episode, step_s
         if key not in self._sent:
             if len(self._sent) > KEPT:
@@ -84,3 +86,12 @@ class Commands:
                 columns |= dict(zip(force_actuators(i), step_means(t, weights, edges, np.zeros(12)).T, strict=True))
             self._sent[key] = columns
         return self._sent[key]
+
+
+def _on_commands(effects: Effects) -> tuple[MechanismEffect, ...]:
+    """Return the effects that change commands."""
+    return tuple(
+        e
+        for e in effects
+        if isinstance(e, MechanismEffect) and type(e).edit_command is not MechanismEffect.edit_command
+    )
