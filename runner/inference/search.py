@@ -36,7 +36,9 @@ CANDIDATES = 8  # fitted per explanation in the beam, from the second effect on
 FINISHED = 4  # leaders whose fit is carried on until it rests
 SURVEYED = 7  # explanations of one size that are compared by evidence
 NEAR = 1000.0  # log odds within which an explanation is worth adding to
-SETTLED = 0.03  # of the nominal model's excess: where the leader leaves less, nothing else is worth adding to
+# Of the nominal model's excess: where the leader leaves less, or less than an effect is worth, nothing else is worth
+# adding to.
+SETTLED = 0.03
 CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, promises hold; so many are fitted anyway
 # Of the nominal model's excess: where a fit leaves less, and no more than the noise, promises of further effects hold.
 LINEAR = 0.1
@@ -256,7 +258,8 @@ class _Rounds:
         for contender in new:
             if contender.fit.total - self.count > ahead * max(left, self.worth):
                 continue  # a set of more effects is so far ahead that one more beside this will not reach it
-            if beam and beam[0].fit.total - self.count < SETTLED * (self.nominal.total - self.count):
+            settled = max(SETTLED * (self.nominal.total - self.count), self.worth)
+            if beam and beam[0].fit.total - self.count < settled:
                 break
             near = contender.log_posterior > new[0].log_posterior - NEAR
             if near and len(beam) < BEAM and not any(are_confounded(contender.fit, b.fit) for b in beam):
