@@ -31,6 +31,11 @@ def shifted(column: np.ndarray, before: float, delay_s: float, step_s: float) ->
     return at(index) if part == 0.0 else (1.0 - part) * at(index) + part * at(index - 1)
 
 
+def looked_at(context: Scope, most_s: float) -> np.ndarray:
+    """Return delays at which is looked what one does, (k, 1), the longest half of the most that there may be."""
+    return np.minimum(SAMPLES * context.step_s, 0.5 * most_s)[:, None]
+
+
 @effect
 @dataclass(frozen=True)
 class ActuatorDelay(MechanismEffect):
@@ -65,8 +70,7 @@ class ActuatorDelay(MechanismEffect):
 
     @classmethod
     def sizes(cls, context: Scope) -> np.ndarray:
-        most = cls.parameters(context)[0].upper
-        return np.minimum(SAMPLES * context.step_s, 0.5 * most)[:, None]
+        return looked_at(context, cls.parameters(context)[0].upper)
 
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:

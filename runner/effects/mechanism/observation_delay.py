@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from runner.effects.base import Confounded, Parameter, Phrase, Vector
-from runner.effects.mechanism.actuator_delay import SAMPLES, shifted
+from runner.effects.mechanism.actuator_delay import looked_at, shifted
 from runner.effects.mechanism.base import Command, MechanismEffect, Scope, effect
 from runner.effects.wording import Values
 from runner.errors import check_range
@@ -60,8 +60,7 @@ class ObservationDelay(MechanismEffect):
 
     @classmethod
     def sizes(cls, context: Scope) -> np.ndarray:
-        most = cls.parameters(context)[0].upper
-        return np.minimum(SAMPLES * context.step_s, 0.5 * most)[:, None]
+        return looked_at(context, cls.parameters(context)[0].upper)
 
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:
