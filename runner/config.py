@@ -249,11 +249,15 @@ def _is_section(hint: Any) -> bool:
 
 def _build_section(value: dict[str, Any], hint: Any, key: str) -> Any:
     target = value.get(TARGET)
+    if target is not None and not isinstance(target, str):
+        raise ConfigError(f"{key + '.' if key else ''}{TARGET}: must be the name of a class, got {target!r}.")
     cls = hint if target is None else _TARGETS.get(target)
     if cls is None:
         raise ConfigError(f"{key + '.' if key else ''}{TARGET}: no class '{target}' is registered.")
     if _is_section(hint) and not issubclass(cls, hint):
         raise ConfigError(f"{key + '.' if key else ''}{TARGET}: must be of {hint.__name__}, got '{target}'.")
+    if target is None and not dataclasses.is_dataclass(hint):
+        raise ConfigError(f"{key}: says nothing of which {cls.__name__} it is; choose one of its group.")
     hints = _hints(cls)
     start = f"{key}." if key else ""
     own = {f.name: f for f in dataclasses.fields(cls) if f.init}

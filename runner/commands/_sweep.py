@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import gc
 import itertools
+import math
 import os
 import sys
 import threading
@@ -38,6 +39,7 @@ from runner.teleop.frames import ENDED, Status
 
 Row = Mapping[str, Any]
 TOGETHER = 32  # jobs done at once; memory grows with it, and the cost per run hardly falls any more
+MOST_JOBS = 1_000_000
 TASKS_PER_CORE = 4  # so that no core waits long for the last task
 TOLD = 5  # failures that are told; all of them are in the table
 POLL_S = 0.5
@@ -112,7 +114,7 @@ def combinations(settings: Sequence[str], hydra: Composer) -> list[list[str]]:
     """Return the settings of each job: every combination of the values, the last key's changing fastest.
 
     Raises:
-        ConfigError: If a setting names a range without steps.
+        ConfigError: If a setting names a range without steps, or if there are more than `MOST_JOBS`.
     """
     choices: dict[str, list[str]] = {}
     for override in OverridesParser.create(config_loader=hydra.loader).parse_overrides(list(settings)):
@@ -122,7 +124,10 @@ def combinations(settings: Sequence[str], hydra: Composer) -> list[list[str]]:
                 f"{key}: '{override.get_value_string()}' has no steps; write key=a,b,c or key=range(a,b)."
             )
         values = override.sweep_string_iterator() if override.is_sweep_override() else None
-        choices[key] = [f"{key}={v}" for v in values or [override.get_value_element_as_str()]]
+        some = itertools.islice(values or [override.get_value_element_as_str()], MOST_JOBS + 1)
+        choices[key] = [f"{key}={v}" for v in some]
+        if math.prod(len(c) for c in choices.values()) > MOST_JOBS:
+            raise ConfigError(f"{key}: with it there are more than {MOST_JOBS:,} jobs; a sweep may have so many.")
     return [list(job) for job in itertools.product(*choices.values())]
 
 

@@ -126,7 +126,13 @@ def _from_dictionary(path: Path, name: str, part: pa.DictionaryArray, first: int
     places = np.asarray(part.indices.fill_null(-1), dtype=np.int64)
     values = np.full(len(part.dictionary) + 1, np.nan)  # the last is null's
     wrong: dict[int, object] = {}
-    for k, value in enumerate(part.dictionary.to_pylist()):
+    try:
+        distinct = part.dictionary.to_pylist()
+    except UnicodeDecodeError:
+        raise RecordingError(
+            f"{path}: column '{name}' must be a number{within}, it holds text that is no UTF-8."
+        ) from None
+    for k, value in enumerate(distinct):
         try:
             values[k] = number(value) if isinstance(value, str) else np.nan if value is None else float(value)
         except ValueError:

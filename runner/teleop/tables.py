@@ -113,7 +113,7 @@ def _column(values: list[Any]) -> pa.Array:
     """Return a typed column; values that share no type become texts."""
     try:
         return pa.array(values)
-    except (pa.ArrowInvalid, pa.ArrowTypeError):
+    except (pa.ArrowInvalid, pa.ArrowTypeError, OverflowError):
         return pa.array([None if v is None else str(v) for v in values])
 
 
@@ -317,7 +317,8 @@ def _read(folder: Path) -> pd.DataFrame:
 
 def _whole(table: pa.Table) -> pd.DataFrame:
     """Return a table as pandas has it, but whole numbers stay so where some rows, those of failed runs, have none."""
-    out = table.to_pandas()
+    # what the file says of how pandas had it need not be true
+    out = table.to_pandas(ignore_metadata=True)
     for name, column in zip(table.column_names, table.columns, strict=True):
         if pa.types.is_integer(column.type) and column.null_count:
             out[name] = pd.array(column.to_pylist(), dtype="Int64")

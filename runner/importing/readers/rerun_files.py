@@ -1,10 +1,14 @@
-"""MCAP and `.rrd`, by rerun's readers: ROS 2 messages and protobuf by their own schemas, JSON by Python's parser."""
+"""MCAP and `.rrd`, by rerun's readers: ROS 2 messages and protobuf by their own schemas, JSON by Python's parser.
+
+Those readers abort, or go on for ever, on some spoilt files, which nothing in Python can catch: a process of their own
+reads for them.
+"""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,12 +18,14 @@ from rerun.chunk import Chunk, McapReader, RrdReader
 from runner.importing.readers.arrow import compute, signals_of
 from runner.importing.readers.mcap_check import check_mcap
 from runner.importing.signals import BULKY, Clock, Log, ReadOptions, Signal, bulky_notes, file_error, part_of
+from runner.processes.apart import EndedError, apart
 
 DECODERS = ("ros2_reflection", "protobuf", "raw")  # as the messages are, not as a viewer draws them
 STAMPED = {"message_log_time": "log_time", "message_publish_time": "publish_time"}  # others are derived from messages
 RAW = "McapMessage:data"
 SCALARS = "Scalars:scalars"
 LABELS = "SeriesLines:names"
+PATIENCE_S, SLOWEST_BYTES_S = 30.0, 2e5  # a reader that takes longer than these has lost its way
 OWN = ("/__properties", "/__mcap_properties", "/__hdf5_properties")
 
 
@@ -57,6 +63,26 @@ def read_mcap(path: Path, options: ReadOptions) -> Log:
     Raises:
         RecordingError: If it is none.
     """
+    return _apart(_read_mcap, path, options, "MCAP")
+
+
+def read_rrd(path: Path, options: ReadOptions) -> Log:
+    """Read a rerun recording: every component that is numbers; each recording in the file is a part.
+
+    Raises:
+        RecordingError: If it is none.
+    """
+    return _apart(_read_rrd, path, options, "rerun recording")
+
+
+def _apart(read: Callable[[Path, ReadOptions], Log], path: Path, options: ReadOptions, what: str) -> Log:
+    try:
+        return apart(read, path, options, patience_s=PATIENCE_S + path.stat().st_size / SLOWEST_BYTES_S)
+    except (EndedError, OSError) as error:
+        raise file_error(path, what, error) from None
+
+
+def _read_mcap(path: Path, options: ReadOptions) -> Log:
     notes: list[str] = []
     check_mcap(path)
     try:
@@ -116,12 +142,7 @@ def nested(path: Path, topic: str, messages: list) -> pa.Array:
         raise file_error(path, f"messages of topic '{topic}'", error) from None
 
 
-def read_rrd(path: Path, options: ReadOptions) -> Log:
-    """Read a rerun recording: every component that is numbers; each recording in the file is a part.
-
-    Raises:
-        RecordingError: If it is none.
-    """
+def _read_rrd(path: Path, options: ReadOptions) -> Log:
     try:
         reader = RrdReader(path)
         recordings = reader.recordings()
