@@ -124,3 +124,24 @@ def test_notes_of_a_sweep_that_are_none(tmp_path: Path, capsys: pytest.CaptureFi
     tables.write_summary([{"status": "done"}], tmp_path)
     assert main(["table", str(tmp_path)]) == 2
     assert "is not of a sweep: a row has no number in 'job'" in capsys.readouterr().err
+
+
+def test_a_library_that_aborts_ends_a_process_of_its_own(tmp_path: Path) -> None:
+    """A protobuf schema with a zero in a field's name aborts the reader."""
+    from google.protobuf import descriptor_pb2
+    from mcap.writer import Writer
+
+    field = descriptor_pb2.FieldDescriptorProto(name="a\0b", number=1, type=1, label=1)
+    message = descriptor_pb2.DescriptorProto(name="Sample", field=[field])
+    file = descriptor_pb2.FileDescriptorProto(name="arm.proto", package="arm", syntax="proto3", message_type=[message])
+    with (tmp_path / "log.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schemas = descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString()
+        schema = writer.register_schema("arm.Sample", "protobuf", schemas)
+        channel = writer.register_channel("/arm", "protobuf", schema)
+        content = b"\x09" + struct.pack("<d", 1.0)
+        writer.add_message(channel, log_time=1, publish_time=1, data=content)
+        writer.finish()
+    with pytest.raises(RunnerError, match=r"can't be read as MCAP: ended the process that read it \("):
+        read_log([tmp_path / "log.mcap"], ReadOptions())
