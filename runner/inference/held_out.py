@@ -21,7 +21,7 @@ from runner.inference.search import Search
 
 LEADERS = 6  # so many at most are held against the episodes left out, and the nominal model,
 HOPELESS = 200.0  # behind in log odds by more than that: what is left out will not turn it
-ROUGHLY = 3  # steps of start states that nothing rests on
+ROUGHLY = 3  # steps of start states by which nothing is chosen
 PLAIN, LEAVES = 1.0, 0.5  # squared noises; share of them
 CLOSE = 20.0  # and whatever is so near in log odds
 # errors of the model that what the best explanation leaves is the doing of: of the unseen episodes, and of the fitted
@@ -221,7 +221,7 @@ def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nomina
 
 
 def start_states(contender: Contender, fitter: Fitter, episodes: Sequence[int]) -> dict[int, np.ndarray]:
-    """Return start states (S,), that nothing rests on, of episodes or stretches, with a contender at its parameters."""
+    """Return start states (S,) of episodes or stretches, by which nothing is chosen, with a contender at its parameters."""
     held = replace(fitter, held=contender.fit.explanation.make(contender.fit.x, fitter.context))
     fit = held.fit(NONE, episodes, iterations=ROUGHLY, polish=False)
     return dict(zip(fit.episodes, fit.starts, strict=True))
