@@ -221,7 +221,7 @@ def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nomina
 
 
 def start_states(contender: Contender, fitter: Fitter, episodes: Sequence[int]) -> dict[int, np.ndarray]:
-    """Return start states (S,) of episodes or stretches, by which nothing is chosen, with a contender at its parameters."""
+    """Return start states (S,), by which nothing is chosen, of stretches, with a contender at its parameters."""
     held = replace(fitter, held=contender.fit.explanation.make(contender.fit.x, fitter.context))
     fit = held.fit(NONE, episodes, iterations=ROUGHLY, polish=False)
     return dict(zip(fit.episodes, fit.starts, strict=True))
