@@ -131,7 +131,8 @@ def test_a_library_that_aborts_ends_a_process_of_its_own(tmp_path: Path) -> None
     from google.protobuf import descriptor_pb2
     from mcap.writer import Writer
 
-    field = descriptor_pb2.FieldDescriptorProto(name="a\0b", number=1, type=1, label=1)
+    kind = descriptor_pb2.FieldDescriptorProto
+    field = kind(name="a\0b", number=1, type=kind.TYPE_DOUBLE, label=kind.LABEL_OPTIONAL)
     message = descriptor_pb2.DescriptorProto(name="Sample", field=[field])
     file = descriptor_pb2.FileDescriptorProto(name="arm.proto", package="arm", syntax="proto3", message_type=[message])
     with (tmp_path / "log.mcap").open("wb") as stream:

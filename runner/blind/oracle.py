@@ -74,7 +74,8 @@ def oracle_closed(
     fitter, found = Fitter(system, simulator, measured), fit.explanation.make(fit.x, context)
     before = fitter.fit(NONE, held_out)
     after = Fitter(system, simulator, measured, found).fit(NONE, held_out)
-    table = close(before, after, measured, fitter, found, pd.DataFrame())
+    starts = {e: (b, a) for e, b, a in zip(held_out, before.starts, after.starts, strict=True)}
+    table = close(starts, measured, fitter, found, pd.DataFrame())
     closable = float(np.mean((table.table["before"] / table.table["noise"]) ** 2)) - 1.0
     return table.closable_closed, closable
 
