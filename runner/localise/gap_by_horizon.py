@@ -15,6 +15,8 @@ from runner.simulate.shooting import windows_of
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import Run
 
+TOLD, FEWEST = 3.0, 50  # times `AbstractSystem.searched_s`, and windows: so much of a long recording is enough
+
 
 def gap_by_horizon(
     model: Model, measured: Measured, starts: Mapping[int, np.ndarray], stretches: Sequence[Span]
@@ -34,6 +36,7 @@ def gap_by_horizon(
     for horizon in of_a_sample(HORIZONS_S, rate):
         windows = windows_of(lengths, round(horizon * rate), episodes)
         if len(windows):
+            windows = windows.some(max(FEWEST, int(min(TOLD * system.searched_s / horizon, len(windows)))))
             smoothed = system.initial.guess_windows(measured, windows, smooth=True)
             one = linearised(model, windows, measured, smoothed)
             rows += _rows(system, f"{horizon:g} s", *one.left(), measured)

@@ -59,7 +59,12 @@ def misses(diagnosis: Diagnosis) -> list[Miss]:
     tables = []
     for effects in ((), tuple(diagnosis.effects)):
         gap = measure_gap(
-            diagnosis.system, diagnosis.measured, effects=effects, horizons_s=horizons, episodes=diagnosis.held_out
+            diagnosis.system,
+            diagnosis.measured,
+            effects=effects,
+            horizons_s=horizons,
+            episodes=diagnosis.held_out,
+            whole_episodes=False,
         )
         tables.append(gap.table[gap.table["starts"] == "fitted"].set_index(["channel", "horizon"]))
     before, after = tables

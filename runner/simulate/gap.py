@@ -61,6 +61,7 @@ def measure_gap(
     effects: Effects = (),
     horizons_s: Sequence[float] = HORIZONS_S,
     episodes: Sequence[int] | None = None,
+    whole_episodes: bool = True,
     advance: Callable[..., None] = lambda steps=1: None,
 ) -> Gap:
     """Measure the gap between a recording and its nominal model, or a corrected one.
@@ -71,6 +72,7 @@ def measure_gap(
         effects: What the corrected model holds; none: the nominal model.
         horizons_s: Lengths of windows, s. Longer than any episode they are left out, but for the shortest of them.
         episodes: Positions of the episodes that count; None: all.
+        whole_episodes: Whether the gap over whole episodes, and their start states, are wanted, too.
         advance: Called after each horizon and each episode: `len(horizons_s) + len(episodes)` times.
 
     Raises:
@@ -106,7 +108,7 @@ def measure_gap(
         rows += _rows(system, f"{horizon:g} s", horizon, _total(sums), signals)
         advance()
     by_episode, starts, kept = [], {}, []
-    for e in chosen:
+    for e in chosen if whole_episodes else ():
         windows = Windows(np.array([e]), np.array([0]), lengths[e])
 
         def predict(states: np.ndarray, e: int = e) -> np.ndarray:
@@ -119,7 +121,8 @@ def measure_gap(
         number = system.recording.episodes[e].index
         by_episode += [{"episode": number} | row for row in _rows(system, WHOLE_EPISODE, math.nan, one, signals)]
         advance()
-    rows += _rows(system, WHOLE_EPISODE, math.nan, _total(kept), signals)
+    if kept:
+        rows += _rows(system, WHOLE_EPISODE, math.nan, _total(kept), signals)
     return Gap(pd.DataFrame(rows), pd.DataFrame(by_episode), starts)
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
+from runner.numerics.arrays import spread_over
+
 
 @dataclass(frozen=True)
 class Windows:
@@ -24,6 +26,11 @@ class Windows:
         """Return what arrays (T, ...), one per episode, hold in each window: (W, samples, ...)."""
         steps = np.arange(self.samples)
         return np.stack([arrays[e][f + steps] for e, f in zip(self.episode, self.first, strict=True)])
+
+    def some(self, count: int) -> Windows:
+        """Return so many of them at most, spread over all."""
+        chosen = spread_over(len(self), count)
+        return Windows(self.episode[chosen], self.first[chosen], self.samples)
 
     def chunks(self, size: int) -> list[tuple[slice, Windows]]:
         """Return them in portions of at most `size`."""

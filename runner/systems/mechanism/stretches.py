@@ -224,8 +224,7 @@ def _windows(simulator: MechanismSimulator, length_s: float, chosen: Sequence[in
 
 def _spread(index: FloatArray, samples: int) -> Windows:
     """Return some windows of those with these episodes and first samples, (W, 2), spread over all."""
-    chosen = index[spread_over(len(index), LOOKS)]
-    return Windows(chosen[:, 0], chosen[:, 1], samples)
+    return Windows(index[:, 0], index[:, 1], samples).some(LOOKS)
 
 
 __all__ = ["Sensitive", "impact_stretches", "stretches"]
