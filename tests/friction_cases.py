@@ -56,7 +56,8 @@ def situations(draw: st.DrawFn) -> tuple[BodyConfig, dict[str, Any], np.ndarray,
         record |= {"along": number(0.5, 1.5), "across": number(0.5, 1.5), "aniso_angle": number(-3, 3)}
         record |= {"normality": number(0.0, 1.0)}
     if draw(st.booleans()):
-        record |= {"stribeck": number(-0.5, 1.0), "stribeck_speed": number(0.2, 1.0)}
+        record |= {"stribeck": number(-0.5, 0.9), "stribeck_speed": number(0.2, 1.0)}
+        record |= {"stribeck_exponent": number(0.5, 2.0), "stribeck_reference": number(0.0, 1.0)}
     if draw(st.booleans()):
         record |= {"patch": number(-0.9, 1.0), "patch_x": number(-1, 1), "patch_y": number(-1, 1)}
     if draw(st.booleans()):

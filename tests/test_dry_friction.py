@@ -44,8 +44,9 @@ def test_friction_agrees_with_independent_equations(
     def coefficient(speed: np.ndarray, place: np.ndarray) -> np.ndarray:
         near = np.hypot(place[:, 0] - view["patch_x"], place[:, 1] - view["patch_y"]) - view["patch_radius"]
         inside = 1 / (1 + np.exp(np.clip(near / (0.08 * view["patch_radius"]), -700, 700)))
-        falls = np.exp(-((speed / view["stribeck_speed"]) ** 2))
-        return body.friction * (1 + view["stribeck"] * falls) * (1 + view["patch"] * inside)
+        falls = np.exp(-((speed / view["stribeck_speed"]) ** view["stribeck_exponent"]))
+        by_speed = 1 + view["stribeck"] * (falls - view["stribeck_reference"])
+        return body.friction * by_speed * (1 + view["patch"] * inside)
 
     box = Box(
         mass_kg=body.mass_kg,

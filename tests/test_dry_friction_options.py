@@ -11,7 +11,7 @@ import pytest
 from drive import SQUARE_RADIUS, STEP_S, G, make, play, set_push
 from friction_cases import CUBE, FRICTIONLESS, ODD, angles, towards
 from reference import Box
-from scipy.integrate import dblquad, quad
+from scipy.integrate import dblquad, quad, solve_ivp
 
 from runner.physics import dry_friction
 
@@ -102,21 +102,45 @@ def test_no_force_is_too_small_for_a_flow() -> None:
         np.testing.assert_allclose(play(scene, 0.1, start=start).raw[-1, :6], start, atol=1e-6)
 
 
-@pytest.mark.parametrize("change", [-0.4, 0.8])
-def test_stribeck(change: float) -> None:
-    """Coasting covers the integral of v / (mu(v) g), mu(v) = mu (1 + s exp(-(v / v_s)^2)), 0.1 %."""
-    scene = make(CUBE, stribeck=change, stribeck_speed=0.4)
-    track = play(scene, 0.9, start=(0, 0, 0, 2.0, 0, 0))
-    far = quad(lambda v: v / (0.5 * G * (1 + change * math.exp(-((v / 0.4) ** 2)))), 0, 2)[0]
+@pytest.mark.parametrize("reference", [0.0, 1.0])
+@pytest.mark.parametrize("exponent", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("change", [-0.4, 0.7])
+def test_stribeck(change: float, exponent: float, reference: float) -> None:
+    """Coasting covers the integral of v / (mu(v) g), mu(v) = mu (1 + s (exp(-(v / v_s)^d) - r)), 0.1 %."""
+    scene = make(
+        CUBE, stribeck=change, stribeck_speed=0.4, stribeck_exponent=exponent, stribeck_reference=reference
+    )
+    track = play(scene, 2.0, start=(0, 0, 0, 2.0, 0, 0))
+    far = quad(lambda v: v / (0.5 * G * (1 + change * (math.exp(-((v / 0.4) ** exponent)) - reference))), 0, 2)[0]
     assert abs(track.raw[-1, 3]) < 1e-9
     assert track.state[-1, 0] == pytest.approx(far, rel=1e-3)
 
 
-def test_stribeck_while_turning() -> None:
+@pytest.mark.parametrize("speed_m_s", [2e-3, 0.012])
+def test_static_friction_is_gone_within_a_speed(speed_m_s: float) -> None:
+    """A push just above kinetic friction, and below static: 0.5 % of the speed that the closed form has after 0.4 s.
+
+    From 5 mm/s on, dt/dv = 1 / (f / m - mu g (1 + s exp(-(v / v_s)^2))).
+    """
+    push, excess = 1.3 * 0.5 * 3.0 * G, 0.25
+    scene = make(CUBE, stiction=excess, stiction_speed=speed_m_s)
+    set_push(scene, towards(0.0, push))
+    track = play(scene, 0.4, start=(0, 0, 0, 5e-3, 0, 0))
+
+    def rate(_: float, v: np.ndarray) -> np.ndarray:
+        return push / 3.0 - 0.5 * G * (1 + excess * np.exp(-((v / speed_m_s) ** 2)))
+
+    wanted = solve_ivp(rate, (0.0, 0.4), [5e-3], rtol=1e-9, atol=1e-12).y[0, -1]
+    assert track.raw[-1, 3] == pytest.approx(wanted, rel=5e-3)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 2.0])
+def test_stribeck_while_turning(exponent: float) -> None:
     """Each point of a turning base has the coefficient of its own slip: 0.2 % of the integration, by 8 x 8 points."""
     body = replace(CUBE, friction=0.3)
-    track = play(make(body, stribeck=0.6, stribeck_speed=0.5), 0.6, start=(0, 0, 0, 0.8, 0, 5.0))
-    box = Box(3.0, 0.3, body.inertia[2], friction_of=lambda u, _: 0.3 * (1 + 0.6 * np.exp(-((u / 0.5) ** 2))))
+    scene = make(body, stribeck=0.6, stribeck_speed=0.5, stribeck_exponent=exponent)
+    track = play(scene, 0.6, start=(0, 0, 0, 0.8, 0, 5.0))
+    box = Box(3.0, 0.3, body.inertia[2], friction_of=lambda u, _: 0.3 * (1 + 0.6 * np.exp(-((u / 0.5) ** exponent))))
     truth = box.run(track.time_s, start=(0, 0, 0, 0.8, 0, 5.0))
     assert truth[-1, 2] > 1.8
     assert np.abs(track.state - truth)[:, 2].max() < 0.004

@@ -44,8 +44,19 @@ PLANTED = {
     "viscous_drag film": (fx.ViscousFilm(0.8), {"film": 0.8}, 0.05),
     "air_drag": (fx.AirDrag(0.8), {"air_drag": 0.8}, 0.05),
     "rotational_damping": (fx.RotationalDamping(0.1), {"rotational_damping": 0.1}, 0.1),
-    "stribeck": (fx.Stribeck(0.3, 0.3), {"stribeck": 0.3, "stribeck_speed": 0.3}, 0.15),
+    "stribeck": (fx.Stribeck(0.3, 0.3), {"stribeck": 0.3, "stribeck_speed": 0.3}, 0.02),
+    "stribeck of another exponent": (
+        fx.Stribeck(0.3, 0.3, 1.0),
+        {"stribeck": 0.3, "stribeck_speed": 0.3, "stribeck_exponent": 1.0},
+        0.02,
+    ),
+    "stribeck from rest": (
+        fx.StribeckFromRest(0.5, 0.3, 1.0),
+        {"stribeck": 0.5 / 1.5, "stribeck_speed": 0.3, "stribeck_exponent": 1.0, "stribeck_reference": 1.0},
+        0.02,
+    ),
     "stiction": (fx.Stiction(0.7), {"stiction": 0.7}, 0.3),
+    "stiction that fades slowly": (fx.Stiction(0.7, 0.01), {"stiction": 0.7, "stiction_speed": 0.01}, 0.3),
     "friction_patch": (
         fx.FrictionPatch(0.4, 0.1, 0.1, 0.5),
         {"patch": 0.4, "patch_place": (0.1, 0.1), "patch_radius": 0.5},
@@ -128,6 +139,16 @@ def test_the_edited_model_moves_like_an_independent_integration(name: str) -> No
     assert max(change / np.maximum(error, 1e-9)) > 8
 
 
+def told(effect: fx.PlanarEffect) -> dict[str, float]:
+    """Return what a recording tells of an effect: its values; of friction by speed the curve, of static friction how
+    much it is, as speed and exponent make up for each other."""
+    if isinstance(effect, fx.Stribeck):
+        share = effect.change / (1 + effect.reference * effect.change)
+        falls = {v: math.exp(-((v / effect.speed_m_s) ** effect.exponent)) for v in (0.05, 0.2, 0.4)}
+        return {f"at {v} m/s": 1 + share * (fall - effect.reference) for v, fall in falls.items()}
+    return {k: v for k, v in effect.report().items() if not isinstance(effect, fx.Stiction) or k == "excess"}
+
+
 @pytest.mark.parametrize("name", PLANTED)
 def test_its_parameters_are_recovered(name: str) -> None:
     """A fit to noisy recordings of the other integrator finds what was planted."""
@@ -151,8 +172,8 @@ def test_its_parameters_are_recovered(name: str) -> None:
     if not len(starts):
         fits.append(fitter.fit(explanation, episodes, x=0.05 * scale, near=nominal, iterations=25))
     fit = min(fits, key=lambda f: f.total)
-    found = explanation.make(fit.x, fitter.context)[0].report()
-    for key, true in effect.report().items():
+    found = told(explanation.make(fit.x, fitter.context)[0])
+    for key, true in told(effect).items():
         near_enough = tolerance * abs(true) if not key.endswith(("_rad",)) else max(tolerance, 0.1)
         assert abs(found[key] - true) <= near_enough, (key, found[key], true)
 

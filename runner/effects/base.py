@@ -94,7 +94,7 @@ class AbstractEffect(ABC):
     texture: ClassVar[bool] = False
     # a first parameter smaller than that is not told from the unevenness of everything
     detection_limit: ClassVar[float] = 0.0
-    discontinuous: ClassVar[bool] = False  # one parameter, at some values of which the motion jumps: a push fails
+    discontinuous: ClassVar[bool] = False  # at some values of its first parameter the motion jumps: a push fails
     shared: ClassVar[bool] = False  # may be one thing on all targets of a kind, by the same numbers
     commonness: ClassVar[int] = 1  # among effects that can't be told apart the least of these stands for the rest
     confounded: ClassVar[tuple[Confounded, ...]] = ()

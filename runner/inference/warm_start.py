@@ -62,15 +62,28 @@ def where_to_begin(
 
 
 def _sized(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit) -> np.ndarray:
-    """Return the size of the last effect, of one parameter, that leaves least at the start states of a fit nearby."""
+    """Return the parameters with the size of the last effect that leaves least at the start states of a fit nearby."""
+    place = _size_of_last(explanation, fitter)
 
     def left(size: float) -> float:
-        return fitter.loss(explanation, np.append(x[:-1], size), near.starts, near.episodes)
+        return fitter.loss(explanation, _with(x, place, size), near.starts, near.episodes)
 
     sizes = SIZES * explanation.candidates[-1].parameters(fitter.context)[0].scale
     i = int(np.argmin([left(s) for s in sizes]))
     finer = np.linspace(sizes[max(i - 1, 0)], sizes[min(i + 1, len(sizes) - 1)], len(sizes))
-    return np.append(x[:-1], min((x[-1], *finer), key=left))
+    return _with(x, place, min((x[place], *finer), key=left))
+
+
+def _size_of_last(explanation: Explanation, fitter: Fitter) -> int:
+    """Return where in the vector the size of the last effect stands."""
+    return explanation.parts(fitter.context)[-1][1].start
+
+
+def _with(x: np.ndarray, place: int, value: float) -> np.ndarray:
+    """Return a copy of a vector with one entry replaced."""
+    out = x.copy()
+    out[place] = value
+    return out
 
 
 def over_edges(fitter: Fitter, fit: Fit, without: Fit) -> Fit:
@@ -81,8 +94,9 @@ def over_edges(fitter: Fitter, fit: Fit, without: Fit) -> Fit:
     count = fitter.measured.count(fit.episodes)
     if fit.total - count > (1.0 - PART) * (without.total - count):
         return fit
+    place = _size_of_last(fit.explanation, fitter)
     for _ in range(CLIMBS):
-        sizes = [np.append(fit.x[:-1], fit.x[-1] * by) for by in OVER]
+        sizes = [_with(fit.x, place, fit.x[place] * by) for by in OVER]
         tries = [
             fitter.fit(fit.explanation, fit.episodes, x=x, near=fit, iterations=CLIMB_STEPS, polish=False)
             for x in sizes

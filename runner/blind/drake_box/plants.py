@@ -50,10 +50,36 @@ def draw(name: str, case: UnplantedCase, g: np.random.Generator) -> ScenePlant:
     if name not in VOCABULARY:
         raise ConfigError(f"blind.effect: no effect '{name}'. {nearest(name, (*VOCABULARY, *OUTSIDE))}")
     plant = PLANAR[name](case, g)
+    form = FORMS[name](g) if name in FORMS else {}
     return ScenePlant(
         name,
         plant.largest,
-        lambda scene, size: replace(scene, world=plant.edit(scene.world, size)),
-        lambda scene, size: plant.true(scene.world, size),
+        lambda scene, size: replace(scene, world=replace(plant.edit(scene.world, size), **form)),
+        lambda scene, size: {**plant.true(scene.world, size), **_told(form)},
         plant.accept,
     )
+
+
+def _stribeck_form(g: np.random.Generator) -> dict[str, float]:
+    """Draw in which of the literature's forms friction falls with speed."""
+    return {"stribeck_exponent": float(g.choice([0.5, 1.0, 2.0])), "stribeck_reference": float(g.choice([0.0, 1.0]))}
+
+
+def _stiction_form(g: np.random.Generator) -> dict[str, float]:
+    """Draw within which speed static friction is gone, m/s."""
+    return {"stiction_speed": float(np.exp(g.uniform(np.log(1e-3), np.log(0.012))))}
+
+
+# forms in which this world's friction laws differ from those of the other one
+FORMS = {"stribeck": _stribeck_form, "stiction": _stiction_form}
+
+
+def _told(form: dict[str, float]) -> dict[str, float | str]:
+    """Return the true values that a form adds."""
+    told: dict[str, float | str] = {}
+    if "stribeck_exponent" in form:
+        told["exponent"] = form["stribeck_exponent"]
+        told["reference"] = "rest" if form["stribeck_reference"] else "sliding"
+    if "stiction_speed" in form:
+        told["speed_m_per_s"] = form["stiction_speed"]
+    return told

@@ -21,6 +21,7 @@ from runner.effects.planar_box.friction import Friction as Friction
 from runner.effects.planar_box.anisotropic_friction import AnisotropicFriction as AnisotropicFriction
 from runner.effects.planar_box.anisotropic_friction import AxisFriction as AxisFriction
 from runner.effects.planar_box.stribeck import Stribeck as Stribeck
+from runner.effects.planar_box.stribeck import StribeckFromRest as StribeckFromRest
 from runner.effects.planar_box.stiction import Stiction as Stiction
 from runner.effects.planar_box.friction_patch import FrictionPatch as FrictionPatch
 from runner.effects.planar_box.contact_pressure import ContactPressure as ContactPressure

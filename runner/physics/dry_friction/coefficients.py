@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from runner.physics.dry_friction.record import COLUMN
@@ -12,15 +13,26 @@ AT_REST = 1e-5  # m/s, a slip that has no direction of its own
 
 MU, ALONG, ACROSS, NORMALITY = COLUMN["mu"], COLUMN["along"], COLUMN["across"], COLUMN["normality"]
 STRIBECK, STRIBECK_SPEED = COLUMN["stribeck"], COLUMN["stribeck_speed"]
+STRIBECK_EXPONENT, STRIBECK_REFERENCE = COLUMN["stribeck_exponent"], COLUMN["stribeck_reference"]
 STICTION, STICTION_SPEED = COLUMN["stiction"], COLUMN["stiction_speed"]
 PATCH, PATCH_X, PATCH_Y = COLUMN["patch"], COLUMN["patch_x"], COLUMN["patch_y"]
 PATCH_RADIUS = COLUMN["patch_radius"]
+
+# of Gauss-Legendre on [-1, 1], 8 points: the mean of a fall with another exponent than 2 has no closed form
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
 @njit(error_model="numpy")
 def depends_on_speed(record):
     """Tell whether the coefficient changes with the speed of the slip."""
     return record[STRIBECK] != 0.0 or record[STICTION] != 0.0
+
+
+@njit(error_model="numpy")
+def _bump(u2, width, exponent):
+    """Return exp(-(u / width)^exponent) at a slip whose square is u2."""
+    z2 = u2 / (width * width)
+    return math.exp(-z2 if exponent == 2.0 else -(z2 ** (0.5 * exponent)))
 
 
 @njit(error_model="numpy")
@@ -41,13 +53,13 @@ def coefficients(record, n, rx, ry, v, place, mu):
                 mu[i] *= 1.0 + patch / (1.0 + math.exp(z))
     if not depends_on_speed(record):
         return
-    stribeck_2 = record[STRIBECK_SPEED] * record[STRIBECK_SPEED]
-    stiction_2 = record[STICTION_SPEED] * record[STICTION_SPEED]
+    level = 1.0 - stribeck * record[STRIBECK_REFERENCE]
+    speed, exponent, still = record[STRIBECK_SPEED], record[STRIBECK_EXPONENT], record[STICTION_SPEED]
     for i in range(n):
         ux = v[0] - v[2] * ry[i]
         uy = v[1] + v[2] * rx[i]
         u2 = ux * ux + uy * uy
-        mu[i] *= 1.0 + stribeck * math.exp(-u2 / stribeck_2) + stiction * math.exp(-u2 / stiction_2)
+        mu[i] *= level + stribeck * _bump(u2, speed, exponent) + stiction * _bump(u2, still, 2.0)
 
 
 @njit(error_model="numpy")
@@ -89,18 +101,32 @@ def _mean_bump(ux, uy, dx, dy, width):
 
 
 @njit(error_model="numpy")
+def _mean_bump_of(ux, uy, dx, dy, width, exponent):
+    """Average exp(-(u / width)^exponent) on the straight way of the slip from u to u + d."""
+    if exponent == 2.0:
+        return _mean_bump(ux, uy, dx, dy, width)
+    total = 0.0
+    for k in range(len(NODES)):
+        part = 0.5 * (1.0 + NODES[k])
+        x, y = ux + part * dx, uy + part * dy
+        total += 0.5 * WEIGHTS[k] * _bump(x * x + y * y, width, exponent)
+    return total
+
+
+@njit(error_model="numpy")
 def average_speed_effects(record, n, rx, ry, v, x, mu):
     """Turn friction coefficients that hold at velocity v into their mean on the way from v to x."""
     stribeck, stiction = record[STRIBECK], record[STICTION]
-    slow, still = record[STRIBECK_SPEED], record[STICTION_SPEED]
+    level = 1.0 - stribeck * record[STRIBECK_REFERENCE]
+    slow, exponent, still = record[STRIBECK_SPEED], record[STRIBECK_EXPONENT], record[STICTION_SPEED]
     for i in range(n):
         ux, uy = v[0] - v[2] * ry[i], v[1] + v[2] * rx[i]
         u2 = ux * ux + uy * uy
-        before = 1.0 + stribeck * math.exp(-u2 / (slow * slow)) + stiction * math.exp(-u2 / (still * still))
+        before = level + stribeck * _bump(u2, slow, exponent) + stiction * _bump(u2, still, 2.0)
         dx, dy = x[0] - x[2] * ry[i] - ux, x[1] + x[2] * rx[i] - uy
-        mean = 1.0
+        mean = level
         if stribeck != 0.0:
-            mean += stribeck * _mean_bump(ux, uy, dx, dy, slow)
+            mean += stribeck * _mean_bump_of(ux, uy, dx, dy, slow, exponent)
         if stiction != 0.0:
             mean += stiction * _mean_bump(ux, uy, dx, dy, still)
         mu[i] *= mean / before

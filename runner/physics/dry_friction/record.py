@@ -45,9 +45,12 @@ class FrictionRecord:
     across: float = 1.0
     aniso_angle: float = 0.0
     normality: float = 1.0
-    # mu * (1 + stribeck * exp(-(u / stribeck_speed)^2))
+    # mu * (1 + stribeck * (exp(-(u / stribeck_speed)^stribeck_exponent) - stribeck_reference)): of speeds far above
+    # stribeck_speed mu is the coefficient with reference 0, of rest with reference 1
     stribeck: float = 0.0
     stribeck_speed: float = 0.1
+    stribeck_exponent: float = 2.0
+    stribeck_reference: float = 0.0
     # mu * (1 + stiction * exp(-(u / stiction_speed)^2))
     stiction: float = 0.0
     stiction_speed: float = 2e-3

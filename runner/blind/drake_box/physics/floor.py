@@ -70,7 +70,8 @@ class Floor:
             factor *= 1.0 + w.patch * (away < 1.0 if w.patch_shape == "disc" else np.exp(-0.5 * away**2))
         if w.stribeck != 0.0 or w.stiction != 0.0 or s.nap != 0.0:
             slip = np.hypot(ux, uy)
-            factor *= 1.0 + w.stribeck * np.exp(-((slip / w.stribeck_speed) ** 2))
+            fall = np.exp(-((slip / w.stribeck_speed) ** w.stribeck_exponent))
+            factor *= 1.0 + w.stribeck * (fall - w.stribeck_reference)
             factor *= 1.0 + w.stiction * np.exp(-((slip / w.stiction_speed) ** 2))
             factor *= 1.0 + s.nap * np.cos(np.arctan2(uy, ux) - s.nap_direction) * (slip > 1e-4)
         if s.vibration != 0.0:

@@ -71,7 +71,8 @@ def coefficients(p, n, bx, by, rx, ry, c, s, v0, v1, v2, level, mu):
     """Friction coefficient at each point: patch, texture and speed."""
     eps2 = p[at.EPS] * p[at.EPS]
     stribeck, stiction, patch, texture = p[at.STRIBECK], p[at.STICTION], p[at.PATCH], p[at.TEXTURE]
-    i_stribeck = 1.0 / (p[at.STRIBECK_V] * p[at.STRIBECK_V])
+    i_stribeck, exponent = 1.0 / (p[at.STRIBECK_V] * p[at.STRIBECK_V]), p[at.STRIBECK_D]
+    without = 1.0 - stribeck * p[at.STRIBECK_0]
     i_stiction = 1.0 / (p[at.STICTION_V] * p[at.STICTION_V])
     for i in range(n):
         m = level
@@ -79,7 +80,9 @@ def coefficients(p, n, bx, by, rx, ry, c, s, v0, v1, v2, level, mu):
             ux = v0 - v2 * by[i]
             uy = v1 + v2 * bx[i]
             u2 = ux * ux + uy * uy + eps2
-            m *= 1.0 + stribeck * math.exp(-u2 * i_stribeck) + stiction * math.exp(-u2 * i_stiction)
+            z2 = u2 * i_stribeck
+            fall = math.exp(-z2 if exponent == 2.0 else -(z2 ** (0.5 * exponent)))
+            m *= without + stribeck * fall + stiction * math.exp(-u2 * i_stiction)
         if patch != 0.0 or texture != 0.0:
             wx = rx + c * bx[i] - s * by[i]
             wy = ry + s * bx[i] + c * by[i]

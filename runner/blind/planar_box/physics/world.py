@@ -24,9 +24,11 @@ class World:
     anisotropy: tuple[float, float] = (1.0, 1.0)  # factors on friction along and across the axis
     anisotropy_angle: float = 0.0  # of the axis, body frame
     anisotropy_flow: Literal["associated", "scaled"] = "associated"
-    stribeck: float = 0.0  # friction (1 + stribeck exp(-(u / speed)^2))
+    stribeck: float = 0.0  # friction (1 + stribeck (exp(-(u / speed)^exponent) - reference))
     stribeck_speed: float = 0.1
-    stiction: float = 0.0  # the same form at a speed near zero
+    stribeck_exponent: float = 2.0
+    stribeck_reference: float = 0.0  # 0: `friction` is that of high speed, 1: that of rest
+    stiction: float = 0.0  # friction (1 + stiction exp(-(u / speed)^2)), at a speed near zero
     stiction_speed: float = 2e-3
     patch: float = 0.0  # relative change of friction in one place
     patch_place: tuple[float, float] = (0.0, 0.0)
