@@ -21,6 +21,7 @@ from runner.inference.search import Search
 
 LEADERS = 6  # so many at most are held against the episodes left out, and the nominal model,
 HOPELESS = 200.0  # behind in log odds by more than that: what is left out will not turn it
+RESTS = 0.5  # squared noises: start states that leave less have found where they belong
 ROUGHLY = 3  # steps of start states by which nothing is chosen
 PLAIN, LEAVES = 1.0, 0.5  # squared noises; share of them
 CLOSE = 20.0  # and whatever is so near in log odds
@@ -211,12 +212,12 @@ def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nomina
     """Return a contender at its parameters with the start states of other episodes fitted."""
     explanation, x = contender.fit.explanation, contender.fit.x
     held = replace(fitter, held=explanation.make(x, fitter.context))
-    tries = [held.fit(NONE, held_out)]
-    # where the body spins fast, a descent of the start states may end in a hollow: from two sides, save where stretches
-    # are so short that their ends answer to their starts in proportion
-    if nominal is not None and not (fitter.system.leaps and tries[0].total < nominal.total):
-        tries.append(held.fit(NONE, held_out, near=nominal))
-    best = min(tries, key=lambda f: f.total)
+    best = held.fit(NONE, held_out, **({} if nominal is None else {"near": nominal}))
+    # where the body spins fast, a descent of the start states may end in a local minimum: from two sides, save where
+    # nothing is left to be gained, or stretches are so short that their ends answer to their starts in proportion
+    gains = nominal is not None and not (fitter.system.leaps and best.total < nominal.total)
+    if gains and fitter.measured.excess(best.total, held_out) > RESTS:
+        best = min(best, held.fit(NONE, held_out), key=lambda f: f.total)
     return fitter.fit(explanation, held_out, x=x, near=best, iterations=0)
 
 

@@ -16,7 +16,7 @@ from runner.systems.base import AbstractSystem
 
 RARE = 10.0  # log prior odds against each, beside those of the vocabulary
 COMPARABLE = 0.1  # squared noises: what leaves more than the best does, by so much, is not weighed
-STEPS = 25
+STEPS, PATIENCE = 25, 4  # of its fits at most; and before one is judged by whether it will come near the best
 
 
 def with_outside(found: Search, fitter: Fitter) -> Search:
@@ -27,8 +27,9 @@ def with_outside(found: Search, fitter: Fitter) -> Search:
     count = fitter.measured.count(best.episodes)
     new: list[Contender] = []
     for candidate in fitter.system.vocabulary.outside:
+        how = {"iterations": STEPS, "target": best.total, "patience": PATIENCE}
         tries = [
-            fitter.fit(Explanation((candidate,)), best.episodes, starts=near.starts, iterations=STEPS)
+            fitter.fit(Explanation((candidate,)), best.episodes, starts=near.starts, **how)
             for near in (best, found.nominal)
         ]
         fit = min(tries, key=lambda f: f.total)

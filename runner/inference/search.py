@@ -33,7 +33,8 @@ RESTED = 30  # steps of the nominal fit: where its start states are not at rest,
 # of a machine with many joints the most promising.
 NONLINEAR = 12
 CANDIDATES = 8  # fitted per explanation in the beam, from the second effect on
-FINISHED = 4  # leaders whose fit is carried on until it rests
+FINISHED, STEPS = 4, 20  # leaders whose fit is carried on until it rests, in so many steps at most,
+STEPS_OF_PIECES = 8  # and in pieces, where fits only begin
 SURVEYED = 7  # explanations of one size that are compared by evidence
 NEAR = 1000.0  # log odds within which an explanation is worth adding to
 # Of the nominal model's excess: where the leader leaves less, or less than an effect is worth, nothing else is worth
@@ -213,7 +214,8 @@ class _Rounds:
     def weighed(self, size: int, fits: Sequence[Fit]) -> list[Contender] | None:
         """Finish fits of so many effects and compare them by evidence; None: nothing speaks for a further effect."""
         fits = sorted(fits, key=lambda f: f.total)
-        fits = finished(self.fitter, fits, self.count, BEAM if self.pieces else FINISHED)
+        leaders, steps = (BEAM, STEPS_OF_PIECES) if self.pieces else (FINISHED, STEPS)
+        fits = finished(self.fitter, fits, self.count, leaders, steps=steps)
         around_best = self._around(fits[0])
         self._disperse(fits[0])
         new = [self._worthy(fit, around_best) for fit in fits[:SURVEYED]]

@@ -53,8 +53,8 @@ def with_fit(fits: list[Fit], new: Fit) -> list[Fit]:
     return [*(f for f in fits if key_of(f.explanation) != key), new]
 
 
-def finished(fitter: Fitter, fits: list[Fit], count: int, leaders: int) -> list[Fit]:
-    """Let the leaders come to rest, so that no further effect gains by what a longer fit would have.
+def finished(fitter: Fitter, fits: list[Fit], count: int, leaders: int, *, steps: int = 20) -> list[Fit]:
+    """Let the leaders come to rest, in so many steps, so that no further effect gains by what a longer fit would have.
 
     Whatever is far behind the first of them, once that has come to rest, is left as it is.
     """
@@ -62,7 +62,7 @@ def finished(fitter: Fitter, fits: list[Fit], count: int, leaders: int) -> list[
     for i, fit in enumerate(fits):
         lags = out and fit.total > out[0].total + 5 * WORTH * count + 0.5 * max(out[0].total - count, 0.0)
         if i < leaders and not fit.converged and not lags:
-            fit = fitter.fit(fit.explanation, fit.episodes, x=fit.x, near=fit, iterations=20)
+            fit = fitter.fit(fit.explanation, fit.episodes, x=fit.x, near=fit, iterations=steps)
         out.append(fit)
     return sorted(out, key=lambda f: f.total)
 
