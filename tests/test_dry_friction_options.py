@@ -107,9 +107,7 @@ def test_no_force_is_too_small_for_a_flow() -> None:
 @pytest.mark.parametrize("change", [-0.4, 0.7])
 def test_stribeck(change: float, exponent: float, reference: float) -> None:
     """Coasting covers the integral of v / (mu(v) g), mu(v) = mu (1 + s (exp(-(v / v_s)^d) - r)), 0.1 %."""
-    scene = make(
-        CUBE, stribeck=change, stribeck_speed=0.4, stribeck_exponent=exponent, stribeck_reference=reference
-    )
+    scene = make(CUBE, stribeck=change, stribeck_speed=0.4, stribeck_exponent=exponent, stribeck_reference=reference)
     track = play(scene, 2.0, start=(0, 0, 0, 2.0, 0, 0))
     far = quad(lambda v: v / (0.5 * G * (1 + change * (math.exp(-((v / 0.4) ** exponent)) - reference))), 0, 2)[0]
     assert abs(track.raw[-1, 3]) < 1e-9

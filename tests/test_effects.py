@@ -10,6 +10,7 @@ import pytest
 
 from runner.blind.planar_box.physics import PlannedEpisode, World, simulate
 from runner.effects import planar_box as fx
+from runner.effects.base import AbstractEffect
 from runner.effects.planar_box.base import Motion, ahead, late
 from runner.effects.vocabulary import Candidate
 from runner.inference.least_squares import NONE, Explanation
@@ -139,7 +140,7 @@ def test_the_edited_model_moves_like_an_independent_integration(name: str) -> No
     assert max(change / np.maximum(error, 1e-9)) > 8
 
 
-def told(effect: fx.PlanarEffect) -> dict[str, float]:
+def told(effect: AbstractEffect) -> dict[str, float]:
     """Return what a recording tells of an effect: its values; of friction by speed the curve, of static friction how
     much it is, as speed and exponent make up for each other."""
     if isinstance(effect, fx.Stribeck):

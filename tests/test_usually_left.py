@@ -1,0 +1,49 @@
+"""How much an explanation leaves of episodes that it has not seen."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from runner.inference.held_out import Confirmed, usually_left
+
+COUNT = 100
+
+
+def losses(*squared_noises: float) -> Any:
+    """A fit of episodes that leaves so much beyond the noise in each."""
+    return SimpleNamespace(
+        episodes=tuple(range(len(squared_noises))), loss=tuple(COUNT * (1.0 + s) for s in squared_noises)
+    )
+
+
+FITTER: Any = SimpleNamespace(measured=SimpleNamespace(excess=lambda loss, _: loss / COUNT - 1.0))
+
+
+def confirmed(before: Any, after: Any) -> Confirmed:
+    gap, left = (sum(f.loss) / COUNT / len(f.loss) - 1.0 for f in (before, after))
+    none: Any = None
+    return Confirmed(none, none, {}, 0.0, 0.0, gap, gap, left, usually_left(before, after, FITTER))
+
+
+def test_it_is_the_geometric_mean_over_episodes_in_which_there_is_a_gap() -> None:
+    """sqrt(1/10 x 4/2); an episode at rest says nothing."""
+    assert usually_left(losses(10, 2, 0.0), losses(1, 4, 0.2), FITTER) == pytest.approx((0.1 * 2) ** 0.5)
+
+
+def test_one_episode_that_hangs_on_a_hair_is_not_failing() -> None:
+    """What foretells one to the noise and is as far away as ever in the other, by far the larger, does not fail."""
+    assert not confirmed(losses(8.7, 24.0), losses(0.2, 33.0)).fails
+
+
+def test_what_foretells_none_fails() -> None:
+    """Nor does it help to foretell what had no gap."""
+    assert confirmed(losses(8.0, 24.0, 0.1), losses(7.0, 20.0, 0.0)).fails
+    assert confirmed(losses(2.0, 3.0), losses(4.0, 2.9)).fails
+
+
+def test_what_foretells_all_by_most_does_not() -> None:
+    """As before: by squares it closes most of the gap."""
+    assert not confirmed(losses(20.0, 1.2), losses(2.0, 2.4)).fails
