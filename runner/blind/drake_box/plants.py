@@ -55,7 +55,7 @@ def draw(name: str, case: UnplantedCase, g: np.random.Generator) -> ScenePlant:
         name,
         plant.largest,
         lambda scene, size: replace(scene, world=replace(plant.edit(scene.world, size), **form)),
-        lambda scene, size: {**plant.true(scene.world, size), **_told(form)},
+        lambda scene, size: _told(plant.true(scene.world, size), form),
         plant.accept,
     )
 
@@ -74,12 +74,14 @@ def _stiction_form(g: np.random.Generator) -> dict[str, float]:
 FORMS = {"stribeck": _stribeck_form, "stiction": _stiction_form}
 
 
-def _told(form: dict[str, float]) -> dict[str, float | str]:
-    """Return the true values that a form adds."""
-    told: dict[str, float | str] = {}
+def _told(true: dict[str, float | str], form: dict[str, float]) -> dict[str, float | str]:
+    """Return true values with those of a form: a change is that of friction at rest against friction at speed."""
+    told = dict(true)
     if "stribeck_exponent" in form:
+        change, from_rest = float(true["change"]), form["stribeck_reference"]
+        told["change"] = change / (1.0 - from_rest * change)
         told["exponent"] = form["stribeck_exponent"]
-        told["reference"] = "rest" if form["stribeck_reference"] else "sliding"
+        told["reference"] = "rest" if from_rest else "sliding"
     if "stiction_speed" in form:
         told["speed_m_per_s"] = form["stiction_speed"]
     return told
