@@ -12,9 +12,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import sqrtm
-from scipy.optimize import brentq
-from scipy.spatial import ConvexHull
+import scipy  # loads its parts when they are first used
 
 from runner.numerics.arrays import FloatArray
 from runner.numerics.polygon import Polygon, area_and_centroid, below
@@ -48,7 +46,7 @@ def outline_points(outline: Polygon, n: int = 8) -> FloatArray:
 
 def bearing_radius(points: FloatArray) -> float:
     """Return the radius of the disc about the centre of base points (n, 4) that their convex hull holds, m."""
-    hull = ConvexHull(points[:, :2])
+    hull = scipy.spatial.ConvexHull(points[:, :2])
     centre = np.average(points[:, :2], axis=0, weights=points[:, 2])
     return float(-(hull.equations[:, :2] @ centre + hull.equations[:, 2]).max())
 
@@ -65,7 +63,7 @@ def _equal_parts(figure: FloatArray, axis: int, count: int) -> list[FloatArray]:
         def missing(limit: float, wanted: float = whole * k / count) -> float:
             return area_and_centroid(below(figure, axis, limit))[0] - wanted if limit > low else -wanted
 
-        limit = float(brentq(missing, low, high, xtol=CUT * (high - low)))
+        limit = float(scipy.optimize.brentq(missing, low, high, xtol=CUT * (high - low)))
         parts.append(below(rest, axis, limit))
         # what lies beyond is what lies below in the mirror
         rest = below(rest * mirror, axis, -limit) * mirror
@@ -75,7 +73,7 @@ def _equal_parts(figure: FloatArray, axis: int, count: int) -> list[FloatArray]:
 def _with_second_moments(centres: FloatArray, outline: Polygon) -> FloatArray:
     """Return points (n, 2) of equal weight, moved by a symmetric map so that they have an outline's second moments."""
     off = centres - outline.centroid_m
-    root = np.real(sqrtm(off.T @ off / len(off)))
+    root = np.real(scipy.linalg.sqrtm(off.T @ off / len(off)))
     inverse = np.linalg.inv(root)
-    apart = inverse @ np.real(sqrtm(root @ outline.spread_m2 @ root)) @ inverse
+    apart = inverse @ np.real(scipy.linalg.sqrtm(root @ outline.spread_m2 @ root)) @ inverse
     return outline.centroid_m + off @ apart.T

@@ -49,7 +49,8 @@ def body_of(nominal: Nominal) -> BodyConfig:
         # only the yaw inertia is known; the others don't move a planar body
         inertia = (float(inertia), float(inertia), float(inertia))
     elif inertia is None and nominal.outline is not None:
-        inertia = (nominal.yaw_inertia_kg_m2,) * 3
+        turning = nominal.yaw_inertia_kg_m2
+        inertia = (turning, turning, turning)
     return BodyConfig(
         mass_kg=nominal.mass_kg,
         friction=nominal.friction,
