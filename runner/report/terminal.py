@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from runner.effects.wording import number, percent, probability
-from runner.report import words
+from runner.report import unknown, words
 from runner.report.before_after import of_whole_episodes
 from runner.report.statement import NONE, caveats, state
 
@@ -27,6 +27,8 @@ def summary(diagnosis: Diagnosis) -> RenderableType:
     if confounded := words.confounded(diagnosis):
         parts.append(Text(confounded, style="yellow"))
     parts.append(Padding(ranking(diagnosis), (1, 0, 0, 0)))
+    for head, lines in (("Near it comes", unknown.nearest(diagnosis)), ("Left is", unknown.looks(diagnosis))):
+        parts += [Padding(Text(f"{head}: {line}"), (1 if i == 0 else 0, 0, 0, 0)) for i, line in enumerate(lines)]
     if (gap := gap_table(diagnosis)) is not None:
         parts.append(Padding(gap, (1, 0, 0, 0)))
     if diagnosis.next_push:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from runner.effects.base import Phrase
 from runner.effects.vocabulary import ALL
 from runner.effects.wording import Values, listed, number, percent, probability
-from runner.report.statement import NOISE_LEFT, NONE, OVER, UNKNOWN, Kind, Left, Statement, state
+from runner.report.statement import HALF, NOISE_LEFT, NONE, OVER, UNKNOWN, Kind, Left, Statement, state
 from runner.report.suspects import suspects
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ SURE = 0.9  # an answer less likely than this asks for more data
 NOTEWORTHY = 0.02  # explanations less likely than this are not worth a sentence
 LEAST_SHARE = 0.005  # of anything: less is told as nothing
 PLACE = {"x_m", "y_m", "radius_m"}  # of an effect that is somewhere
+STANDS_OUT = 1.5  # times an even share of what is left: a channel with less is like the others
 MANIFOLD = 10.0  # a share from which on it is told as so many times
 
 
@@ -140,8 +141,7 @@ def verdict(diagnosis: Diagnosis) -> str:
         return f"The simulator as believed will do: what it misses needs no effect to explain it{over} {chance}.{tail}"
     if said.kind is Kind.UNKNOWN:
         sentence = f"Something is going on that none of the known effects explains {chance}."
-        nearest = gain(said, f"With the nearest of them, {title(said.named[0].effects)},") if said.named else ""
-        return f"{sentence} {nearest}".strip()
+        return f"{sentence} {_nearest(diagnosis, said)}".strip()
     text = explanation(system, top)
     if said.kind is Kind.OPEN:
         rivals = [r for r in said.order[1:] if r.probability > NOTEWORTHY][:2]
@@ -150,6 +150,37 @@ def verdict(diagnosis: Diagnosis) -> str:
         return f"This recording does not settle it. Likeliest {chance}{but}: {text}."
     with_it = gain(said, "With them" if len(top.effects) > 1 else "With it")
     return f"{text[0].upper()}{text[1:]} {chance}. {with_it}".strip()
+
+
+def _nearest(diagnosis: Diagnosis, said: Statement) -> str:
+    """Return what the nearest explanation is, how much it helps and what it leaves; empty: there is none."""
+    if not said.named:
+        return ""
+    found = phrases(diagnosis.system, said.named[0])
+    parts = [
+        f"{title((e,))} ({p.amount})" if p.amount and "?" not in p.amount else title((e,))
+        for e, p in zip(said.named[0].effects, found, strict=True)
+    ]
+    helps = gain(said, f"With the nearest of them, {listed(parts)},")
+    if not helps or not said.corrected:
+        return helps
+    return f"{helps} What is left is {_beyond(said)} (mean squares){_most_left(diagnosis)}."
+
+
+def _most_left(diagnosis: Diagnosis) -> str:
+    """Return which channel has most of what is left on unseen episodes, and its share; empty: none stands out."""
+    table = diagnosis.closure.table
+    channels = diagnosis.system.channels
+    if len(channels) < 2 or not len(table):
+        return ""
+    over = ((table["after"] / table["noise"]) ** 2 - 1.0).clip(lower=0.0).groupby(table["channel"]).mean()
+    if not float(over.sum()) > 0:
+        return ""
+    name, share = str(over.idxmax()), float(over.max() / over.sum())
+    label = next(c.label for c in channels if c.name == name)
+    if share < STANDS_OUT / len(over):
+        return ""
+    return f", {'most' if share > HALF else 'the largest part'} of it in the {label} ({percent(share)})"
 
 
 def _beyond(said: Statement) -> str:
