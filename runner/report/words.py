@@ -11,6 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from runner.effects.base import Phrase
 from runner.effects.vocabulary import ALL
 from runner.effects.wording import Values, listed, number, percent, probability
@@ -173,11 +175,13 @@ def _most_left(diagnosis: Diagnosis) -> str:
     channels = diagnosis.system.channels
     if len(channels) < 2 or not len(table):
         return ""
-    over = ((table["after"] / table["noise"]) ** 2 - 1.0).clip(lower=0.0).groupby(table["channel"]).mean()
-    if not float(over.sum()) > 0:
+    left = (table["after"].to_numpy(float) / table["noise"].to_numpy(float)) ** 2 - 1.0
+    of = table["channel"].to_numpy()
+    over = {c.label: float(np.maximum(left[of == c.name], 0.0).mean()) for c in channels if (of == c.name).any()}
+    if not sum(over.values()) > 0:
         return ""
-    name, share = str(over.idxmax()), float(over.max() / over.sum())
-    label = next(c.label for c in channels if c.name == name)
+    label = max(over, key=over.__getitem__)
+    share = over[label] / sum(over.values())
     if share < STANDS_OUT / len(over):
         return ""
     return f", {'most' if share > HALF else 'the largest part'} of it in the {label} ({percent(share)})"
