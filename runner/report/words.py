@@ -164,7 +164,7 @@ def _nearest(diagnosis: Diagnosis, said: Statement) -> str:
         for e, p in zip(said.named[0].effects, found, strict=True)
     ]
     helps = gain(said, f"With the nearest of them, {listed(parts)},")
-    if not helps or not said.corrected:
+    if not helps or not said.corrected or said.over_noise < LEAST_SHARE:
         return helps
     return f"{helps} What is left is {_beyond(said)} (mean squares){_most_left(diagnosis)}."
 
