@@ -76,6 +76,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "first": sections.first_figure(diagnosis, paths),
         "ranking": ranking(diagnosis, said),
         "nearest": unknown.nearest(diagnosis),
+        "left": unknown.left(diagnosis),
         "looks": unknown.looks(diagnosis),
         "corrected": said.corrected,
         "trajectories": sections.trajectories(diagnosis, paths),

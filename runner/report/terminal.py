@@ -27,8 +27,8 @@ def summary(diagnosis: Diagnosis) -> RenderableType:
     if confounded := words.confounded(diagnosis):
         parts.append(Text(confounded, style="yellow"))
     parts.append(Padding(ranking(diagnosis), (1, 0, 0, 0)))
-    for head, lines in (("Near it comes", unknown.nearest(diagnosis)), ("Left is", unknown.looks(diagnosis))):
-        parts += [Padding(Text(f"{head}: {line}"), (1 if i == 0 else 0, 0, 0, 0)) for i, line in enumerate(lines)]
+    if lines := unknown.lines(diagnosis):
+        parts.append(Padding(Text("\n".join(lines)), (1, 0, 0, 0)))
     if (gap := gap_table(diagnosis)) is not None:
         parts.append(Padding(gap, (1, 0, 0, 0)))
     if diagnosis.next_push:

@@ -11,12 +11,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from runner.effects.base import Phrase
 from runner.effects.vocabulary import ALL
 from runner.effects.wording import Values, listed, number, percent, probability
-from runner.report.statement import HALF, NOISE_LEFT, NONE, OVER, UNKNOWN, Kind, Left, Statement, state
+from runner.report.statement import NOISE_LEFT, NONE, OVER, UNKNOWN, Kind, Left, Statement, state
 from runner.report.suspects import suspects
 
 if TYPE_CHECKING:
@@ -28,7 +26,6 @@ SURE = 0.9  # an answer less likely than this asks for more data
 NOTEWORTHY = 0.02  # explanations less likely than this are not worth a sentence
 LEAST_SHARE = 0.005  # of anything: less is told as nothing
 PLACE = {"x_m", "y_m", "radius_m"}  # of an effect that is somewhere
-STANDS_OUT = 1.5  # times an even share of what is left: a channel with less is like the others
 MANIFOLD = 10.0  # a share from which on it is told as so many times
 
 
@@ -117,7 +114,7 @@ def gain(said: Statement, applied: str = "With it") -> str:
         if said.closable_closed < NOISE_LEFT:
             left = f"; of what can be closed, all but the noise, that is {percent(said.closable_closed)} (mean squares)"
         elif said.left is Left.SOMETHING:
-            left = f"; what is left is {_beyond(said)} (mean squares)"
+            left = f"; what is left is {beyond(said)} (mean squares)"
         else:
             left = "; what is left is the noise of the measurement"
     return f"{applied} the simulator misses {percent(said.gap_closed)} less{where}{left}."
@@ -143,7 +140,8 @@ def verdict(diagnosis: Diagnosis) -> str:
         return f"The simulator as believed will do: what it misses needs no effect to explain it{over} {chance}.{tail}"
     if said.kind is Kind.UNKNOWN:
         sentence = f"Something is going on that none of the known effects explains {chance}."
-        return f"{sentence} {_nearest(diagnosis, said)}".strip()
+        nearest = gain(said, f"With the nearest of them, {title(said.named[0].effects)},") if said.named else ""
+        return f"{sentence} {nearest}".strip()
     text = explanation(system, top)
     if said.kind is Kind.OPEN:
         rivals = [r for r in said.order[1:] if r.probability > NOTEWORTHY][:2]
@@ -154,40 +152,7 @@ def verdict(diagnosis: Diagnosis) -> str:
     return f"{text[0].upper()}{text[1:]} {chance}. {with_it}".strip()
 
 
-def _nearest(diagnosis: Diagnosis, said: Statement) -> str:
-    """Return what the nearest explanation is, how much it helps and what it leaves; empty: there is none."""
-    if not said.named:
-        return ""
-    found = phrases(diagnosis.system, said.named[0])
-    parts = [
-        f"{title((e,))} ({p.amount})" if p.amount and "?" not in p.amount else title((e,))
-        for e, p in zip(said.named[0].effects, found, strict=True)
-    ]
-    helps = gain(said, f"With the nearest of them, {listed(parts)},")
-    if not helps or not said.corrected or said.over_noise < LEAST_SHARE:
-        return helps
-    return f"{helps} What is left is {_beyond(said)} (mean squares){_most_left(diagnosis)}."
-
-
-def _most_left(diagnosis: Diagnosis) -> str:
-    """Return which channel has most of what is left on unseen episodes, and its share; empty: none stands out."""
-    table = diagnosis.closure.table
-    channels = diagnosis.system.channels
-    if len(channels) < 2 or not len(table):
-        return ""
-    left = (table["after"].to_numpy(float) / table["noise"].to_numpy(float)) ** 2 - 1.0
-    of = table["channel"].to_numpy()
-    over = {c.label: float(np.maximum(left[of == c.name], 0.0).mean()) for c in channels if (of == c.name).any()}
-    if not sum(over.values()) > 0:
-        return ""
-    label = max(over, key=over.__getitem__)
-    share = over[label] / sum(over.values())
-    if share < STANDS_OUT / len(over):
-        return ""
-    return f", {'most' if share > HALF else 'the largest part'} of it in the {label} ({percent(share)})"
-
-
-def _beyond(said: Statement) -> str:
+def beyond(said: Statement) -> str:
     """Return how much of what is left is beyond the noise."""
     if said.over_noise < MANIFOLD:
         return f"{percent(said.over_noise)} over the noise"
@@ -196,7 +161,7 @@ def _beyond(said: Statement) -> str:
 
 def left(said: Statement) -> tuple[str, str]:
     """Return what the best model leaves, for a tile: how much, and what that is."""
-    much = "noise" if said.left is Left.NOISE else _beyond(said) if said.over_noise >= LEAST_SHARE else "a residual"
+    much = "noise" if said.left is Left.NOISE else beyond(said) if said.over_noise >= LEAST_SHARE else "a residual"
     what = "what is left" if said.corrected else "what is missed, in mean squares"
     cause = {Left.SMALL_ERRORS: ": small errors of any simulator", Left.SOMETHING: ": something else"}
     return much, what + cause.get(said.left, "")
@@ -204,7 +169,7 @@ def left(said: Statement) -> tuple[str, str]:
 
 def left_at_large(said: Statement) -> tuple[str, str]:
     """Return what the best model leaves of whole episodes: what to say in bold, and what follows it."""
-    over = f", {_beyond(said)} in mean squares" if said.over_noise >= LEAST_SHARE else ""
+    over = f", {beyond(said)} in mean squares" if said.over_noise >= LEAST_SHARE else ""
     if said.left is Left.NOISE:
         return "Nothing is left", " that would matter"
     if said.left is Left.SMALL_ERRORS:
