@@ -2,8 +2,8 @@
 
     python examples/plates/make_cases.py FOLDER OUT [--friction 0.25]
 
-FOLDER holds `train.parquet` (poses, velocities, measured force and point of contact at 250 Hz), `outlines.csv` (corners of
-each plate) and `episodes.csv` (plate, mass, inertia, whether the force is valid) of pushes from Yu, Bauza, Fazeli and
+FOLDER holds `train.parquet` (poses, velocities, measured force and point of contact at 250 Hz), `outlines.csv` (corners
+of each plate) and `episodes.csv` (plate, mass, inertia, whether the force is valid) of pushes from Yu, Bauza, Fazeli and
 Rodriguez, "More than a Million Ways to Be Pushed" (IROS 2016). The data are not part of this project. Which pushes are
 left out of every fit is decided by a hash of their numbers alone: those whose SHA-256 of "push NUMBER" is divisible by
 three. OUT gets a folder for each plate with a valid force, with two cases in it, `fitted` and `left_out`: the table in
@@ -23,8 +23,8 @@ import yaml
 HALF_HEIGHT_M, RATE_HZ, GRAVITY_M_S2 = 0.0065, 250, 9.81
 MEASURED = ["x", "y", "yaw", "vx", "vy", "wz"]
 FORCE, POINT = ["fx", "fy"], ["px", "py"]
-# the poses in the table are smoothed and their velocities differences of those: what they scatter by says nothing of how
-# right they are; about what motion capture of a moving plate is good for
+# the poses in the table are smoothed and their velocities differences of those: what they scatter by says nothing of
+# how right they are; about what motion capture of a moving plate is good for
 NOISE = {"position": 0.0005, "yaw": 0.005, "velocity": 0.005, "rate": 0.05}
 SHARE = 3  # one push in so many is left out
 
