@@ -2,12 +2,13 @@
 
     python examples/plates/make_cases.py FOLDER OUT [--friction 0.25]
 
-FOLDER holds `train.parquet` (poses, velocities, measured force and point of contact at 250 Hz), `outlines.csv` (corners
-of each plate) and `episodes.csv` (plate, mass, inertia, whether the force is valid) of pushes from Yu, Bauza, Fazeli and
-Rodriguez, "More than a Million Ways to Be Pushed" (IROS 2016). The data are not part of this project. Which pushes are
-left out of every fit is decided by a hash of their numbers alone: those whose SHA-256 of "push NUMBER" is divisible by
-three. OUT gets a folder for each plate with a valid force, with two cases in it, `fitted` and `left_out`: the table in
-planar form, `nominal.yaml`, and the plate's corners. The friction is a guess, as an owner would make it.
+FOLDER holds `train.parquet` (poses, velocities, measured force and point of contact at 250 Hz), `outlines.csv`
+(corners of each plate) and `episodes.csv` (plate, mass, inertia, whether the force is valid) of pushes from Yu,
+Bauza, Fazeli and Rodriguez, "More than a Million Ways to Be Pushed" (IROS 2016). The data are not part of this
+project. Which pushes are left out of every fit is decided by a hash of their numbers alone: those whose SHA-256 of
+"push NUMBER" is divisible by three. OUT gets a folder for each plate with a valid force, with two cases in it,
+`fitted` and `left_out`: the table in planar form, `nominal.yaml`, and the plate's corners. The friction is a guess,
+as an owner would make it.
 """
 
 from __future__ import annotations
@@ -72,14 +73,14 @@ def main() -> None:
     episodes = pd.read_csv(given.folder / "episodes.csv")
     outlines = pd.read_csv(given.folder / "outlines.csv")
     for shape, pushes in episodes[episodes["force_valid"]].groupby("shape"):
-        corners = outlines[outlines["shape"] == shape]
-        mass, inertia = float(pushes["mass_kg"].iloc[0]), float(pushes["izz_kg_m2"].iloc[0])
+        corners = outlines.loc[outlines["shape"] == shape, :]
+        mass, inertia = (float(pushes[name].to_numpy(float)[0]) for name in ("mass_kg", "izz_kg_m2"))
         nominal = beliefs(corners, mass, inertia, given.friction, str(shape))
         numbers = sorted(set(pushes["episode"]) & set(table["episode"]))
         for name, left_out in (("fitted", False), ("left_out", True)):
             chosen = [n for n in numbers if is_left_out(n) == left_out]
             if chosen:
-                write_case(given.out / str(shape) / name, table[table["episode"].isin(chosen)], corners, nominal)
+                write_case(given.out / str(shape) / name, table.loc[table["episode"].isin(chosen), :], corners, nominal)
             print(f"{given.out / str(shape) / name}: {len(chosen)} pushes")
 
 
