@@ -69,10 +69,10 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--friction", type=float, default=0.25, help="believed; default: 0.25")
     given = parser.parse_args()
-    table = pd.read_parquet(given.folder / "train.parquet").sort_values(["episode", "t"])
+    table = pd.read_parquet(given.folder / "train.parquet").sort_values(by=["episode", "t"])
     episodes = pd.read_csv(given.folder / "episodes.csv")
     outlines = pd.read_csv(given.folder / "outlines.csv")
-    for shape, pushes in episodes[episodes["force_valid"]].groupby("shape"):
+    for shape, pushes in episodes.loc[episodes["force_valid"], :].groupby("shape"):
         corners = outlines.loc[outlines["shape"] == shape, :]
         mass, inertia = (float(pushes[name].to_numpy(float)[0]) for name in ("mass_kg", "izz_kg_m2"))
         nominal = beliefs(corners, mass, inertia, given.friction, str(shape))
