@@ -112,7 +112,7 @@ def test_what_does_not_show_in_pieces_is_sought_on_the_way_to_the_whole() -> Non
     recording = pushed(random_pushes(5, 7.0), [(fx.Stribeck(-0.3, 0.3), fx.Inertia(0.95))] * 5)
     fitter = fitter_of(recording)
     starts, count = fitter.fit(NONE, range(5)).starts, fitter.measured.count(range(5))
-    alone, x = Explanation((Candidate(fx.Stribeck),)), np.array([-0.42, 0.16])
+    alone, x = Explanation((Candidate(fx.Stribeck),)), np.array([-0.42, 0.16, np.log(2.0)])
     seed = WarmStart(alone, x, starts, fitter.loss(alone, x, starts, range(5)))
     assert seed.total > 10 * count
     first, last = carried(fitter, seed, range(5), fitter.longest_s(range(5)))
@@ -129,12 +129,13 @@ def test_what_is_out_of_its_range_explains_nothing() -> None:
     recording = pushed(random_pushes(2, 2.0), [()] * 2)
     fitter, context = fitter_of(recording), context_of(recording)
     starts, count = np.zeros((2, 6)), fitter.measured.count(range(2))
-    _, speed = fx.Stribeck.parameters(context)
+    _, speed, exponent = fx.Stribeck.parameters(context)
     stiffness, x, _, slack = fx.Tether.parameters(context)
     for kind, vector, total, holds in (
-        (fx.Stribeck, [0.3, speed.lower], 0.9 * count, False),
-        (fx.Stribeck, [0.3, speed.lower + 0.1], 0.9 * count, True),
-        (fx.Stribeck, [0.3, speed.lower + 0.1], 1.6 * count, False),
+        (fx.Stribeck, [0.3, speed.lower, 0.0], 0.9 * count, False),
+        (fx.Stribeck, [0.3, speed.lower + 0.1, 0.0], 0.9 * count, True),
+        (fx.Stribeck, [0.3, speed.lower + 0.1, exponent.upper], 0.9 * count, True),
+        (fx.Stribeck, [0.3, speed.lower + 0.1, 0.0], 1.6 * count, False),
         (fx.Tether, [stiffness.scale, 0.5 * (x.lower + x.upper), 0.0, slack.lower], 0.9 * count, True),
         (fx.Tether, [stiffness.scale, x.upper, 0.0, slack.lower], 0.9 * count, False),
     ):
