@@ -66,12 +66,12 @@ def stretched(frame: pd.DataFrame) -> pd.DataFrame:
 PLACE_12 = re.escape("data row 13 (episode 0, t = 0.2 s): ")
 PLANAR_ERRORS = {
     "missing column": (
-        lambda f: f.drop(columns="wz"),
-        r"missing column 'wz' \[rad/s\]; the planar form needs .*Found:",
+        lambda f: f.drop(columns="yaw"),
+        r"missing column 'yaw' \[rad\]; the planar form needs .* \(vx, vy, wz where they were measured\)\. Found:",
     ),
     "two missing": (lambda f: f.drop(columns=["fx", "py"]), r"missing columns 'fx' \[N\], 'py' \[m\];"),
     "other case": (lambda f: f.rename(columns={"x": "X"}), r"missing column 'x' .* Rename 'X' -> 'x'\?"),
-    "unit in name": (lambda f: f.rename(columns={"vx": "vx_m_s"}), r"Rename 'vx_m_s' -> 'vx'\?"),
+    "unit in name": (lambda f: f.rename(columns={"vx": "vx_m_s"}), r"unknown column 'vx_m_s'\. Did you mean 'vx' \[m/s\]\?"),
     "bracket": (lambda f: f.rename(columns={"yaw": "Yaw [rad]"}), r"Rename 'Yaw \[rad\]' -> 'yaw'\?"),
     "synonyms": (
         lambda f: f.rename(columns={"t": "time", "yaw": "theta", "fx": "force_x"}),
