@@ -123,3 +123,78 @@ def test_broken_yaml_is_refused(text: str, message: str, tmp_path: Path) -> None
     with pytest.raises(RecordingError, match=message) as error:
         read_nominal(tmp_path)
     assert "\n" not in str(error.value)
+
+
+CORNERS = [[0.06, 0.0], [0.0, 0.05], [-0.06, 0.0], [0.0, -0.05]]
+PLATE = BELIEVED | {"half_size": [0.06, 0.05, 0.006], "mass": 0.9, "rate_hz": 250}
+TABLE = "shape,x,y\n" + "".join(f"kite,{x},{y}\n" for x, y in CORNERS) + "dot,0,0\ndot,0,1\n"
+
+
+def plate(outline: object, folder: Path, **other: object) -> Nominal:
+    (folder / "nominal.yaml").write_text(yaml.safe_dump(PLATE | other | {"outline": outline}))
+    return read_nominal(folder)
+
+
+def test_outlines_are_read(tmp_path: Path) -> None:
+    """Corners in the file or in a table, and round ones; what is read is written so that it is read again."""
+    (tmp_path / "outlines.csv").write_text(TABLE)
+    corners = plate(CORNERS, tmp_path)
+    assert plate("outlines.csv#kite", tmp_path) == corners
+    assert plate(CORNERS[::-1], tmp_path).outline is not None
+    assert corners.volume_m3 == pytest.approx(0.006 * 0.12 * 0.1)
+    assert corners.yaw_inertia_kg_m2 == pytest.approx(0.9 * (0.06**2 + 0.05**2) / 6)
+    disc = plate({"disc": 0.05}, tmp_path, half_size=[0.05, 0.05, 0.006])
+    assert disc == plate({"ellipse": [0.05, 0.05]}, tmp_path, half_size=[0.05, 0.05, 0.006])
+    assert disc.yaw_inertia_kg_m2 == pytest.approx(0.9 * 0.05**2 / 2, rel=1e-4)
+    wedge = plate([[0.0, 0.0], [0.12, 0.0], [0.0, 0.09]], tmp_path, half_size=[0.06, 0.045, 0.006])
+    assert wedge.centre_of_mass_m == pytest.approx((0.04, 0.03, 0.0))
+    for nominal in (corners, disc, wedge):
+        write_nominal(nominal, tmp_path / "nominal.yaml")
+        assert read_nominal(tmp_path) == nominal
+
+
+@pytest.mark.parametrize(
+    ("outline", "said"),
+    [
+        ("../outlines.csv", "must be a .csv file in the folder of the case, got '../outlines.csv'"),
+        ("/etc/passwd", "must be a .csv file in the folder of the case"),
+        ("link.csv", "must be a .csv file in the folder of the case"),
+        ("nowhere.csv", "no such file"),
+        ("outlines.csv", "has several shapes"),
+        ("outlines.csv#kit", "no shape 'kit'. Valid: 'dot', 'kite'. Did you mean 'kite'?"),
+        ("outlines.csv#dot", "must have 3 to 2000 corners, got 2"),
+        ("bad.csv", "line 3: y must be a finite number in m, got 'one'"),
+        ("narrow.csv", "needs one column 'y', got: x, z"),
+        ("disc", "must be a .csv file"),
+        ({"disc": -1}, "outline.disc: must be a finite number in m (its radius)"),
+        ({"disc": 0.05, "ellipse": [1, 1]}, "must be corners"),
+        ({"ellipse": [0.05]}, "must be corners"),
+        ([[0, 0], [1, "a"], [1, 1]], "outline[1] y: must be a finite number in m"),
+        ([[0, 0], [1, 0]], "must have 3 to 2000 corners, got 2"),
+        ([[60, 0], [0, 50], [-60, 0], [0, -50]], "spans 120 x 100 m, allowed: 0.0001 to 100 m; in metres?"),
+        ([[6, 0], [0, 5], [-6, 0], [0, -5]], "half_size: [0.06, 0.05, 0.006] m is not that of the outline"),
+        ([[0.06, 0.05], [-0.06, -0.05], [0.06, -0.05], [-0.06, 0.05]], "does not cross itself"),
+        ([[0, 0], [0.12, 0.1], [0.06, 0.05], [0.12, 0.1]], "meet"),
+        ([[0.2, 0.0], [0.32, 0.0], [0.32, 0.1], [0.2, 0.1]], "its corners must be relative to the geometric centre"),
+        (7, "must be corners"),
+        ([], "must be corners"),
+    ],
+)
+def test_what_is_no_outline_is_refused(outline: object, said: str, tmp_path: Path) -> None:
+    """In a line that names the key or the file; no file from elsewhere is opened, not through a link either."""
+    case, elsewhere = tmp_path / "case", tmp_path / "outlines.csv"
+    case.mkdir()
+    for file in (elsewhere, case / "outlines.csv"):
+        file.write_text(TABLE)
+    (case / "bad.csv").write_text("x,y\n0,0\n1,one\n1,1\n")
+    (case / "narrow.csv").write_text("x,z\n0,0\n")
+    (case / "link.csv").symlink_to(elsewhere)
+    with pytest.raises(RecordingError, match=re.escape(said)) as caught:
+        plate(outline, case)
+    assert "\n" not in str(caught.value)
+
+
+def test_corners_do_not_carry_an_outline(tmp_path: Path) -> None:
+    """The load of a body with an outline is spread; that it rests on corners is refused."""
+    with pytest.raises(RecordingError, match="spread over its base: 'patch'"):
+        plate(CORNERS, tmp_path, contact="corners")

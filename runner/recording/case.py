@@ -69,7 +69,7 @@ def _lacking(path: Path) -> str:
 
 
 def content_hash(path: str | Path) -> str:
-    """Return a hash of what a case holds: its table, `nominal.yaml`, and in the model form the files of the model.
+    """Return a hash of what a case holds: its table, `nominal.yaml`, a table of outlines, and the files of a model.
 
     Args:
         path: The folder, or a table in it.
@@ -80,7 +80,8 @@ def content_hash(path: str | Path) -> str:
     table, _ = table_file(Path(path))
     folder = table.parent
     models = (f for f in folder.rglob("*") if f.suffix.lower() in MODEL_FILES and f.is_file())
-    others = (folder / (CONFIG if table.name == FRAMES else nominal_file.FILE),)
+    outline = nominal_file.outline_file(folder)
+    others = (folder / (CONFIG if table.name == FRAMES else nominal_file.FILE), *([outline] if outline else []))
     files = [table, *(f for f in others if f.is_file()), *sorted(models)]
     return files_digest((f.relative_to(folder).as_posix(), f) for f in files)
 
@@ -107,6 +108,8 @@ def read_case(path: str | Path, *, nominal: Nominal | None = None) -> Recording:
     else:
         nominal = nominal_file.read_nominal(file.parent) if nominal is None else nominal
         table, form = read_table(file)
+        if nominal.outline is not None and form is Form.SPATIAL:
+            raise RecordingError(f"{file.parent}: `outline` belongs to the planar form; this recording is in space.")
     check_finite(table, form)
     spans = episode_spans(table)
     check_times(table, spans, nominal)

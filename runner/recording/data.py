@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from runner.errors import RecordingError
 from runner.numerics.arrays import FloatArray
+from runner.numerics.polygon import Polygon
 
 WARNING = "warning: "  # a note begins with it where something is wrong and yet something may follow
 
@@ -75,15 +76,17 @@ class Nominal:
     """What the owner of a recording believes of the world. Messages name the keys of `nominal.yaml`.
 
     Args:
-        half_size_m: Half the edges of the box along its own axes.
+        half_size_m: Half the edges of the box along its own axes; with an outline, of the box around it.
         mass_kg: Uniform density unless `com_m` or `inertia_kg_m2` says otherwise.
         friction: Coulomb coefficient between box and floor; 0 is allowed.
         gravity_m_s2: Magnitude.
         contact: What carries the box.
         rate_hz: Samples per second.
         noise: Standard deviations of what was measured.
-        com_m: Centre of mass relative to the geometric centre, body axes; None: at the geometric centre.
+        com_m: Centre of mass relative to the geometric centre, body axes; None: at the geometric centre, with an
+            outline at the centre of its area.
         inertia_kg_m2: About the centre of mass: about z alone, or about x, y, z; None: uniform density.
+        outline: Of the body and its base seen from above, relative to the geometric centre, body axes; None: a box.
         path: The file it was read from; not part of a comparison.
 
     Raises:
@@ -99,6 +102,7 @@ class Nominal:
     noise: Noise = Noise()
     com_m: tuple[float, float, float] | None = None
     inertia_kg_m2: float | tuple[float, float, float] | None = None
+    outline: Polygon | None = None
     path: Path | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
@@ -118,12 +122,28 @@ class Nominal:
             raise RecordingError(f"inertia: none may exceed the sum of the other two, got {list(moments)!r} kg m2.")
 
     @property
+    def centre_of_mass_m(self) -> tuple[float, float, float]:
+        """Centre of mass relative to the geometric centre, body axes."""
+        if self.com_m is not None or self.outline is None:
+            return self.com_m or (0.0, 0.0, 0.0)
+        x, y = map(float, self.outline.centroid_m)
+        return x, y, 0.0
+
+    @property
+    def volume_m3(self) -> float:
+        """Volume of the body."""
+        hx, hy, hz = self.half_size_m
+        return 8 * hx * hy * hz if self.outline is None else 2 * hz * self.outline.area_m2
+
+    @property
     def yaw_inertia_kg_m2(self) -> float:
-        """Inertia about the vertical through the centre of mass; uniform density: m (hx^2 + hy^2) / 3."""
+        """Inertia about the vertical through the centre of mass; uniform density: of a box m (hx^2 + hy^2) / 3."""
         if isinstance(self.inertia_kg_m2, tuple):
             return self.inertia_kg_m2[2]
         if self.inertia_kg_m2 is not None:
             return self.inertia_kg_m2
+        if self.outline is not None:
+            return self.mass_kg * float(np.trace(self.outline.spread_m2))
         hx, hy, _ = self.half_size_m
         return self.mass_kg * (hx**2 + hy**2) / 3
 

@@ -12,6 +12,7 @@ noise:                # optional; standard deviations; null, as a whole or one b
   velocity: 0.005     # m/s
   rate: 0.01          # rad/s
 com: [0, 0, 0]        # optional; m, relative to the geometric centre; two numbers: at mid-height
+outline: {disc: 0.05} # optional; what lies on the floor is no rectangle, see `runner.recording.outline`
 inertia: 0.5          # optional; kg m2, about the vertical through the centre of mass, or [Ixx, Iyy, Izz]
 """
 
@@ -23,8 +24,9 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, Field, ValidationError
 
-from runner.errors import RecordingError, nearest
+from runner.errors import LimitError, RecordingError, nearest
 from runner.recording.data import Noise, Nominal, Support
+from runner.recording.outline import check_outline, outline_of
 from runner.storage.checked import dotted, must, refusal, refused
 from runner.storage.writing import write_yaml
 from runner.storage.yaml_text import YamlError, read_yaml
@@ -81,6 +83,7 @@ class _Believed(BaseModel, extra="forbid"):
     noise: Annotated[_Noise, must(f"be null or hold {', '.join(map(repr, NOISE))}")] = _Noise()
     com: Annotated[list[_Metres], _several("m", 2, 3)] | None = None
     inertia: Annotated[list[_Moment], _several("kg m2", 1, 3)] | None = None
+    outline: Any = None
 
 
 REQUIRED = tuple(name for name, field in _Believed.model_fields.items() if field.is_required())
@@ -105,6 +108,16 @@ def read_nominal(path: str | Path) -> Nominal:
         raise RecordingError(f"{path}: {error}") from None
 
 
+def outline_file(folder: Path) -> Path | None:
+    """Return the table that `nominal.yaml` takes an outline from; None where it takes none, or can't be read."""
+    try:
+        content = read_yaml(folder / FILE)
+    except (YamlError, LimitError):
+        return None
+    named = content.get("outline") if isinstance(content, Mapping) else None
+    return folder / Path(named.partition("#")[0]).name if isinstance(named, str) else None
+
+
 def write_nominal(nominal: Nominal, path: str | Path) -> None:
     """Write `nominal.yaml` (to a file of that path) so that reading it gives the same values."""
     size, noise = nominal.half_size_m, nominal.noise
@@ -122,6 +135,8 @@ def write_nominal(nominal: Nominal, path: str | Path) -> None:
     if nominal.inertia_kg_m2 is not None:
         inertia = nominal.inertia_kg_m2
         content["inertia"] = [float(i) for i in inertia] if isinstance(inertia, tuple) else float(inertia)
+    if nominal.outline is not None:
+        content["outline"] = [list(point) for point in nominal.outline.points]
     write_yaml(Path(path), content)
 
 
@@ -160,6 +175,7 @@ def _nominal(content: Mapping, path: Path) -> Nominal:
         noise=Noise(**{field: getattr(believed.noise, key) for key, field in NOISE.items()}),
         com_m=None if believed.com is None else _triple([*believed.com, 0.0][:3]),
         inertia_kg_m2=None if inertia is None else inertia[0] if len(inertia) == 1 else _triple(inertia),
+        outline=None if believed.outline is None else outline_of(believed.outline, path.parent),
         path=path,
     )
     _check_units(nominal)
@@ -183,8 +199,12 @@ def _refused(error: ValidationError, content: Mapping) -> RecordingError:
 
 def _check_units(nominal: Nominal) -> None:
     """Refuse a density that no solid has and an inertia that no mass inside the box has: another unit."""
+    if nominal.outline is not None:
+        if nominal.contact is not Support.PATCH:
+            raise RecordingError("contact: the load of a body with an `outline` is spread over its base: 'patch'.")
+        check_outline(nominal.outline, nominal.half_size_m)
     hx, hy, hz = nominal.half_size_m
-    density = nominal.mass_kg / (8 * hx * hy * hz)
+    density = nominal.mass_kg / nominal.volume_m3
     least, most = DENSITY_KG_M3
     if not least <= density <= most:
         cause = "half_size in mm" if density < least else "mass in g, or half_size is that of something else"

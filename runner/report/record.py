@@ -19,7 +19,7 @@ from runner.report.missing_force import missing_force
 from runner.report.motions import Paths, replay, whole
 from runner.report.record_gap import WindowGap, blended, window_gaps
 from runner.report.record_layout import COLOURS, COMMAND, INK, MISSING, Eye, Tab, blueprint, drawn_channels, models
-from runner.report.record_shapes import ARCHETYPES, colours, kinds, shapes
+from runner.report.record_shapes import colours, colours_over_time, kinds, shapes
 from runner.report.statement import NONE, state
 from runner.systems.drawing import Shape
 from runner.viewer.rrd import written
@@ -132,7 +132,7 @@ class _Episode:
         t_s, strength = (np.zeros(1), np.zeros(1)) if self.gap is None else (self.gap.begin_s, self.gap.strength)
         each = [colours(body, kind, blended(float(s))) for s in strength]  # type: ignore[arg-type]
         packed = np.array(each, np.uint8).reshape(-1, 3)
-        columns = ARCHETYPES[kind].columns(colors=packed)
+        columns = colours_over_time(kind, packed)
         log.send_columns(entity, _index(t_s), columns.partition(np.full(len(each), len(each[0]))))
 
     def _send_ways(self, log: rr.RecordingStream) -> None:

@@ -46,6 +46,8 @@ def shapes(
         "colors": None if colour is None else colours(body, kind, colour, solid=solid),
         "fill_mode": "solid" if solid else "majorwireframe",
     }
+    if kind == "prism":
+        return _prism(of_kind[0], solid=solid, colour=colour, grown=grown, line_m=line_m)
     if kind == "box":
         return rr.Boxes3D(half_sizes=size, centers=at, quaternions=turned, radii=line_m, **look)
     look["line_radii"] = line_m
@@ -57,6 +59,35 @@ def shapes(
     # Rerun's capsule begins at its origin, MuJoCo's is centred there
     ends = [np.asarray(s.position_m) - _turned(s.quaternion_wxyz, np.array([0, 0, s.size_m[1]])) for s in of_kind]
     return rr.Capsules3D(lengths=lengths, radii=radii, translations=ends, quaternions=turned, **look)
+
+
+def _prism(shape: Shape, *, solid: bool, colour: Colour | None, grown: float, line_m: float) -> rr.AsComponents:
+    """Return an upright prism: a mesh, or the lines of its two ends."""
+    outline = shape.outline
+    assert outline is not None
+    height = grown * shape.size_m[2]
+    flat = outline.centroid_m + grown * (outline.corners - outline.centroid_m)
+    ends = [np.column_stack([flat, np.full(len(flat), z)]) + shape.position_m for z in (-height, height)]
+    if not solid:
+        closed = [np.vstack([end, end[:1]]) for end in ends]
+        return rr.LineStrips3D(closed, radii=line_m, colors=None if colour is None else [colour] * 2)
+    # each face has corners of its own, so that edges are sharp
+    n, side = len(flat), np.concatenate([np.stack(ends, 1), np.stack([np.roll(e, -1, 0) for e in ends], 1)], 1)
+    cap = np.array(outline.triangles())
+    wall = 2 * n + 4 * np.arange(n)[:, None]
+    faces = np.vstack([cap[:, ::-1], cap + n, wall + np.array([0, 2, 3]), wall + np.array([0, 3, 1])])
+    corners = np.vstack([*ends, side.reshape(-1, 3)])
+    out = np.roll(flat, -1, 0) - flat
+    normal = np.column_stack([out[:, 1], -out[:, 0], np.zeros(n)]) / np.linalg.norm(out, axis=1)[:, None]
+    normals = np.vstack([np.tile([0.0, 0, -1], (n, 1)), np.tile([0.0, 0, 1], (n, 1)), np.repeat(normal, 4, axis=0)])
+    return rr.Mesh3D(vertex_positions=corners, triangle_indices=faces, vertex_normals=normals, albedo_factor=colour)
+
+
+def colours_over_time(kind: str, packed: np.ndarray) -> rr.ComponentColumnList:
+    """Return the colours (N, 3) of shapes of a kind as columns, which are then partitioned by time."""
+    if kind == "prism":
+        return rr.Mesh3D.columns(albedo_factor=packed)
+    return ARCHETYPES[kind].columns(colors=packed)
 
 
 def colours(body: DrawnBody, kind: str, colour: Colour, *, solid: bool = True) -> list[Colour]:

@@ -37,6 +37,8 @@ class BodySize(PlanarEffect):
         points[:, 0] *= self.ratio_x
         points[:, 1] *= self.ratio_y
         view["half_x"], view["half_y"] = half[0] * self.ratio_x, half[1] * self.ratio_y
+        view["base_x"], view["base_y"] = view["base_x"] * self.ratio_x, view["base_y"] * self.ratio_y
+        view["bearing_radius"] *= min(self.ratio_x, self.ratio_y)
         # of an even box, m (hx^2 + hy^2) / 3 about the vertical
         model.body_inertia[body] *= (math.hypot(view["half_x"], view["half_y"]) / math.hypot(*half)) ** 2
         mujoco.mj_setConst(model, target.scratch)

@@ -48,7 +48,7 @@ class ComOffset(PlanarEffect):
         return Phrase(
             "the centre of mass is off the geometric centre",
             f"by ({of.long('x_m')}, {of.long('y_m')}) along the object's own x and y",
-            f"Move the centre of mass to ({number(beliefs.com_m[0] + of['x_m'] if beliefs.com_m else of['x_m'])}, "
-            f"{number(beliefs.com_m[1] + of['y_m'] if beliefs.com_m else of['y_m'])}) m in body axes.",
+            f"Move the centre of mass to ({number(beliefs.centre_of_mass_m[0] + of['x_m'])}, "
+            f"{number(beliefs.centre_of_mass_m[1] + of['y_m'])}) m in body axes.",
             "Balance the object on an edge, once along each side.",
         )

@@ -34,6 +34,7 @@ Modules, in the order of their imports:
     kernel        sums over the base points: potential, its derivatives
     coefficients  friction coefficient of each point
     load          how the load spreads over the base
+    outline       base points of a base that is no rectangle
     points        base points in the axes of friction, and the direction of the slip
     settle        velocity and load at the end of an implicit step, together
     step          one implicit step, in parts where the motion turns round
@@ -45,6 +46,7 @@ from __future__ import annotations
 
 from runner.physics.dry_friction.binding import install
 from runner.physics.dry_friction.kernel import SLIP_EPS
+from runner.physics.dry_friction.outline import bearing_radius, outline_points
 from runner.physics.dry_friction.record import (
     COLUMN,
     FREE,
@@ -92,7 +94,9 @@ __all__ = [
     "FrictionRecord",
     "FrictionView",
     "base_points",
+    "bearing_radius",
     "corner_points",
     "install",
+    "outline_points",
     "pack",
 ]

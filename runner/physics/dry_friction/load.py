@@ -96,8 +96,30 @@ def lifted_share(share, turn, half, reach):
 
 
 @njit(error_model="numpy", forceinline=True)
-def onto_base(y, turn, reach):
+def lifted_points(n, rx, ry, w, share):
+    """Share of the base whose points bear nothing: what `lifted_share` is to a base of any outline."""
+    lifted = total = 0.0
+    for i in range(n):
+        total += w[i]
+        if share[0] + share[1] * rx[i] + share[2] * ry[i] <= 0.0:
+            lifted += w[i]
+    return lifted / total
+
+
+@njit(error_model="numpy", forceinline=True)
+def onto_base(y, turn, n, points):
     """Return the place of the base that is nearest to y (2), and how it follows y (3, row-major upper)."""
+    base = points.base
+    if base[3] > 0.0:
+        x, z = y[0] - base[0], y[1] - base[1]
+        if x * x + z * z < base[2] * base[2]:
+            return y, (1.0, 0.0, 1.0)
+        return _onto_hull(y, n, points.x, points.y, points.weight)
+    return _onto_rectangle(y, turn, points.reach)
+
+
+@njit(error_model="numpy", forceinline=True)
+def _onto_rectangle(y, turn, reach):
     cr, sr = turn
     x, z = cr * y[0] - sr * y[1], sr * y[0] + cr * y[1]
     free_x = free_y = 1.0
@@ -107,3 +129,54 @@ def onto_base(y, turn, reach):
         z, free_y = math.copysign(EDGE * reach[1], z), 0.0
     follow = (cr * cr * free_x + sr * sr * free_y, cr * sr * (free_y - free_x), sr * sr * free_x + cr * cr * free_y)
     return (cr * x + sr * z, cr * z - sr * x), follow
+
+
+@njit(error_model="numpy")
+def _onto_hull(y, n, rx, ry, w):
+    """Return what `onto_base` does for the convex hull of the points that bear, drawn in a little (`EDGE`).
+
+    The hull is gone round once, from its leftmost point (Jarvis 1973): loads seldom leave a base.
+    """
+    total = cx = cy = 0.0
+    first = -1
+    for i in range(n):
+        if w[i] > 0.0:
+            total, cx, cy = total + w[i], cx + w[i] * rx[i], cy + w[i] * ry[i]
+            if first < 0 or rx[i] < rx[first] or (rx[i] == rx[first] and ry[i] < ry[first]):
+                first = i
+    cx, cy = cx / total, cy / total
+    outside, nearest_2 = False, math.inf
+    place, follow = (cx, cy), (0.0, 0.0, 0.0)
+    here = first
+    for _ in range(n):
+        onward = -1
+        for i in range(n):
+            if w[i] > 0.0 and i != here:
+                if onward < 0:
+                    onward = i
+                    continue
+                ax, ay, bx, by = rx[onward] - rx[here], ry[onward] - ry[here], rx[i] - rx[here], ry[i] - ry[here]
+                cross = ax * by - ay * bx
+                if cross < 0.0 or (cross == 0.0 and bx * bx + by * by > ax * ax + ay * ay):
+                    onward = i
+        if onward < 0:
+            break
+        ax, ay = cx + EDGE * (rx[here] - cx), cy + EDGE * (ry[here] - cy)
+        sx, sy = EDGE * (rx[onward] - rx[here]), EDGE * (ry[onward] - ry[here])
+        dx, dy = y[0] - ax, y[1] - ay
+        if sx * dy - sy * dx < 0.0:
+            outside = True
+        long_2 = sx * sx + sy * sy
+        part = (sx * dx + sy * dy) / long_2
+        along = min(max(part, 0.0), 1.0)
+        ex, ey = dx - along * sx, dy - along * sy
+        if ex * ex + ey * ey < nearest_2:
+            nearest_2 = ex * ex + ey * ey
+            place = ax + along * sx, ay + along * sy
+            follow = (sx * sx / long_2, sx * sy / long_2, sy * sy / long_2) if along == part else (0.0, 0.0, 0.0)
+        here = onward
+        if here == first:
+            break
+    if not outside:
+        return y, (1.0, 0.0, 1.0)
+    return place, follow

@@ -12,6 +12,7 @@ from runner.physics.dry_friction.matrix3 import Symmetric, Triple, solve
 from runner.physics.dry_friction.record import COLUMN, POINT_STRIDE, STRIDE
 
 FILM, PRESSURE = COLUMN["film"], COLUMN["pressure"]
+BASE_X, BASE_Y, BEARING_RADIUS = COLUMN["base_x"], COLUMN["base_y"], COLUMN["bearing_radius"]
 
 
 class Points(NamedTuple):
@@ -27,6 +28,7 @@ class Points(NamedTuple):
     whole: np.ndarray  # (9,), `moments` of all weights
     share: np.ndarray  # (12,), a, b, c of the load, and `moments` of the weights that bear
     reach: tuple[float, float]  # of the outermost points, in body axes
+    base: tuple[float, float, float, float]  # a disc that surely bears: centre, radius; above 0: an outline
     films: Symmetric  # damping by the film
 
 
@@ -47,6 +49,7 @@ def lay_out(record, n, turn):
     film, pressure = record[FILM], record[PRESSURE]
     f0 = f2 = f4 = f5 = 0.0
     reach_x = reach_y = total = 0.0
+    bears = record[BEARING_RADIUS]
     for i in range(n):
         j = STRIDE + POINT_STRIDE * i
         bx, by = record[j], record[j + 1]
@@ -57,6 +60,8 @@ def lay_out(record, n, turn):
         if w[i] > 0.0:
             reach_x = max(reach_x, abs(bx))
             reach_y = max(reach_y, abs(by))
+        else:
+            bears = 0.0
         if film > 0.0:
             z = film * record[j + 2]
             f0 += z
@@ -64,9 +69,11 @@ def lay_out(record, n, turn):
             f4 += z * rx[i]
             f5 += z * (rx[i] * rx[i] + ry[i] * ry[i])
     films = (f0, 0.0, f2, f0, f4, f5)
+    base_x, base_y = record[BASE_X], record[BASE_Y]
+    base = (cr * base_x + sr * base_y, cr * base_y - sr * base_x, bears, record[BEARING_RADIUS])
     points = Points(
         rx, ry, w, np.empty(n), np.empty(n), np.empty(n), np.empty(10), np.empty(9), np.empty(12),
-        (reach_x, reach_y), films,
+        (reach_x, reach_y), base, films,
     )  # fmt: skip
     return points, total
 

@@ -64,9 +64,13 @@ class FrictionRecord:
     mass_leak: float = 0.0
     # load carried by the base points besides the weight share: w_k (1 + pressure * shape_k)
     pressure: float = 0.0
-    # half sizes of the base, to tell how much of it is lifted
+    # half sizes of the base, to tell how much of it is lifted; of an outline those of a rectangle with its spread
     half_x: float = 0.0
     half_y: float = 0.0
+    # of an outline: a disc that lies within the hull of the base points, centre and radius; 0: the base is a rectangle
+    base_x: float = 0.0
+    base_y: float = 0.0
+    bearing_radius: float = 0.0
 
 
 FIELDS = tuple(f.name for f in fields(FrictionRecord))
@@ -103,17 +107,20 @@ def base_points(half_x: float, half_y: float, n: int = 8) -> np.ndarray:
     nodes, weights = np.polynomial.legendre.leggauss(n)
     x, y = (a.ravel() for a in np.meshgrid(nodes, nodes, indexing="ij"))
     w = np.outer(weights, weights).ravel() / 4.0
-    return _with_shape(x * half_x, y * half_y, w, np.maximum(abs(x), abs(y)))
+    return with_pressure_shape(x * half_x, y * half_y, w, np.maximum(abs(x), abs(y)))
 
 
 def corner_points(half_x: float, half_y: float) -> np.ndarray:
     """Return the four corners as base points, shape (4, 4), for an object that bears on its corners only."""
     x, y = np.array([1.0, 1, -1, -1]), np.array([1.0, -1, 1, -1])
-    return _with_shape(x * half_x, y * half_y, np.full(4, 0.25), np.ones(4))
+    return with_pressure_shape(x * half_x, y * half_y, np.full(4, 0.25), np.ones(4))
 
 
-def _with_shape(x: np.ndarray, y: np.ndarray, w: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    # radius: 0 at the middle, 1 at the edge. 2 r^2 - 1 has mean 0 over the square, as r^2 averages 1/2.
+def with_pressure_shape(x: np.ndarray, y: np.ndarray, w: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """Return base points (n, 4) with a rim-heavy pressure's shape at them; `radius`: 0 in the middle, 1 at the edge.
+
+    2 r^2 - 1 has mean 0 over a square and over any outline around its middle, as r^2 averages 1/2.
+    """
     shape = 2.0 * radius**2 - 1.0
     shape = shape - np.sum(w * shape)
     return np.column_stack([x, y, w, shape])

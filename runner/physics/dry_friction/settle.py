@@ -162,7 +162,7 @@ def settle(record, n, h, v, x, y, centre, follow, to_rest, to_average, body, bal
     rounding = 1e-14 * (abs(b[0]) + abs(b[1]) + abs(b[2]) / size) + 1e-300
     for outer in range(40):
         if outer > 0:
-            centre, follow = onto_base(y, body.turn, points.reach)
+            centre, follow = onto_base(y, body.turn, n, points)
             share_load(
                 n, points.x, points.y, points.weight, centre, body.weight, points.whole, points.load, points.share
             )
@@ -175,7 +175,7 @@ def settle(record, n, h, v, x, y, centre, follow, to_rest, to_average, body, bal
         # where the centre of the load must be under this friction
         e0 = free[0] + lever * b[0] + l0 * x[0] + l1 * x[1] + l2 * x[2] - y[0]
         e1 = free[1] + lever * b[1] + n0 * x[0] + n1 * x[1] + n2 * x[2] - y[1]
-        wanted, _follow = onto_base((y[0] + e0, y[1] + e1), body.turn, points.reach)
+        wanted, _follow = onto_base((y[0] + e0, y[1] + e1), body.turn, n, points)
         if outer > 0 and abs(wanted[0] - centre[0]) + abs(wanted[1] - centre[1]) < 1e-8:
             y = (y[0] + e0, y[1] + e1)
             if not to_average:

@@ -16,7 +16,7 @@ from numba import njit
 
 from runner.physics.dry_friction.coefficients import depends_on_speed
 from runner.physics.dry_friction.kernel import derivatives, gradient_by_load
-from runner.physics.dry_friction.load import lifted_share, moments, onto_base, share_load
+from runner.physics.dry_friction.load import lifted_points, lifted_share, moments, onto_base, share_load
 from runner.physics.dry_friction.matrix3 import Symmetric, Triple, along, dot, plus, solve, solve_any, times
 from runner.physics.dry_friction.points import anisotropy, lay_out, set_coefficients
 from runner.physics.dry_friction.record import COLUMN
@@ -76,7 +76,7 @@ def _friction_at_start(n, v, body, points, axes):
         1.0, free[0], free[1],
     )  # fmt: skip
     y = (a * whole[1] + b * whole[3] + c * whole[4], a * whole[2] + b * whole[4] + c * whole[5])
-    centre, follow = onto_base(y, body.turn, points.reach)
+    centre, follow = onto_base(y, body.turn, n, points)
     share_load(n, points.x, points.y, points.weight, centre, body.weight, whole, points.load, share)
     if share[3] == whole[0] and follow[0] == 1.0 and follow[2] == 1.0:
         rub = (
@@ -102,8 +102,10 @@ def _theta(h, v, mass, force, by_force, rub, by_rub, stiff):
 
 
 @njit(error_model="numpy", forceinline=True)
-def _lifted(record, points, turn, follow, y):
+def _lifted(record, n, points, turn, follow, y):
     """Return the share of the base that is lifted under the load that the moments ask for, its centre at y."""
+    if points.base[3] > 0.0:
+        return lifted_points(n, points.x, points.y, points.weight, points.share)
     whole, share, half = points.whole, points.share, (record[HALF_X], record[HALF_Y])
     lifted = lifted_share(share, turn, half, points.reach)
     if follow[0] < 1.0 or follow[2] < 1.0:
@@ -172,7 +174,7 @@ def implicit_step(record, n, h, v, body):
         x, y, follow = settle(
             record, n, h, v, x, y, centre, follow, to_rest, speed_counts and to_rest, body, balance, points, axes
         )
-        lifted = _lifted(record, points, body.turn, follow, y)
+        lifted = _lifted(record, n, points, body.turn, follow, y)
     else:
         x = solve(*balance.q, *balance.b)
     # from the balance of momentum: exact also where the regularised friction is stiff

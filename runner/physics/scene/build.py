@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 from dm_control import mjcf
 from numpy.typing import ArrayLike
 
+from runner.numerics.polygon import Polygon
 from runner.physics import dry_friction
 from runner.physics.scene.config import Base, BodyConfig, Dof, FloorContact, SceneConfig
 
@@ -25,16 +27,24 @@ def push_columns(force_n: ArrayLike, point_m: ArrayLike) -> np.ndarray:
     return np.concatenate([force, moment.reshape(*moment.shape[:-2], 9)], axis=-1)
 
 
-def build(scene: SceneConfig, bodies: Mapping[str, BodyConfig]) -> mjcf.RootElement:
-    """Return the MJCF of a floor and these bodies, all starting at the origin, none touching another."""
+def build(
+    scene: SceneConfig, bodies: Mapping[str, BodyConfig], outlines: Mapping[str, Polygon] = MappingProxyType({})
+) -> mjcf.RootElement:
+    """Return the MJCF of a floor and these bodies, all starting at the origin, none touching another.
+
+    Args:
+        scene: What they share.
+        bodies: By name.
+        outlines: Of those whose base is no rectangle, relative to the body frame; they need `FloorContact.patch`.
+    """
     dry_friction.install()
     root = mjcf.RootElement(model="runner")
     root.option.timestep = scene.timestep_s
     root.option.gravity = (0.0, 0.0, -scene.gravity_m_s2)
     root.size.nuserdata = dry_friction.USERDATA_SIZE * len(bodies)
-    root.size.nuser_body = dry_friction.STRIDE + (
-        dry_friction.POINT_STRIDE * scene.grid**2 if scene.contact is FloorContact.patch else 0
-    )
+    bases = {name: _base_points(scene, body, outlines.get(name)) for name, body in bodies.items()}
+    most = max(map(len, bases.values()), default=0)
+    root.size.nuser_body = dry_friction.STRIDE + dry_friction.POINT_STRIDE * most
     if scene.contact is FloorContact.patch:
         root.option.flag.contact = "disable"
         root.option.flag.constraint = "disable"
@@ -44,11 +54,43 @@ def build(scene: SceneConfig, bodies: Mapping[str, BodyConfig]) -> mjcf.RootElem
         root.option.impratio = _impratio(scene)
     root.worldbody.add("geom", name="floor", type="plane", size=(50, 50, 1), contype=0, conaffinity=0)
     for i, (name, body) in enumerate(bodies.items()):
-        _add_body(root, scene, name, body, dry_friction.USERDATA_SIZE * i)
+        record = dry_friction.FrictionRecord(push_adr=dry_friction.USERDATA_SIZE * i)
+        if name in outlines:
+            _describe(record, outlines[name], bases[name])
+        else:
+            record.half_x, record.half_y, _ = body.half_size_m
+        _add_body(root, scene, name, body, record, bases[name])
     return root
 
 
-def _add_body(root: mjcf.RootElement, scene: SceneConfig, name: str, body: BodyConfig, push_adr: int) -> None:
+def _base_points(scene: SceneConfig, body: BodyConfig, outline: Polygon | None) -> np.ndarray:
+    """Return the base points of a body, (n, 4); none where MuJoCo's contacts carry it."""
+    hx, hy, _ = body.half_size_m
+    if scene.contact is not FloorContact.patch:
+        return np.empty((0, dry_friction.POINT_STRIDE))
+    if outline is not None:
+        return dry_friction.outline_points(outline, scene.grid)
+    return (
+        dry_friction.base_points(hx, hy, scene.grid) if body.base is Base.even else dry_friction.corner_points(hx, hy)
+    )
+
+
+def _describe(record: dry_friction.FrictionRecord, outline: Polygon, points: np.ndarray) -> None:
+    """Enter a base of any outline into a body's record."""
+    # a rectangle has half its edge squared over three
+    record.half_x, record.half_y = map(float, np.sqrt(3 * np.diag(outline.spread_m2)))
+    record.base_x, record.base_y = map(float, outline.centroid_m)
+    record.bearing_radius = dry_friction.bearing_radius(points)
+
+
+def _add_body(
+    root: mjcf.RootElement,
+    scene: SceneConfig,
+    name: str,
+    body: BodyConfig,
+    record: dry_friction.FrictionRecord,
+    points: np.ndarray,
+) -> None:
     hx, hy, hz = body.half_size_m
     joints = (
         dry_friction.FREE
@@ -57,16 +99,7 @@ def _add_body(root: mjcf.RootElement, scene: SceneConfig, name: str, body: BodyC
         if scene.contact is FloorContact.patch
         else dry_friction.UPRIGHT
     )
-    points = np.empty((0, dry_friction.POINT_STRIDE))
-    if scene.contact is FloorContact.patch:
-        points = (
-            dry_friction.base_points(hx, hy, scene.grid)
-            if body.base is Base.even
-            else dry_friction.corner_points(hx, hy)
-        )
-    record = dry_friction.FrictionRecord(
-        joints=joints, push_adr=push_adr, base_z=-hz, mu=body.friction, half_x=hx, half_y=hy
-    )
+    record.joints, record.base_z, record.mu = joints, -hz, body.friction
     z = hz if joints == dry_friction.PLANAR else hz - _penetration_m(scene)
     # simple="false": MuJoCo must not take the CoM for fixed at the frame, as it may move at run time
     element = root.worldbody.add(

@@ -49,11 +49,14 @@ def body_of(nominal: Nominal) -> BodyConfig:
     if isinstance(inertia, float | int):
         # only the yaw inertia is known; the others don't move a planar body
         inertia = (float(inertia), float(inertia), float(inertia))
+    elif inertia is None and nominal.outline is not None:
+        turning = nominal.yaw_inertia_kg_m2
+        inertia = (turning, turning, turning)
     return BodyConfig(
         mass_kg=nominal.mass_kg,
         friction=nominal.friction,
         half_size_m=nominal.half_size_m,
-        com_m=nominal.com_m or (0.0, 0.0, 0.0),
+        com_m=nominal.centre_of_mass_m,
         inertia_kg_m2=inertia,
         base=Base.corners if nominal.contact is Support.CORNERS else Base.even,
     )
@@ -126,7 +129,9 @@ class Simulator(AbstractSimulator):
             gravity_m_s2=self.recording.nominal.gravity_m_s2,
             grid=self.grid,
         )
-        root = build(scene, {OBJECT: body_of(self.recording.nominal)})
+        nominal = self.recording.nominal
+        outlines = {} if nominal.outline is None else {OBJECT: nominal.outline}
+        root = build(scene, {OBJECT: body_of(nominal)}, outlines)
         for effect in effects:
             effect.edit_mjcf(root, OBJECT)
         return root

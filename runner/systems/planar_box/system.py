@@ -162,9 +162,11 @@ class PlanarBox(AbstractSystem):
 
     def drawn(self) -> tuple[DrawnBody, ...]:
         """Return the box, with a mark on its top that shows the heading."""
-        hx, hy, hz = self.recording.nominal.half_size_m
+        nominal = self.recording.nominal
+        hx, hy, hz = nominal.half_size_m
         mark = Shape("box", (0.12 * hx, 0.3 * hy, 0.01 * hz), (0.75 * hx, 0.0, hz))
-        return (DrawnBody(OBJECT, (Shape("box", (hx, hy, hz)), mark)),)
+        shape = "box" if nominal.outline is None else "prism"
+        return (DrawnBody(OBJECT, (Shape(shape, (hx, hy, hz), outline=nominal.outline), mark)),)
 
     def poses(self, episode: int, channels: FloatArray) -> dict[str, FloatArray]:
         """See `AbstractSystem`."""
@@ -181,7 +183,7 @@ class PlanarBox(AbstractSystem):
         size = " × ".join(number(2 * h) for h in nominal.half_size_m)
         borne = "under the whole base" if nominal.contact is Support.PATCH else "at the corners"
         return (
-            ("object", f"box of {size} m, {number(nominal.mass_kg)} kg"),
+            ("object", f"{'box' if nominal.outline is None else 'plate'} of {size} m, {number(nominal.mass_kg)} kg"),
             ("friction", f"{nominal.friction:.3g}, {borne}"),
             ("gravity", f"{nominal.gravity_m_s2:.4g} m/s²"),
         )
