@@ -16,18 +16,22 @@ ONE_BLAS_THREAD := OPENBLAS_NUM_THREADS=1
 # nothing is compiled to bytecode beforehand: Python does it for what it imports, which is a part
 INSTALL = $(BIN)/pip install --quiet --no-compile --constraint constraints.txt
 
-.PHONY: run test check golden fuzz faults soak venv reference site wheel clean
+.PHONY: run test check compiled golden fuzz faults soak venv reference site wheel clean
 
 run: $(STAMP)  ## The published experiment; other commands: make run ARGS="gap examples/..."
 	@$(BIN)/python -m runner $(ARGS)
 
-test: $(FULL) check  ## Style, types, tests
+test: $(FULL)  ## Style, types, tests
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target check compiled
 	@$(ONE_BLAS_THREAD) $(BIN)/python -m pytest --numprocesses auto --dist worksteal $(ARGS)
 
 check: $(FULL)
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/pyright
+
+compiled: $(FULL)  # what every process of the tests would compile for itself, while types are checked
+	@$(ONE_BLAS_THREAD) $(BIN)/python -m tests.compiled
 
 golden: $(FULL)  ## Every number of all golden verdicts; ARGS=--refresh writes them anew
 	@$(BIN)/python -m tests.golden $(ARGS)

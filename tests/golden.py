@@ -19,28 +19,41 @@ from typing import Any
 
 from runner.blind.make import make_cases
 from runner.blind.planar_box.case import PlanarBoxMaker
+from runner.diagnosis.pipeline import diagnose
+from runner.diagnosis.verdict import ALL
 from runner.effects.planar_box import DeadBand, ViscousDrag
-from runner.outputs.many import diagnose_many
+from runner.outputs.many import collect, diagnose_many, write_all
 from runner.recording import write_case
+from runner.systems.case import open_case
 from tests.cases import made
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / "tests" / "golden.json"
 PRACTICE = ROOT.parent / "shared" / "practice"
 SEED, MADE = 18, 8
-# One effect that a verdict may name and one that it may not, each in so many episodes. Of a size at which every number
-# is the same whichever kernels the linear algebra takes: a gap of thousands of squared noises amplifies rounding.
-SMALL = {"small_viscous_drag": (ViscousDrag(0.3), 3), "small_dead_band": (DeadBand(0.6), 4)}
+# Nothing, one effect that a verdict may name and one that it may not, each in so many episodes. Of a size at which
+# every number is the same whichever kernels the linear algebra takes: a gap of thousands of squared noises amplifies
+# rounding.
+SMALL = {
+    "small_nothing_differs": ((), 3),
+    "small_viscous_drag": ((ViscousDrag(0.3),), 3),
+    "small_dead_band": ((DeadBand(0.6),), 4),
+}
 RTOL = 1e-6  # rounding is amplified by searches that take hundreds of steps
 FAINT = 1e-6  # a probability below is none, however many digits it has
 
 
 def quick(folder: Path) -> dict[str, Path]:
     """Return the cases by name whose making takes no time: examples, and small ones that are made in a folder."""
-    for name, (effect, episodes) in SMALL.items():
-        recording, _ = made((effect,), seed=4, episodes=episodes, seconds=3.0)
-        write_case(recording, folder / "small" / name)
-    return found_in(ROOT / "examples" / "cases", folder / "small")
+    return small(folder / "small") | found_in(ROOT / "examples" / "cases")
+
+
+def small(folder: Path) -> dict[str, Path]:
+    """Make the small cases in a folder, and return them by name."""
+    for name, (effects, episodes) in SMALL.items():
+        recording, _ = made(effects, seed=4, episodes=episodes, seconds=3.0)
+        write_case(recording, folder / name)
+    return found_in(folder)
 
 
 def cases(folder: Path) -> dict[str, Path]:
@@ -76,11 +89,22 @@ def differences(found: Any, golden: Any, at: str = "") -> Iterator[str]:
 
 
 def diagnosed(chosen: dict[str, Path], folder: Path) -> dict[str, Any]:
-    """Return the verdicts of cases."""
+    """Return the verdicts of cases, found side by side."""
     failed = diagnose_many(chosen, folder)
     if failed:
         raise SystemExit("\n".join(f"{name}: {problem}" for name, problem in failed.items()))
-    found = json.loads((folder / "verdicts.json").read_text(encoding="utf-8"))
+    return without_provenance(json.loads((folder / ALL).read_text(encoding="utf-8")))
+
+
+def diagnosed_here(chosen: dict[str, Path], folder: Path) -> dict[str, Any]:
+    """Return the same, found in this process and without reports: no other has to import all of it first."""
+    for name, case in chosen.items():
+        write_all(diagnose(open_case(case), threads=1), folder / name, report=False, provenance={})
+    return without_provenance(collect(folder, chosen))
+
+
+def without_provenance(found: dict[str, Any]) -> dict[str, Any]:
+    """Return verdicts by name as they are compared."""
     # versions and hashes of what was diagnosed are none of what a verdict says
     return {name: {k: v for k, v in verdict.items() if k != "provenance"} for name, verdict in found.items()}
 

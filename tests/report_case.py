@@ -100,6 +100,7 @@ def diagnosis() -> Any:
             closable_closed=0.98,
         ),
         rivals=(),
+        abstention=None,
         excess=0.01,
         nominal_excess=4.0,
         seconds=12.0,

@@ -68,7 +68,7 @@ def found(tilted: Recording) -> Diagnosis:
 
 def test_an_effect_of_no_size_is_none() -> None:
     """A recording of the nominal model itself needs no effect."""
-    diagnosis = diagnose(PlanarBox(recorded((fx.Friction(NOMINAL.friction),))), threads=1)
+    diagnosis = diagnose(PlanarBox(recorded((fx.Friction(NOMINAL.friction),))), threads=1, advise=False)
     assert diagnosis.ranked[0].effects == ("none",)
     assert diagnosis.effects == ()
     assert diagnosis.gap_closed == 0.0
@@ -101,7 +101,7 @@ def test_the_same_recording_gives_the_same_verdict(tilted: Recording, found: Dia
     late = dataclasses.replace(
         tilted, episodes=tuple(dataclasses.replace(e, t_s=e.t_s + 17.0) for e in tilted.episodes)
     )
-    again = verdict(diagnose(PlanarBox(late), threads=1))
+    again = verdict(diagnose(PlanarBox(late), threads=1, advise=False))
     first = verdict(found)
     for a, b in zip(first["ranked"], again["ranked"], strict=True):
         assert a["effects"] == b["effects"]
@@ -119,7 +119,7 @@ def test_a_turned_world_turns_the_answer(tilted: Recording, found: Diagnosis) ->
             for e in tilted.episodes
         ),
     )
-    before, after = found.ranked[0], diagnose(PlanarBox(turned), threads=1).ranked[0]
+    before, after = found.ranked[0], diagnose(PlanarBox(turned), threads=1, advise=False).ranked[0]
     assert after.effects == before.effects
     name = before.effects[0]
     for key, value in before.parameters[name].items():
@@ -209,7 +209,7 @@ def test_what_fails_on_unseen_episodes_loses_its_lead(tilted: Recording) -> None
 
 def test_a_hair_s_breadth_is_no_effect() -> None:
     """Friction off by 0.05 % explains some of the noise's whims and nothing that matters."""
-    diagnosis = diagnose(PlanarBox(recorded((fx.Friction(NOMINAL.friction * 1.0005),))), threads=1)
+    diagnosis = diagnose(PlanarBox(recorded((fx.Friction(NOMINAL.friction * 1.0005),))), threads=1, advise=False)
     assert diagnosis.ranked[0].effects == ("none",)
 
 

@@ -7,15 +7,12 @@ from pathlib import Path
 
 from tests import golden
 
-SLICE = ("nothing_differs", "small_viscous_drag", "small_dead_band")
-
 
 def test_verdicts_are_as_they_were(tmp_path: Path) -> None:
     """Every number of three verdicts is what was agreed upon: nothing is at work, an effect, one that has no name."""
     known = json.loads(golden.FILE.read_text(encoding="utf-8"))
-    every = golden.quick(tmp_path)
-    found = golden.diagnosed({n: every[n] for n in SLICE}, tmp_path / "verdicts")
-    assert {n: list(golden.differences(v, known[n])) for n, v in found.items()} == {n: [] for n in SLICE}
+    found = golden.diagnosed_here(golden.small(tmp_path / "cases"), tmp_path / "verdicts")
+    assert {n: list(golden.differences(v, known[n])) for n, v in found.items()} == {n: [] for n in golden.SMALL}
 
 
 def test_a_difference_is_found() -> None:
@@ -35,4 +32,4 @@ def test_a_difference_is_found() -> None:
 def test_the_slice_has_every_kind_of_verdict() -> None:
     """What the slice compares with is there: first answers `none`, an effect, and `unknown`."""
     known = json.loads(golden.FILE.read_text(encoding="utf-8"))
-    assert [known[name]["ranked"][0]["effects"] for name in SLICE] == [["none"], ["viscous_drag"], ["unknown"]]
+    assert [known[name]["ranked"][0]["effects"] for name in golden.SMALL] == [["none"], ["viscous_drag"], ["unknown"]]

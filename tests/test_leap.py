@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +14,7 @@ from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.noise.measured import measure
 from runner.report import words
 from runner.systems.mechanism import MechanismSystem
+from runner.systems.mechanism.stretches import _longer_steps
 from tests.mechanism_cases import system_of, write_case
 from tests.servo_arm import JOINTS, NOMINAL, recorded, written
 
@@ -55,6 +59,30 @@ def test_two_causes_are_found_in_one_leap(arm: MechanismSystem) -> None:
     assert values["servo_gain[shoulder]"] == values["servo_gain[elbow]"]
     assert values["servo_gain[elbow]"]["ratio"] == pytest.approx(0.8, abs=0.002)
     assert values["mass[forearm]"]["mass_kg"] == pytest.approx(0.52, abs=0.002)
+
+
+def test_with_another_account_of_the_noise_nothing_is_simulated_again(arm: MechanismSystem) -> None:
+    """What every effect does around a fit is what a fresh survey says, to the last digit, once it is whitened anew."""
+    fitter = Fitter(arm, arm.simulator(threads=1), measure(arm))
+    nominal, every = fitter.fit(NONE, range(2), iterations=2), directions(arm)
+    sensitivities(fitter, nominal, every)
+    before_s = fitter.simulator.simulated_s
+    noisier = replace(fitter, measured=replace(fitter.measured, sigma=1.5 * fitter.measured.sigma))
+    again = sensitivities(noisier, nominal, every)
+    assert fitter.simulator.simulated_s == before_s
+    fresh = sensitivities(replace(noisier, surveys=deque(maxlen=1)), nominal, every)
+    assert fitter.simulator.simulated_s > before_s
+    for a, b in zip(again.columns, fresh.columns, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_steps_of_surveys_divide_or_hold_the_sample_period() -> None:
+    """About half of the one before, none above 10 ms, none that is no longer than those of fits."""
+    assert _longer_steps(0.01, 0.01 / 3) == pytest.approx([0.01, 0.005])
+    assert _longer_steps(0.02, 0.002) == pytest.approx([0.01, 0.005, 0.0025])
+    assert _longer_steps(0.004, 0.004 / 3) == pytest.approx([0.008, 0.004, 0.002])
+    assert _longer_steps(0.001, 0.001) == pytest.approx([0.01, 0.005, 0.002])
+    assert _longer_steps(0.05, 0.01) == []
 
 
 def test_what_all_share_is_one_effect(arm: MechanismSystem) -> None:

@@ -59,6 +59,17 @@ def test_parts_of_a_figure_add_up(radii: list[float], limit: float, axis: int) -
     np.testing.assert_allclose(sum(a * c for a, c in parts), figure.area_m2 * figure.centroid_m, atol=1e-9)
 
 
+def test_mean_distance_from_a_place() -> None:
+    """From its middle that of a disc is 2/3 of its radius; elsewhere it is that of many points."""
+    assert Polygon.ellipse(1.0, 1.0).mean_distance_m(np.zeros(2)) == pytest.approx(2 / 3, rel=1e-4)
+    middles = (np.arange(200) + 0.5) / 200
+    x, y = (2 * middles, middles)
+    square = Polygon.of(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]]))
+    for place in ([0.5, 0.2], [3.0, -1.0]):
+        many = np.hypot(x[:, None] - place[0], y - place[1]).mean()
+        assert square.mean_distance_m(np.array(place)) == pytest.approx(many, rel=1e-4)
+
+
 def test_lines_that_cross_themselves_are_told() -> None:
     """A bow tie and a line that comes back to an edge cross; bent figures and stars do not."""
     assert Polygon.of(BENT).crossing() is None

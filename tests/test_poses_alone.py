@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from runner.effects.planar_box import Friction
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.noise.measured import measure
 from runner.systems.case import open_case
@@ -52,6 +53,7 @@ def test_friction_is_found_from_poses_alone(system: PlanarBox) -> None:
     explanation = Explanation((system.vocabulary.by_name["friction"][0],))
     fit = fitter.fit(explanation, episodes, starts=fitter.fit(NONE, episodes).starts)
     (friction,) = explanation.make(fit.x, fitter.context)
+    assert isinstance(friction, Friction)
     error = float(np.sqrt(1.0 / sum(float(j[:, 0] @ j[:, 0]) for j in fit.jacobian)))
     assert abs(np.log(friction.mu / TRUE)) < 4 * error < 0.01
     assert fit.total / measured.count(episodes) == pytest.approx(1.0, abs=0.1)

@@ -6,13 +6,17 @@ import io
 import math
 import re
 from dataclasses import fields
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from rich.console import Console
 
+from runner.diagnosis.result import Abstention, Nearest
 from runner.effects.planar_box import EFFECTS
 from runner.effects.wording import plus_minus
+from runner.localise.likeness import Likeness
 from runner.report import html, words
 from runner.report.terminal import summary
 from tests.report_case import changed, diagnosis, ranked, said
@@ -79,6 +83,37 @@ def test_verdict_of_unknown(found: Any) -> None:
     text = words.verdict(changed(found, ranked=order))
     assert text.startswith("Something is going on that none of the known effects explains (probability 0.90).")
     assert "With the nearest of them, friction, the simulator misses 40 % less" in text
+
+
+def test_what_is_unknown_is_told_by_what_comes_near_and_by_how_it_looks(found: Any) -> None:
+    """Value and closure of the nearest, where most is left, what speaks against each, and what the rest goes with."""
+    table = found.closure.table.assign(after=lambda t: t["noise"] * np.where(t["channel"] == "wz", 3.0, 1.1))
+    values = {"parameters": found.ranked[0].parameters, "errors": found.ranked[0].errors, "gap_closed": 0.87}
+    near, far = (
+        ranked(("friction",), 0.08, **values),
+        ranked(("wind",), 0.01, parameters={"wind": {"force_n": 0.4, "direction_rad": 1.0}}),
+    )
+    looks = (Likeness("fx_n", "towards world x [N]", 0.12, (("its speed", 0.48), ("the time", 0.2))),)
+    helps = Abstention(
+        (Nearest(near, 0.87, 0.06, 0.08, 0.0, ()), Nearest(far, -0.1, 0.3, 1.2, 45.6, ("wind",))), found.where, looks
+    )
+    closure = SimpleNamespace(**{**vars(found.closure), "table": table})
+    unsure = changed(found, ranked=(ranked(("unknown",), 0.9), near, far), abstention=helps, closure=closure)
+    shown = " ".join(printed(unsure).split())
+    for part in (
+        "The floor is more slippery than believed: friction 0.2704 ± 0.0012 instead of 0.300. With that the simulator "
+        "misses 87 % less on episodes that were not fitted. Against it: it leaves 6 % of what is missed where it was "
+        "fitted (mean squares).",
+        "With that the simulator does not come closer on episodes that were not fitted. Against it: it leaves 30 % of "
+        "what is missed where it was fitted (mean squares), it does not hold on episodes that were not fitted: 120 % "
+        "is left there, it is 46 natural log units less likely than the first and wind does not stand out of its own "
+        "error.",
+        "With the nearest, what is left is 151 % over the noise (mean squares), most of it in the yaw rate (88 %).",
+        "Towards world x: 0.12 N is missing (root mean square). It goes along with its speed (48 %) and the time "
+        "(20 %).",
+    ):
+        assert part in shown
+        assert part in " ".join(said(html.render(unsure)).split())
 
 
 def test_a_correction_that_does_not_help_is_not_praised(found: Any) -> None:

@@ -71,7 +71,7 @@ def made(
             table=pd.DataFrame(rows), gap_closed_low=gap_closed - 0.01, gap_closed_high=gap_closed + 0.01,
             closable_closed=closable,
         ),
-        where=None, rivals=(), next_push=None, notes=("A caveat.",),
+        where=None, rivals=(), abstention=None, next_push=None, notes=("A caveat.",),
     )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ from runner.errors import WriteError
 from runner.recording.data import Nominal
 from runner.recording.nominal import write_nominal
 from runner.storage.writing import replacing, write_json, write_parquet, write_text, write_yaml
-from runner.teleop.tables import append_line, read_summary, whole_lines, write_summary
+from runner.teleop.tables import ROWS, Ledger, append_line, read_summary, whole_lines, write_summary
 from runner.viewer.rrd import written
 
 BYTES = 2000  # what the disk takes of each file
@@ -154,3 +154,17 @@ def test_a_place_that_cannot_be_written_to_is_said(place: str, tmp_path: Path) -
     with pytest.raises(WriteError, match=rf"{place}: can't be written: "):
         write_text(tmp_path / place, "text")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder"]
+
+
+def test_links_in_a_sweep_of_somebody_else_lead_nowhere(tmp_path: Path) -> None:
+    """Neither a file of notes nor their folder may be a link: what the user owns elsewhere stays as it is."""
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "settings").write_text("mine")
+    (tmp_path / "line.jsonl").symlink_to(mine / "settings")
+    with pytest.raises(WriteError, match="can't be written"):
+        append_line(tmp_path / "line.jsonl", {"job": 0, "rows": []})
+    (tmp_path / ROWS).symlink_to(mine)
+    with pytest.raises(WriteError, match="is a link"):
+        Ledger(tmp_path, 0)
+    assert {f.name: f.read_text() for f in mine.iterdir()} == {"settings": "mine"}

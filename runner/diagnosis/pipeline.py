@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from runner.diagnosis.abstention import abstention
 from runner.diagnosis.advice import found_rivals, next_push
 from runner.diagnosis.attempt import attempt, unseen_only
 from runner.diagnosis.closure import close
@@ -76,6 +77,8 @@ def diagnose(
     closure = close(replayed, fitter.measured, fitter, effects, regimes)
     ranked = tuple(replace(r, gap_closed=closure.gap_closed) if r.values == effects else r for r in ranked)
     disturbances = dated_disturbances(system, simulator, effects, measured) if system.dates_disturbances else ()
+    corrected = effects, measured, corrected_starts, found.stretches
+    helps = abstention(ranked, confirmed, fitter, where, corrected)
     if advise:
         observer.stage("trying what could be taken for it, and what would tell")
     return Diagnosis(
@@ -99,6 +102,7 @@ def diagnose(
         simulated_s=simulator.simulated_s,
         next_push=next_push(ranked, searched, fitter, threads) if advise else None,
         rivals=found_rivals(top, fitter) if advise else (),
+        abstention=helps,
         disturbances=disturbances,
         notes=notes(
             recording,

@@ -11,6 +11,7 @@ import pandas as pd
 from runner.effects.base import Effects
 from runner.inference.confounding import Rival
 from runner.localise.dated import DatedDisturbance
+from runner.localise.likeness import Likeness
 from runner.localise.where import Where
 from runner.noise.measured import Measured
 from runner.recording import Span
@@ -60,6 +61,40 @@ class Closure:
 
 
 @dataclass(frozen=True)
+class Nearest:
+    """An explanation that comes near where none holds, and what speaks against it.
+
+    Args:
+        ranked: It.
+        gap_closed: 1 - error after / error before, on the held-out episodes.
+        left_fitted: What it leaves of what was fitted, as a share of what the nominal model leaves (mean squares, both
+            less the noise's).
+        left_unseen: The same of the held-out episodes.
+        behind: By how much it is less likely than the first of those named, in natural log odds.
+        unsure: Which of its effects do not stand out of their own errors.
+    """
+
+    ranked: Ranked
+    gap_closed: float
+    left_fitted: float
+    left_unseen: float
+    behind: float
+    unsure: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Abstention:
+    """What is told where no explanation holds: the nearest, where the first of them still misses, and how.
+
+    `looks` are what the forces look like that are missing beside it.
+    """
+
+    nearest: tuple[Nearest, ...]
+    after: Where
+    looks: tuple[Likeness, ...]
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """All that `runner diagnose` says of a case; arrays and tables are not to be written to.
 
@@ -90,6 +125,7 @@ class Diagnosis:
     disturbances: tuple[DatedDisturbance, ...]
     notes: tuple[str, ...]
     rivals: tuple[Rival, ...] = ()
+    abstention: Abstention | None = None
 
     @property
     def recording(self) -> Any:

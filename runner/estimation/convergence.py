@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc  # of scipy.stats' import every command would wait for a second
 
 from runner.errors import ConfigError
 from runner.estimation.belief import observable
@@ -178,7 +178,7 @@ def _fit(experiment: Experiment, copies: Copies, some: Intervals, final: Mapping
     left = missed - slopes @ step
     spread = max(1.0, float(np.sqrt((left**2).sum() / max(len(left) - len(final), 1))))
     one = np.linalg.inv(normal / len(some.begin))
-    noise = float(stats.chi2.sf((missed**2).sum(), len(missed)))
+    noise = float(chdtrc(len(missed), (missed**2).sum()))
     return _Fit(step, np.sqrt(np.diag(covariance)), spread, np.sqrt(np.diag(one)), noise < SURE)
 
 

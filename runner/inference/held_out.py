@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runner.effects.base import Scope
+from runner.effects.vocabulary import Candidate
 from runner.inference.contender import Contender
 from runner.inference.evidence import directions, evidence, normal_equations, sensitivities, together
 from runner.inference.least_squares import NONE, Fit, Fitter, amplitudes
@@ -172,12 +173,15 @@ def doubted(contenders: Sequence[Contender], context: Scope, gap: float) -> list
 
 def unsure(contender: Contender, context: Scope, enough: float) -> float:
     """Return the log odds against effects that are no `enough` standard errors away from not being there."""
-    x, covariance, found = contender.fit.x, contender.evidence.covariance, 0.0
-    for candidate, whole in contender.fit.explanation.parts(context):
-        part = amplitudes(candidate, whole, context)
-        errors_off = float(np.sqrt(x[part] @ np.linalg.pinv(covariance[part, part], hermitian=True) @ x[part]))
-        found += DOUBT * max(1.0 - errors_off / enough, 0.0)
-    return found
+    parts = contender.fit.explanation.parts(context)
+    lacks = (1.0 - errors_off(contender, c, whole, context) / enough for c, whole in parts)
+    return sum((DOUBT * max(lack, 0.0) for lack in lacks), 0.0)
+
+
+def errors_off(contender: Contender, candidate: Candidate, whole: slice, context: Scope) -> float:
+    """Return how many of its standard errors an effect of an explanation is away from not being there."""
+    x, covariance, part = contender.fit.x, contender.evidence.covariance, amplitudes(candidate, whole, context)
+    return float(np.sqrt(x[part] @ np.linalg.pinv(covariance[part, part], hermitian=True) @ x[part]))
 
 
 def faint(contender: Contender, context: Scope) -> float:

@@ -22,7 +22,7 @@ from runner.inference.evidence import (
     sensitivities,
 )
 from runner.inference.leap import leap
-from runner.inference.least_squares import NONE, Fit, Fitter
+from runner.inference.least_squares import NONE, Fit, Fitter, are_near
 from runner.inference.probability import not_none, shares, unknown_by_excess
 from runner.inference.shortlist import finished, gain, with_fit, without_one, worth_of
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of, over_edges, where_to_begin
@@ -44,7 +44,6 @@ CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, p
 LINEAR = 0.1
 AHEAD = 3.0  # times what a larger set leaves beyond the noise: who leaves more is not added to,
 AHEAD_BY_LEAP = 1.5  # and where that set is what a leap led to, which has tried what to add
-AS_NEAR = 0.1  # of a parameter's value and prior width: so far derivatives are taken not to change
 OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
 
 
@@ -179,7 +178,7 @@ class _Rounds:
 
     def _around(self, fit: Fit) -> Sensitivities:
         """Return what every effect does beside a fit; of the last one that is known."""
-        if not _is_near(fit, self.last[0], self.fitter):
+        if fit.episodes != self.last[0].episodes or not are_near(fit, self.last[0], self.fitter.context):
             self.last = fit, sensitivities(self.fitter, fit, self.every)
         return self.last[1]
 
@@ -369,14 +368,6 @@ class _Rounds:
         lacks = self.worth - (self.nominal.total - fit.total) if len(fit.explanation.candidates) == 1 else 0.0
         against = 0.5 * max(lacks, 0.0)
         return contend(self.fitter, fit, around_best, self.alone, against=against, dispersion=self.dispersion)
-
-
-def _is_near(a: Fit, b: Fit, fitter: Fitter) -> bool:
-    """Whether two fits hold the same effects at so nearly the same values that others do the same beside both."""
-    if a.explanation != b.explanation or a.episodes != b.episodes:
-        return False
-    size = np.array([p.scale for p in a.explanation.parameters(fitter.context)]) + np.abs(b.x)
-    return bool((np.abs(a.x - b.x) <= AS_NEAR * size).all())
 
 
 def resumed(before: Search, fitter: Fitter) -> Beginning:

@@ -58,6 +58,21 @@ class Polygon:
         """Second moments of the area about its centre, per area, (2, 2)."""
         return self._moments[2]
 
+    def mean_distance_m(self, place: FloatArray) -> float:
+        """Return the mean distance of the area from a place (2,): the lever of dry friction that turns about it.
+
+        The sum over the sides of a third of the integral of the cubed distance over the angle, which is closed.
+        """
+        start, end = self.corners - place, np.roll(self.corners, -1, axis=0) - place
+        along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
+        height = start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]  # of the triangle, from the place
+        far = np.where(height == 0, 1.0, np.abs(height))
+        parts = [
+            height / 6 * (s * np.hypot(s, height) + height**2 * np.arcsinh(s / far))
+            for s in ((p * along).sum(axis=1) for p in (start, end))
+        ]
+        return float((parts[1] - parts[0]).sum() / self.area_m2)
+
     @property
     def bounds_m(self) -> tuple[FloatArray, FloatArray]:
         """Least and greatest coordinates, (2,) each."""

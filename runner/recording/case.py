@@ -179,7 +179,7 @@ def _frame(recording: Recording) -> pd.DataFrame:
     ]
     frame = pd.concat(frames, ignore_index=True)
     if form is Form.PLANAR:
-        lacking = [name for name in TWIST[form] if frame[name].isna().all()]
+        lacking = [name for name in TWIST[form] if np.isnan(frame[name].to_numpy()).all()]
         flat = [] if any(e.point_m[:, 2].any() for e in recording.episodes) else ["pz"]
         return frame.drop(columns=["fz", *flat, *lacking])
     unmeasured = all(np.isnan([e.force_n, e.point_m]).all() for e in recording.episodes)

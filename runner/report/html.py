@@ -12,7 +12,7 @@ import jinja2
 from markupsafe import Markup
 
 from runner.effects.wording import listed, number, percent, plus_minus, probability
-from runner.report import sections, words
+from runner.report import sections, unknown, words
 from runner.report.before_after import headline_miss
 from runner.report.motions import replay
 from runner.report.statement import NONE, Statement, caveats, state
@@ -75,6 +75,9 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "facts": facts(diagnosis, said),
         "first": sections.first_figure(diagnosis, paths),
         "ranking": ranking(diagnosis, said),
+        "nearest": unknown.nearest(diagnosis),
+        "left": unknown.left(diagnosis),
+        "looks": unknown.looks(diagnosis),
         "corrected": said.corrected,
         "trajectories": sections.trajectories(diagnosis, paths),
         "closure": sections.closure(diagnosis),

@@ -78,6 +78,8 @@ def where_after(diagnosis: Diagnosis) -> Where | None:
     """Return where the corrected model still misses; None: nothing was corrected, or nobody asked where."""
     if not diagnosis.effects or diagnosis.where is None:
         return None
+    if diagnosis.abstention is not None:
+        return diagnosis.abstention.after
     return localise(
         diagnosis.system,
         diagnosis.measured,

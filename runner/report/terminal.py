@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from runner.effects.wording import number, percent, probability
-from runner.report import words
+from runner.report import unknown, words
 from runner.report.before_after import of_whole_episodes
 from runner.report.statement import NONE, caveats, state
 
@@ -27,6 +27,8 @@ def summary(diagnosis: Diagnosis) -> RenderableType:
     if confounded := words.confounded(diagnosis):
         parts.append(Text(confounded, style="yellow"))
     parts.append(Padding(ranking(diagnosis), (1, 0, 0, 0)))
+    if lines := unknown.lines(diagnosis):
+        parts.append(Padding(Text("\n".join(lines)), (1, 0, 0, 0)))
     if (gap := gap_table(diagnosis)) is not None:
         parts.append(Padding(gap, (1, 0, 0, 0)))
     if diagnosis.next_push:

@@ -114,7 +114,7 @@ def gain(said: Statement, applied: str = "With it") -> str:
         if said.closable_closed < NOISE_LEFT:
             left = f"; of what can be closed, all but the noise, that is {percent(said.closable_closed)} (mean squares)"
         elif said.left is Left.SOMETHING:
-            left = f"; what is left is {_beyond(said)} (mean squares)"
+            left = f"; what is left is {beyond(said)} (mean squares)"
         else:
             left = "; what is left is the noise of the measurement"
     return f"{applied} the simulator misses {percent(said.gap_closed)} less{where}{left}."
@@ -152,7 +152,7 @@ def verdict(diagnosis: Diagnosis) -> str:
     return f"{text[0].upper()}{text[1:]} {chance}. {with_it}".strip()
 
 
-def _beyond(said: Statement) -> str:
+def beyond(said: Statement) -> str:
     """Return how much of what is left is beyond the noise."""
     if said.over_noise < MANIFOLD:
         return f"{percent(said.over_noise)} over the noise"
@@ -161,7 +161,7 @@ def _beyond(said: Statement) -> str:
 
 def left(said: Statement) -> tuple[str, str]:
     """Return what the best model leaves, for a tile: how much, and what that is."""
-    much = "noise" if said.left is Left.NOISE else _beyond(said) if said.over_noise >= LEAST_SHARE else "a residual"
+    much = "noise" if said.left is Left.NOISE else beyond(said) if said.over_noise >= LEAST_SHARE else "a residual"
     what = "what is left" if said.corrected else "what is missed, in mean squares"
     cause = {Left.SMALL_ERRORS: ": small errors of any simulator", Left.SOMETHING: ": something else"}
     return much, what + cause.get(said.left, "")
@@ -169,7 +169,7 @@ def left(said: Statement) -> tuple[str, str]:
 
 def left_at_large(said: Statement) -> tuple[str, str]:
     """Return what the best model leaves of whole episodes: what to say in bold, and what follows it."""
-    over = f", {_beyond(said)} in mean squares" if said.over_noise >= LEAST_SHARE else ""
+    over = f", {beyond(said)} in mean squares" if said.over_noise >= LEAST_SHARE else ""
     if said.left is Left.NOISE:
         return "Nothing is left", " that would matter"
     if said.left is Left.SMALL_ERRORS:

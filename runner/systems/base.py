@@ -22,6 +22,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol
 
+import pandas as pd
+
 from runner.effects.base import Effects
 from runner.effects.vocabulary import Vocabulary
 from runner.numerics.arrays import FloatArray
@@ -155,6 +157,14 @@ class AbstractSystem(ABC):
             spread: Its covariance, (W, D, D).
             labels: Of the windows.
         """
+
+    def force_shapes(self, missing: pd.DataFrame) -> Mapping[str, Mapping[str, FloatArray]]:
+        """Return what each missing force may go along with: columns (W, k) by what they are in words; none by default.
+
+        Args:
+            missing: A row for each window, see `runner.localise.where.Where`.
+        """
+        return {}
 
     @abstractmethod
     def proposals(self) -> tuple[Sequence[Proposal], AbstractSystem, FloatArray]:

@@ -139,13 +139,15 @@ def _table(file: Path) -> pa.Table:
 def append_line(file: Path, item: Any) -> None:
     """Add a line of JSON to a file; a line is there whole or not at all, see `whole_lines`.
 
+    A link is not followed: in a sweep of somebody else's it may lead to any file of the user.
+
     Raises:
         WriteError: If it can't be written, or not whole.
     """
     # begins with a line break: the line before may have been cut off by a kill
     line = ("\n" + json.dumps(item, default=lambda scalar: scalar.item()) + "\n").encode()
     try:
-        handle = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        handle = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW, 0o644)
         try:
             written = os.write(handle, line)
         finally:
@@ -171,10 +173,15 @@ class Ledger:
     Args:
         folder: Of the sweep.
         first: Number of the task's first run, which names the file.
+
+    Raises:
+        WriteError: If the folder of the notes is a link to somewhere else.
     """
 
     def __init__(self, folder: Path, first: int) -> None:
         self._path = folder / ROWS / f"{first:06d}.jsonl"
+        if self._path.parent.is_symlink():
+            raise WriteError(f"{self._path.parent}: can't be written: is a link, which would lead out of the sweep.")
         self._path.parent.mkdir(exist_ok=True)
 
     @contextmanager

@@ -35,7 +35,7 @@ FAR = 0.5
 LOOKS = 24  # windows that are looked at, for each length
 # The longest physics steps of a survey of all effects, which asks only how a prediction changes; and by which share
 # the response to a small force may be another with them than with the steps of fits, in half of the windows.
-LONGEST_STEP_S, ANOTHER = 0.004, 0.02
+LONGEST_STEP_S, ANOTHER = 0.01, 0.02
 SAME_CLOCK = 1.1  # times the shortest period
 FEWEST = 5  # samples of each measured channel in a stretch
 
@@ -122,13 +122,21 @@ def survey_step_s(known: Sensitive, spans: Sequence[Span]) -> float:
     if samples < FEWEST:
         return simulator.step_s
     exact = _responses(known, windows, simulator)
-    most = int(LONGEST_STEP_S / period_s + 1e-9)
-    steps = [k * period_s for k in range(most, 0, -1)] or [period_s / int(np.ceil(period_s / LONGEST_STEP_S - 1e-9))]
-    for step_s in (s for s in steps if s > simulator.step_s * (1 + 1e-9)):
+    for step_s in _longer_steps(period_s, simulator.step_s):
         off = _norm(_responses(known, windows, simulator.stepping(step_s)) - exact)
         if _median(np.nan_to_num(off / np.maximum(_norm(exact), 1e-9), nan=np.inf)) < ANOTHER:
             return step_s
     return simulator.step_s
+
+
+def _longer_steps(period_s: float, than_s: float) -> list[float]:
+    """Return steps that are longer than another, each about half of the one before: some or parts of a period."""
+    steps, longest_s = [], LONGEST_STEP_S
+    while longest_s > than_s * (1 + 1e-9):
+        some, parts = int(longest_s / period_s + 1e-9), int(np.ceil(period_s / longest_s - 1e-9))
+        steps.append(some * period_s if some else period_s / parts)
+        longest_s = 0.5 * steps[-1]
+    return [s for s in steps if s > than_s * (1 + 1e-9)]
 
 
 def _responses(known: Sensitive, windows: Windows, simulator: MechanismSimulator) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from runner.effects.base import Effects
 from runner.numerics.arrays import FloatArray
@@ -28,6 +29,7 @@ from runner.systems.mechanism.proposals import trials, unmeasured
 from runner.systems.mechanism.rests import resting
 from runner.systems.mechanism.scatter import scatter
 from runner.systems.mechanism.scope import RawSignals, raw_signals, scope_of, vocabulary_of
+from runner.systems.mechanism.shapes import force_shapes
 from runner.systems.mechanism.simulator import MechanismSimulator, cores
 from runner.systems.mechanism.steps import choose_step
 from runner.systems.mechanism.stretches import Sensitive, impact_stretches, stretches, survey_step_s
@@ -191,6 +193,10 @@ class MechanismSystem(AbstractSystem):
             out[name] = np.where(slow, np.nan, np.sign(speed) * values[:, joint.v.start])
             out[f"{name}_se"] = np.where(slow, np.nan, np.sqrt(spread[:, joint.v.start, joint.v.start]))
         return out
+
+    def force_shapes(self, missing: pd.DataFrame) -> dict[str, dict[str, FloatArray]]:
+        """See `AbstractSystem`."""
+        return force_shapes(self.recording, self.initial.coordinates, self.disturbance.names, missing)
 
     def proposals(self) -> tuple[Sequence[Proposal], AbstractSystem, FloatArray]:
         """Return steps, ramps, sines and reversals of each actuator, from where the episodes usually began."""

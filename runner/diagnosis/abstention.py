@@ -1,0 +1,77 @@
+"""What helps where no explanation holds: the nearest, what speaks against each, and what is left by the first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from runner.diagnosis.closure import close
+from runner.diagnosis.ranking import contender_of
+from runner.diagnosis.result import Abstention, Nearest, Ranked
+from runner.effects.base import Effects
+from runner.inference.contender import Contender
+from runner.inference.held_out import BESIDE_OTHERS, Confirmed, errors_off, unseen
+from runner.inference.least_squares import Fitter
+from runner.localise.likeness import likenesses
+from runner.localise.where import Where, localise
+from runner.noise.measured import Measured
+from runner.recording import Span
+
+SHOWN = 2  # explanations that come near
+
+
+def abstention(
+    ranked: Sequence[Ranked],
+    confirmed: Confirmed,
+    fitter: Fitter,
+    where: Where,
+    corrected: tuple[Effects, Measured, Mapping[int, np.ndarray], Sequence[Span]],
+) -> Abstention | None:
+    """Return what helps where the first answer is `unknown`; None: it is another.
+
+    Args:
+        ranked: All explanations, likeliest first.
+        confirmed: The search, held against the episodes left out.
+        fitter: Of the stretches that were searched.
+        where: Where the nominal model misses.
+        corrected: What the corrected model holds, channels and noise of whole episodes, the start states of stretches
+            with it, by position, and the stretches.
+    """
+    if ranked[0].effects != ("unknown",):
+        return None
+    named = [r for r in ranked if r.effects not in (("unknown",), ("none",))]
+    effects, measured, starts, stretches = corrected
+    after = localise(fitter.system, measured, starts, effects, stretches=stretches) if effects else where
+    looks = likenesses(fitter.system, after.missing_force)
+    return Abstention(tuple(_nearest(r, named[0], confirmed, fitter) for r in named[:SHOWN]), after, looks)
+
+
+def _nearest(ranked: Ranked, first: Ranked, confirmed: Confirmed, fitter: Fitter) -> Nearest:
+    """Return what an explanation closes, what it leaves, and what else speaks against it."""
+    found, before = confirmed.search, confirmed.before
+    contender = contender_of(found, ranked, fitter.context)
+    there = confirmed.after.get(id(contender.fit)) or unseen(contender, fitter, before.episodes, before)
+    starts = {e: (a, b) for e, a, b in zip(before.episodes, before.starts, there.starts, strict=True)}
+    closed = close(
+        starts, fitter.measured, fitter, contender.fit.explanation.make(contender.fit.x, fitter.context), pd.DataFrame()
+    )
+    excess = fitter.measured.excess
+    gap, left = (excess(f.total, f.episodes) for f in (found.nominal, contender.fit))
+    gap_unseen, left_unseen = (excess(f.total, before.episodes) for f in (before, there))
+    return Nearest(
+        ranked,
+        closed.gap_closed,
+        max(left, 0.0) / max(gap, 1e-9),
+        max(left_unseen, 0.0) / max(gap_unseen, 1e-9),
+        (first.log_evidence or 0.0) - (ranked.log_evidence or 0.0),
+        _unsure(contender, fitter),
+    )
+
+
+def _unsure(contender: Contender, fitter: Fitter) -> tuple[str, ...]:
+    """Return which effects of an explanation do not stand out of their own errors."""
+    context = fitter.context
+    parts = contender.fit.explanation.parts(context)
+    return tuple(c.name for c, whole in parts if errors_off(contender, c, whole, context) < BESIDE_OTHERS)

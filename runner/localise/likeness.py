@@ -1,0 +1,122 @@
+"""What a missing force goes along with: the direction of motion, speed, place, command, time, or a beat of its own.
+
+Where no known effect explains a recording, this is what tells a reader what to look for. The force that is missing in
+short windows is regressed on one shape after another (weighted least squares), each by itself; what is told is the
+share of its mean square, less what noise makes of it and less what as many random columns would take, that a shape
+accounts for. A beat is a sine of one frequency with a phase of its own in each episode (Lomb 1976).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.stats import f as f_distribution
+
+from runner.numerics.arrays import FloatArray
+from runner.systems.base import AbstractSystem
+
+FEWEST = 20  # windows
+SURE = 0.001  # chance that a shape accounts for as much without being there, for each shape that is tried
+LEAST_SHARE = 0.1  # of the mean square: less is not worth a word
+TOLD = 2  # shapes of one force
+FREQUENCIES = 200  # that a beat may have: from one in an episode up to one in two windows
+RIDGE = 1e-9  # of a shape's size: shapes that are always the same have none
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """What one of the missing forces looks like.
+
+    Args:
+        component: Its name, as the system's disturbance has it.
+        label: In words, with the unit.
+        rms: Its root mean square over windows, less what noise makes of it.
+        alike: What it goes along with, in words, and the share of its mean square, largest first.
+    """
+
+    component: str
+    label: str
+    rms: float
+    alike: tuple[tuple[str, float], ...]
+
+
+def likenesses(system: AbstractSystem, missing: pd.DataFrame) -> tuple[Likeness, ...]:
+    """Return what the missing forces of windows look like, those first that are large for what acts there.
+
+    Args:
+        system: What was recorded; its `force_shapes` are what is tried.
+        missing: One row per window, see `Where.missing_force`.
+    """
+    shapes = system.force_shapes(missing)
+    found: list[tuple[float, Likeness]] = []
+    names = zip(system.disturbance.names, system.disturbance.labels, system.disturbance.prior, strict=True)
+    for name, label, prior in names:
+        if name not in shapes:
+            continue
+        value, error = missing[name].to_numpy(float), missing[f"{name}_se"].to_numpy(float)
+        seen = np.isfinite(value) & np.isfinite(error)
+        square = float(np.mean(value[seen] ** 2) - np.mean(error[seen] ** 2)) if seen.any() else 0.0
+        if seen.sum() < FEWEST or not square > 0:
+            continue
+        one = _Force(value[seen], 1.0 / (error[seen] ** 2 + square), missing.loc[seen, ["episode", "t_s"]])
+        alike = one.alike({words: columns[seen] for words, columns in shapes[name].items()})
+        found.append((square / prior**2, Likeness(name, label, float(np.sqrt(square)), alike)))
+    return tuple(likeness for _, likeness in sorted(found, key=lambda f: -f[0]))
+
+
+@dataclass(frozen=True)
+class _Force:
+    """A missing force, (n,), with weights, (n,), and when it was missing: `episode`, `t_s`."""
+
+    value: FloatArray
+    weight: FloatArray
+    when: pd.DataFrame
+
+    def alike(self, shapes: Mapping[str, FloatArray]) -> tuple[tuple[str, float], ...]:
+        """Return which shapes it goes along with, and how much of it each accounts for, largest first."""
+        shares = {words: self.share(columns) for words, columns in shapes.items()}
+        hz, of_beat = self.beat()
+        shares[f"a beat of {hz:.3g} Hz"] = of_beat
+        told = sorted(((w, s) for w, s in shares.items() if s > LEAST_SHARE), key=lambda s: -s[1])
+        return tuple(told[:TOLD])
+
+    def share(self, columns: FloatArray, tried: int = 1) -> float:
+        """Return the share of the mean square that columns (n, k) account for; 0 where that may be chance.
+
+        Args:
+            columns: They, NaN where a shape is not defined: it accounts for nothing there.
+            tried: How many such shapes were looked through for the best.
+        """
+        x = np.nan_to_num(columns) * np.sqrt(self.weight)[:, None]
+        y = self.value * np.sqrt(self.weight)
+        size = np.linalg.norm(x, axis=0)
+        x = x[:, size > 0] / size[size > 0]
+        n, k = x.shape
+        if not 0 < k < n:
+            return 0.0
+        gram = x.T @ x + RIDGE * np.eye(k)
+        taken = float(y @ x @ np.linalg.solve(gram, x.T @ y))
+        left = max(float(y @ y) - taken, 1e-300)
+        if f_distribution.sf(taken / k / (left / (n - k)), k, n - k) * tried > SURE:
+            return 0.0
+        return float(np.clip(1.0 - left / float(y @ y) * n / (n - k), 0.0, 1.0))
+
+    def beat(self) -> tuple[float, float]:
+        """Return the frequency of the sine that accounts for most, in Hz, and its share."""
+        numbers = self.when["episode"].astype("category").cat.codes.to_numpy()
+        t_s = self.when["t_s"].to_numpy(float)
+        between = np.diff(t_s)[np.diff(numbers) == 0]
+        between = between[between > 0]
+        longest = max((float(np.ptp(t_s[numbers == e])) for e in np.unique(numbers)), default=0.0)
+        if not len(between) or not longest > 2 * float(np.median(between)):
+            return 0.0, 0.0
+        best = (0.0, 0.0)
+        of_episode = numbers[:, None] == np.unique(numbers)
+        for hz in np.geomspace(1.0 / longest, 0.5 / float(np.median(between)), FREQUENCIES):
+            angle = 2 * np.pi * hz * t_s[:, None]
+            share = self.share(np.hstack([np.sin(angle) * of_episode, np.cos(angle) * of_episode]), FREQUENCIES)
+            best = max(best, (share, float(hz)))
+        return best[1], best[0]
