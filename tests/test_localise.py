@@ -136,7 +136,7 @@ def test_smoothed_states_are_exact_on_a_cubic() -> None:
         spans = (Span(0, 0, 121),)
 
     windows = windows_of([121], 20)
-    states = PlanarStart(RATE_HZ).guess_windows(Cubic(), windows, smooth=True)
+    states = PlanarStart(RATE_HZ, np.arange(6)).guess_windows(Cubic(), windows, smooth=True)
     np.testing.assert_allclose(states, Cubic.values[0][windows.first], atol=1e-9)
 
 

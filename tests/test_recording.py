@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from recording_cases import EXAMPLES, NOMINAL, SAVED, assert_same, frame_of, nominals, planar, spatial
 
+from runner.errors import RecordingError
 from runner.recording import (
     Episode,
     Form,
@@ -140,6 +141,44 @@ def test_samples_in_space_may_be_missing(tmp_path: Path) -> None:
     assert np.isnan(pose[20:30]).all()
     np.testing.assert_array_equal(pose[30:], full[30:])
     assert "'qw' is not measured (NaN) in 10 of 122 rows" in recording.notes
+
+
+def test_a_planar_pose_may_be_lost_and_velocities_not_there(tmp_path: Path) -> None:
+    """No velocities, and poses that the tracker lost: NaN, notes, and the same when written and read again."""
+    frame = frame_of(planar(), tmp_path).drop(columns=["vx", "vy", "wz"])
+    frame.loc[20:24, ["x", "y", "yaw"]] = np.nan
+    frame.to_parquet(tmp_path / "recording.parquet")
+    recording = read_case(tmp_path)
+    assert np.isnan(recording.episodes[0].pose[20:25]).all()
+    assert np.isfinite(np.delete(recording.episodes[0].pose, slice(20, 25), axis=0)).all()
+    assert all(np.isnan(e.twist).all() for e in recording.episodes)
+    assert {"'x' is not measured (NaN) in 5 of 363 rows", "'wz' is not measured (NaN) in 363 of 363 rows"} <= {
+        *recording.notes
+    }
+    write_case(recording, tmp_path / "again")
+    again = read_case(tmp_path / "again")
+    for one, other in zip(recording.episodes, again.episodes, strict=True):
+        np.testing.assert_array_equal(one.pose, other.pose)
+        np.testing.assert_array_equal(one.twist, other.twist)
+
+
+def test_a_turn_is_found_across_a_lost_pose(tmp_path: Path) -> None:
+    """A yaw that jumps by a whole turn while the tracker sees nothing is still to be unwrapped."""
+    frame = frame_of(planar(), tmp_path)
+    frame.loc[20:22, ["x", "y", "yaw"]] = np.nan
+    frame.loc[23:120, "yaw"] += 2 * np.pi
+    frame.to_parquet(tmp_path / "recording.parquet")
+    with pytest.raises(RecordingError, match=r"data row 24 .*column 'yaw' must be unwrapped"):
+        read_case(tmp_path)
+
+
+def test_an_episode_that_nobody_saw_is_refused(tmp_path: Path) -> None:
+    """Two poses are no motion."""
+    frame = frame_of(planar(), tmp_path)
+    frame.loc[2:120, ["x", "y", "yaw"]] = np.nan
+    frame.to_parquet(tmp_path / "recording.parquet")
+    with pytest.raises(RecordingError, match=r"column 'x' is measured in 2 samples of the episode, at least 3"):
+        read_case(tmp_path)
 
 
 def test_columns_beyond_the_format_are_noted(tmp_path: Path) -> None:

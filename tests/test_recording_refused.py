@@ -66,12 +66,15 @@ def stretched(frame: pd.DataFrame) -> pd.DataFrame:
 PLACE_12 = re.escape("data row 13 (episode 0, t = 0.2 s): ")
 PLANAR_ERRORS = {
     "missing column": (
-        lambda f: f.drop(columns="wz"),
-        r"missing column 'wz' \[rad/s\]; the planar form needs .*Found:",
+        lambda f: f.drop(columns="yaw"),
+        r"missing column 'yaw' \[rad\]; the planar form needs .* \(vx, vy, wz where they were measured\)\. Found:",
     ),
     "two missing": (lambda f: f.drop(columns=["fx", "py"]), r"missing columns 'fx' \[N\], 'py' \[m\];"),
     "other case": (lambda f: f.rename(columns={"x": "X"}), r"missing column 'x' .* Rename 'X' -> 'x'\?"),
-    "unit in name": (lambda f: f.rename(columns={"vx": "vx_m_s"}), r"Rename 'vx_m_s' -> 'vx'\?"),
+    "unit in name": (
+        lambda f: f.rename(columns={"vx": "vx_m_s"}),
+        r"unknown column 'vx_m_s'\. Did you mean 'vx' \[m/s\]\?",
+    ),
     "bracket": (lambda f: f.rename(columns={"yaw": "Yaw [rad]"}), r"Rename 'Yaw \[rad\]' -> 'yaw'\?"),
     "synonyms": (
         lambda f: f.rename(columns={"t": "time", "yaw": "theta", "fx": "force_x"}),
@@ -85,9 +88,9 @@ PLANAR_ERRORS = {
         cell("px", 12, np.nan),
         PLACE_12 + r"column 'px' must be a finite number in m; no force is 0, not empty, got nan\.",
     ),
-    "NaN measurements": (
-        lambda f: f.assign(vy=np.where(f.index >= 12, np.nan, f["vy"])),
-        PLACE_12 + r"column 'vy' must be a finite number in m/s, got nan \(351 such rows\)",
+    "NaN commands": (
+        lambda f: f.assign(fy=np.where(f.index >= 12, np.nan, f["fy"])),
+        PLACE_12 + r"column 'fy' must be a finite number in N; no force is 0, not empty, got nan \(351 such rows\)",
     ),
     "infinite": (cell("x", 12, -np.inf), PLACE_12 + r"column 'x' must be a finite number in m, got -inf"),
     "NaN time": (cell("t", 3, np.nan), r"data row 4 \(episode 0, t = nan s\): column 't' must be a finite number in s"),
@@ -212,9 +215,9 @@ def test_table_in_space_is_refused(kind: str, tmp_path: Path) -> None:
 @SAVED
 @given(row=st.integers(0, 362), column=st.sampled_from([*"xy", "yaw", "vx", "vy", "wz", "fx", "fy", "px", "py"]))
 def test_one_lost_cell_anywhere_is_found(row: int, column: str, tmp_path: Path) -> None:
-    """Wherever a planar recording lacks a number, the message says where."""
+    """Wherever a planar recording holds what is no number, or no command, the message says where."""
     frame = frame_of(planar(), tmp_path)
-    frame.loc[row, column] = np.nan
+    frame.loc[row, column] = np.nan if column in ("episode", "t", "fx", "fy", "px", "py") else np.inf
     frame.to_parquet(tmp_path / "recording.parquet")
     with pytest.raises(RecordingError, match=rf"data row {row + 1} .*column '{column}' must be a finite number"):
         read_case(tmp_path)

@@ -9,15 +9,17 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from mechanisms import TOSSED, compiled
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from tosses import BELIEVED, COLUMNS, toss_case, world, write
+from tosses import BELIEVED, COLUMNS, NOISE, toss_case, world, write
 
 from runner.diagnosis.pipeline import diagnose
 from runner.effects import mechanism as m
 from runner.effects.mechanism import contacts
 from runner.errors import RecordingError
+from runner.noise.measured import measure
 from runner.recording import read_case
 from runner.systems.case import open_case
 from runner.systems.mechanism import MechanismSystem
@@ -155,6 +157,19 @@ def test_velocities_count_where_their_noise_is_stated(tmp_path: Path):
     system = open_case(tmp_path)
     assert not any(c.name == "vx" for c in system.channels)
     assert any("vx, vy, vz are not counted" in n for n in system.recording.notes)
+
+
+def test_a_body_that_lies_shows_the_noise_of_its_position(tmp_path: Path):
+    """Orientations are zero where nothing is predicted: they must not pass for noise, slow and far too large."""
+    toss_case(tmp_path, world(), tosses=4, length_s=1.5)
+    nominal = yaml.safe_load((tmp_path / "nominal.yaml").read_text())
+    (tmp_path / "nominal.yaml").write_text(yaml.safe_dump({**nominal, "noise": None}))
+    system = open_case(tmp_path)
+    assert system.rests()  # it lies for long enough in some
+    measured = measure(system)
+    np.testing.assert_allclose(measured.sigma[:3], NOISE["position"], rtol=0.15)
+    np.testing.assert_allclose(measured.sigma[3:], NOISE["yaw"], rtol=0.15)
+    assert not measured.noise_model.lag_one.any()
 
 
 def test_a_force_with_holes_is_refused(tmp_path: Path):

@@ -16,6 +16,7 @@ from scipy.ndimage import median_filter
 from runner.noise.model import Found, NoiseModel, estimate
 from runner.recording import Span
 from runner.systems.base import AbstractSystem
+from runner.systems.channels import Space
 
 OUTLIER_SIGMAS = 6.0
 MATERIAL = 0.05  # a noise level that moved by this share, or a colour by twice as much, is another one
@@ -106,7 +107,9 @@ def measure(system: AbstractSystem, *, scatter: np.ndarray | None = None) -> Mea
     `scatter`, (C,), is what counts as noise at least.
     """
     values = system.values()
-    rests = [values[e][s] for e, s in system.rests()]
+    # an orientation is measured as a turn from itself, which is zero and shows no noise
+    shown = np.array([np.nan if c.space is Space.ROTATION else 0.0 for c in system.channels])
+    rests = [values[e][s] + shown for e, s in system.rests()]
     stated = system.stated_noise()
     groups = _groups(system)
     white = np.array([_white([v[:, columns] for v in values]) for columns in groups])
@@ -185,12 +188,17 @@ def _noise(
     """
     known = stated[[columns[0] for columns in groups]]
     kinds = [[s[np.isfinite(s[:, c]).all(axis=1)][:, c] for s in stretches] for c in groups]
-    rows, told = sum(map(len, stretches)), max((sum(map(len, kind)) for kind in kinds), default=0)
-    found = estimate(kinds, step_s * max(rows, 1) / max(told, 1), known)
+    counts = np.array([sum(map(len, kind)) for kind in kinds])
+    rows, told, showing = sum(map(len, stretches)), int(counts.max(initial=0)), np.flatnonzero(counts)
+    each_s = step_s * max(rows, 1) / max(told, 1)
+    found = estimate([kinds[k] for k in showing], each_s, known[showing]) if len(showing) else None
+    levels = np.where(np.isfinite(known), known, otherwise)
     if found is None:
-        found = Found(np.where(np.isfinite(known), known, otherwise), 0.0, 0.0)
+        found = Found(levels, 0.0, 0.0)
+    else:
+        levels[showing] = found.level
     sigma = np.empty(len(stated))
-    for c, level, told, least in zip(groups, found.level, known, rounding, strict=True):
+    for c, level, told, least in zip(groups, levels, known, rounding, strict=True):
         sigma[c] = level if np.isfinite(told) else max(level, least)
     return sigma, NoiseModel(np.full(len(stated), found.share), np.full(len(stated), found.memory))
 

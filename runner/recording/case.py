@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,16 @@ import pandas as pd
 from runner.errors import RecordingError
 from runner.numerics.arrays import FloatArray
 from runner.recording import nominal as nominal_file
-from runner.recording.checks import check_finite, check_times, check_yaw, episode_spans, unit_quaternions
+from runner.recording.checks import (
+    check_finite,
+    check_times,
+    check_tracked,
+    check_yaw,
+    episode_spans,
+    unit_quaternions,
+)
 from runner.recording.data import Episode, Form, Nominal, Recording
+from runner.recording.kinematics import without_gaps
 from runner.recording.own_run import CONFIG, FRAMES, is_run, read_run
 from runner.recording.plausible import check_motion, note_motion
 from runner.recording.table import FORCE, POINT, POSE, TWIST, Table, read_table
@@ -106,19 +115,29 @@ def read_case(path: str | Path, *, nominal: Nominal | None = None) -> Recording:
     check_times(table, spans, nominal)
     if form is Form.PLANAR:
         check_yaw(table, spans)
+        check_tracked(table, spans, form)
         pose = table.stack(POSE[form])
     else:
         pose = np.hstack([table.stack(POSE[form][:3]), unit_quaternions(table, spans)])
+    whole = _without_gaps(table, spans) if form is Form.PLANAR else table
     if form is Form.PLANAR:
-        check_motion(table, spans, nominal)
-    check_units(table, spans, nominal, form)
+        check_motion(whole, spans, nominal)
+    check_units(whole, spans, nominal, form)
     if form is Form.PLANAR:
-        note_motion(table, spans, nominal)
+        note_motion(whole, spans, nominal)
     twist, force, point = table.stack(TWIST[form]), _force(table, form), _point(table)
     episodes = tuple(
         Episode(int(table["episode"][s.start]), table["t"][s], pose[s], twist[s], force[s], point[s]) for s in spans
     )
     return Recording(path, form, nominal, episodes, (*notes, *table.notes))
+
+
+def _without_gaps(table: Table, spans: Sequence[slice]) -> Table:
+    """Return a planar table whose motion has no gaps, to be looked at; its notes are those of the table."""
+    names = (POSE[Form.PLANAR], TWIST[Form.PLANAR])
+    filled = [np.hstack(without_gaps(table["t"][s], *(table.stack(n)[s] for n in names))) for s in spans]
+    columns = dict(zip(names[0] + names[1], np.concatenate(filled).T, strict=True))
+    return replace(table, columns={**table.columns, **columns})
 
 
 def write_case(recording: Recording, path: str | Path, *, table: str = TABLES[0]) -> None:
@@ -160,7 +179,9 @@ def _frame(recording: Recording) -> pd.DataFrame:
     ]
     frame = pd.concat(frames, ignore_index=True)
     if form is Form.PLANAR:
-        return frame.drop(columns=["fz"] if any(e.point_m[:, 2].any() for e in recording.episodes) else ["fz", "pz"])
+        lacking = [name for name in TWIST[form] if np.isnan(frame[name].to_numpy()).all()]
+        flat = [] if any(e.point_m[:, 2].any() for e in recording.episodes) else ["pz"]
+        return frame.drop(columns=["fz", *flat, *lacking])
     unmeasured = all(np.isnan([e.force_n, e.point_m]).all() for e in recording.episodes)
     return frame.drop(columns=[*FORCE, *POINT]) if unmeasured else frame
 

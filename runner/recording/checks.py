@@ -12,18 +12,19 @@ from runner.recording.table import FORCE, OPTIONAL, POINT, POSE, QUATERNION, TWI
 
 GRID_STEPS = 0.05  # a sample may be off the even grid by this share of a step (rounded times)
 RATE_SHARE = 0.005  # two rates closer than this are one rate
+FEWEST = 3  # samples of an episode: a place, a velocity, and what checks them
 NORM_SHARE = 5e-3  # a quaternion this close to unit length is a rounded one
 TIME_UNITS = {1e-3: "ms", 1e-6: "us", 1e-9: "ns", 1 / 60: "minutes"}
 
 
 def check_finite(table: Table, form: Form) -> None:
-    """Refuse what is not finite; NaN in space says `not measured`, but not for a whole column.
+    """Refuse what is not finite; NaN in a pose or velocity says `not measured`, in space in a force as well.
 
     Raises:
         RecordingError: Naming file, row, column and value, and how many such rows there are.
     """
     for name in table.columns:
-        may_lack = form is Form.SPATIAL and name not in ("episode", "t")
+        may_lack = name not in ("episode", "t") and (form is Form.SPATIAL or name not in (*FORCE, *POINT))
         bad = np.isinf(table[name]) if may_lack else ~np.isfinite(table[name])
         if bad.any():
             row = int(np.argmax(bad))
@@ -33,17 +34,21 @@ def check_finite(table: Table, form: Form) -> None:
             raise table.error(
                 f"column '{name}' must be a finite number{unit}{hint}, got {table[name][row]}{more}.", row
             )
+    _check_measured(table, form)
     if form is Form.SPATIAL:
-        _check_measured(table)
+        _check_measured_in_space(table)
 
 
-def _check_measured(table: Table) -> None:
-    for name in (*POSE[Form.SPATIAL], *TWIST[Form.SPATIAL]):
+def _check_measured(table: Table, form: Form) -> None:
+    for name in (*POSE[form], *TWIST[form]):
         lacking = np.isnan(table[name])
-        if lacking.all() and name in POSE[Form.SPATIAL]:
+        if lacking.all() and name in POSE[form]:
             raise table.error(f"column '{name}' is NaN in all {len(table)} rows; it must be measured somewhere.")
         if lacking.any():
             table.notes.append(f"'{name}' is not measured (NaN) in {lacking.sum()} of {len(table)} rows")
+
+
+def _check_measured_in_space(table: Table) -> None:
     part = np.isnan(table.stack(QUATERNION))
     torn = part.any(axis=1) & ~part.all(axis=1)
     if torn.any():
@@ -81,9 +86,9 @@ def episode_spans(table: Table) -> list[slice]:
     edges = [0, *(np.flatnonzero(steps) + 1).tolist(), len(episode)]
     spans = [slice(start, stop) for start, stop in pairwise(edges)]
     for span in spans:
-        if span.stop - span.start < 3:
+        if span.stop - span.start < FEWEST:
             raise table.error(
-                f"the episode has {span.stop - span.start} samples, at least 3 are needed.", int(span.start)
+                f"the episode has {span.stop - span.start} samples, at least {FEWEST} are needed.", int(span.start)
             )
     return spans
 
@@ -162,7 +167,8 @@ def check_yaw(table: Table, spans: list[slice]) -> None:
         RecordingError: Naming file, row and jump, and what unwraps it.
     """
     for span in spans:
-        jumps = np.diff(table["yaw"][span])
+        rows = np.flatnonzero(np.isfinite(table["yaw"][span])) + span.start
+        jumps = np.diff(table["yaw"][rows])
         sizes = np.pad(np.abs(jumps), 1)
         around = np.maximum(sizes[:-2], sizes[2:])
         for turn, slack, unit in ((2 * np.pi, 0.5, "rad"), (360.0, 30.0, "degrees; allowed: rad")):
@@ -172,7 +178,23 @@ def check_yaw(table: Table, spans: list[slice]) -> None:
                 raise table.error(
                     f"column 'yaw' must be unwrapped, it jumps by {jumps[k]:+.4g} from one sample to the next, about a "
                     f"whole turn in {unit}; apply numpy.unwrap to each episode.",
-                    int(span.start) + k + 1,
+                    int(rows[k + 1]),
+                )
+
+
+def check_tracked(table: Table, spans: list[slice], form: Form) -> None:
+    """Refuse an episode whose pose was seen in fewer than three samples.
+
+    Raises:
+        RecordingError: Naming file, row, column and how many samples there are.
+    """
+    for span in spans:
+        for name in POSE[form]:
+            seen = int(np.isfinite(table[name][span]).sum())
+            if seen < FEWEST:
+                raise table.error(
+                    f"column '{name}' is measured in {seen} samples of the episode, at least {FEWEST} are needed.",
+                    int(span.start),
                 )
 
 

@@ -162,7 +162,7 @@ class Episode:
         force_n: Force held from each sample to the next, world axes, shape (T, 3), N.
         point_m: Where it acts, relative to the geometric centre, body axes, shape (T, 3), m.
 
-    NaN in a pose and twist in space, and in their force and point: not measured. A planar episode has none.
+    NaN in a pose or twist, and in space in a force and point: not measured.
 
     Raises:
         RecordingError: If the shapes don't belong together.

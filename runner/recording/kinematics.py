@@ -1,4 +1,4 @@
-"""What positions and velocities of one quantity say of each other: how well one is the integral of the other."""
+"""What positions and velocities of one quantity say of each other: one is the integral of the other."""
 
 from __future__ import annotations
 
@@ -55,6 +55,27 @@ def follows(t_s: Sequence[FloatArray], positions: Sequence[FloatArray], velociti
         moved=float(np.sqrt(ww / len(way))),
         due=float(np.sqrt(dd / len(due))),
     )
+
+
+def without_gaps(t_s: FloatArray, positions: FloatArray, velocities: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities without NaN: lines between measured positions, slopes for missing velocities.
+
+    A rough account of a motion, for labels and checks; nothing is fitted to it.
+
+    Args:
+        t_s: Times, (T,), s.
+        positions: NaN where not measured, (T, K), each somewhere measured.
+        velocities: The same per second, (T, K).
+    """
+    positions, velocities = positions.copy(), velocities.copy()
+    for k in range(positions.shape[1]):
+        there = np.isfinite(positions[:, k])
+        if not there.all():
+            positions[:, k] = np.interp(t_s, t_s[there], positions[there, k]) if there.any() else 0.0
+        lacking = ~np.isfinite(velocities[:, k])
+        if lacking.any():
+            velocities[lacking, k] = np.gradient(positions[:, k], t_s)[lacking]
+    return positions, velocities
 
 
 def lone_samples(values: FloatArray) -> list[int]:

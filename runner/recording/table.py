@@ -4,7 +4,7 @@
 | --- | --- | --- |
 | `episode`, `t` | integer; s | the same |
 | pose of the geometric centre, world | `x`, `y` m, `yaw` rad | `x`, `y`, `z` m, `qw`, `qx`, `qy`, `qz` body to world |
-| its velocity and rate, world axes | `vx`, `vy` m/s, `wz` rad/s | `vx`, `vy`, `vz` m/s, `wx`, `wy`, `wz` rad/s |
+| its velocity, rate, world axes | optional `vx`, `vy` m/s, `wz` rad/s | `vx`, `vy`, `vz` m/s, `wx`, `wy`, `wz` rad/s |
 | force, world axes, N | `fx`, `fy` | `fx`, `fy`, `fz`, all or none |
 | point, body axes, m | `px`, `py`, optional `pz` | `px`, `py`, optional `pz`, where there is a force |
 """
@@ -30,10 +30,10 @@ QUATERNION, FORCE, POINT = ("qw", "qx", "qy", "qz"), ("fx", "fy", "fz"), ("px", 
 POSE = {Form.PLANAR: ("x", "y", "yaw"), Form.SPATIAL: (*METRES, *QUATERNION)}
 TWIST = {Form.PLANAR: ("vx", "vy", "wz"), Form.SPATIAL: (*SPEEDS, *RATES)}
 REQUIRED = {
-    Form.PLANAR: ("episode", "t", *POSE[Form.PLANAR], *TWIST[Form.PLANAR], "fx", "fy", "px", "py"),
+    Form.PLANAR: ("episode", "t", *POSE[Form.PLANAR], "fx", "fy", "px", "py"),
     Form.SPATIAL: ("episode", "t", *POSE[Form.SPATIAL], *TWIST[Form.SPATIAL]),
 }
-OPTIONAL = {Form.PLANAR: ("pz",), Form.SPATIAL: (*FORCE, *POINT)}
+OPTIONAL = {Form.PLANAR: (*TWIST[Form.PLANAR], "pz"), Form.SPATIAL: (*FORCE, *POINT)}
 UNITS = {"t": "s", "yaw": "rad"}
 UNITS |= dict.fromkeys((*METRES, *POINT), "m") | dict.fromkeys(SPEEDS, "m/s") | dict.fromkeys(RATES, "rad/s")
 UNITS |= dict.fromkeys(FORCE, "N")
@@ -101,6 +101,8 @@ def read_table(path: Path) -> tuple[Table, Form]:
     names = [name for name in (*REQUIRED[form], *OPTIONAL[form]) if name in header]
     check_shape(path, raw.count, len(names))
     columns = {name: numbers(path, name, raw, UNITS.get(name, "")) for name in names}
+    lacking = [name for name in TWIST[form] if name not in columns]  # not measured at all
+    columns |= {name: np.full(raw.count, np.nan) for name in lacking}
     extra = tuple(name for name in header if name not in names and not name.startswith("__index_level_"))
     notes = [f"not part of the {form} form and not used: {', '.join(map(repr, extra))}"] if extra else []
     return Table(path, columns, raw.lines, extra, notes), form
@@ -129,7 +131,9 @@ def _check_header(path: Path, header: list[str], form: Form) -> None:
         renames = ", ".join(f"'{found}' -> '{name}'" for name, found in near.items() if found)
         hint = f" Rename {renames}?" if renames else f" Found: {', '.join(map(repr, header))}."
         names = ", ".join(f"'{name}'{_bracket(name)}" for name in missing)
+        optional = [name for name in TWIST[form] if name not in required]
         needs = f"the {form} form needs {', '.join(required)}"
+        needs += f" ({', '.join(optional)} where they were measured)" if optional else ""
         raise RecordingError(f"{path}: missing column{'s' * (len(missing) > 1)} {names}; {needs}.{hint}")
     for name in OPTIONAL[form]:
         found = None if name in header else _lookalike(name, unknown)

@@ -1,4 +1,4 @@
-"""The unknown start of a box: x, y, yaw and their rates, all of which are measured."""
+"""The unknown start of a box: x, y, yaw and their rates, measured or (rates) told from the slopes of the others."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from runner.systems.windows import Windows
 
 SMOOTH_S = 0.1  # half width of the local smoother
 FIRST = 5  # samples whose median a start is guessed from
+REACH = 3  # samples to each side that the smoother has at least where it tells velocities from positions alone
+SLOPE_S = 0.1  # a slope over a window that short: its error is that of a sample over so many seconds
 
 
 class PlanarStart(AbstractInitialState):
@@ -18,42 +20,66 @@ class PlanarStart(AbstractInitialState):
 
     steps = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])
 
-    def __init__(self, rate_hz: float) -> None:
-        self._rate_hz = rate_hz
+    def __init__(self, rate_hz: float, columns: np.ndarray) -> None:
+        """Of a recording whose channels are these of the six numbers, (C,) indices."""
+        self._rate_hz, self._columns = rate_hz, columns
+        self._lacking = np.setdiff1d(np.arange(3, 6), columns)
 
     def scale(self, sigma: FloatArray) -> FloatArray:
-        """A start is known about as well as a sample is."""
-        return sigma
+        """A start is known about as well as a sample is, or a slope of a few."""
+        out = np.empty(6)
+        out[self._columns] = sigma
+        out[self._lacking] = out[self._lacking - 3] / SLOPE_S
+        return out
 
     def guess(self, signals: Signals, episode: int) -> FloatArray:
         """Return the median of the first samples."""
+        if len(self._lacking):
+            return self._smoothed(signals, Windows(np.array([episode]), np.array([0]), 1))[0]
         first = np.where(signals.valid[episode][:FIRST], signals.values[episode][:FIRST], np.nan)
-        return np.nan_to_num(np.nanmedian(first, axis=0), nan=0.0)
+        return np.nan_to_num(_median(first), nan=0.0)
 
     def guess_windows(self, signals: Signals, windows: Windows, *, smooth: bool) -> FloatArray:
         """Return the measured states, or `smooth` those of local cubics through poses and velocities."""
-        return self._smoothed(signals, windows) if smooth else _measured(signals, windows)
+        if smooth:
+            return self._smoothed(signals, windows)
+        out = np.empty((len(windows), 6))
+        out[:, self._columns] = _measured(signals, windows)
+        if len(self._lacking):
+            out[:, self._lacking] = self._smoothed(signals, windows)[:, self._lacking]
+        return out
 
     def _smoothed(self, signals: Signals, windows: Windows) -> np.ndarray:
         """Return states at the starts of windows from local cubics through poses and velocities, (W, 6)."""
         rate_hz = self._rate_hz
-        reach = max(2, round(SMOOTH_S * rate_hz))
+        reach = max(REACH if len(self._lacking) else 2, round(SMOOTH_S * rate_hz))
+        sigma = self.scale(signals.sigma)
         out = np.empty((len(windows), 6))
         for w, (e, f) in enumerate(zip(windows.episode, windows.first, strict=True)):
-            span = np.arange(max(0, f - reach), min(len(signals.values[e]), f + reach + 1))
+            valid, values = self._states(signals, e)
+            # at the edge of an episode one side has to do
+            span = np.arange(max(0, f - reach), min(len(values), f + reach + 1))
             t = (span - f) / rate_hz
             pose = np.stack([np.ones_like(t), t, t**2 / 2, t**3 / 6], axis=1)
             rate = np.stack([np.zeros_like(t), np.ones_like(t), t, t**2 / 2], axis=1)
             for c in range(3):
-                weight = signals.valid[e][span][:, [c, c + 3]] / signals.sigma[[c, c + 3]]
+                weight = valid[span][:, [c, c + 3]] / sigma[[c, c + 3]]
                 matrix = np.vstack([pose * weight[:, :1], rate * weight[:, 1:]])
-                right = (signals.values[e][span][:, [c, c + 3]] * weight).T.ravel()
+                right = (values[span][:, [c, c + 3]] * weight).T.ravel()
                 out[w, [c, c + 3]] = np.linalg.lstsq(matrix, right, rcond=None)[0][:2]
         return out
 
+    def _states(self, signals: Signals, episode: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return what of the six numbers counts at each sample, and their values, 0 where not, both (T, 6)."""
+        shape = (len(signals.values[episode]), 6)
+        valid, values = np.zeros(shape, bool), np.zeros(shape)
+        valid[:, self._columns] = signals.valid[episode]
+        values[:, self._columns] = np.where(signals.valid[episode], signals.values[episode], 0.0)
+        return valid, values
+
 
 def _measured(signals: Signals, windows: Windows) -> np.ndarray:
-    """Return the measured state at the start of each window, (W, 6); a median around it where it doesn't count."""
+    """Return what was measured at the start of each window, (W, C); a median around it where it doesn't count."""
     out = np.empty((len(windows), len(signals.sigma)))
     for w, (e, f) in enumerate(zip(windows.episode, windows.first, strict=True)):
         near = slice(max(0, f - 2), f + 3)

@@ -10,6 +10,7 @@ import pandas as pd
 from runner.effects.planar_box import Context
 from runner.recording import Recording
 from runner.systems.channels import Signals
+from runner.systems.planar_box.motion import measured_columns, motion
 from runner.systems.windows import Labels, Windows
 
 AFTER_S = 0.1  # so long a change of command is "just" past
@@ -40,16 +41,17 @@ FACTORS = {
 def label(recording: Recording, context: Context, measured: Signals, windows: Windows) -> Labels:
     """Return what went on in each window, from commands and measurements alone, and where the places are."""
     size, rate = context.size_m, recording.nominal.rate_hz
-    mean = windows.of(measured.values).mean(axis=1)
+    states = motion(recording)
+    mean = windows.of(states).mean(axis=1)
     velocity, turning = mean[:, 3:5], mean[:, 5]
     speed, surface = np.linalg.norm(velocity, axis=1), np.abs(turning) * size
     slow = 0.01 * np.sqrt(recording.nominal.gravity_m_s2 * size)
-    error = measured.sigma[3:] / np.sqrt(windows.samples)
+    error = _rate_errors(recording, measured.sigma, windows.samples)
     moves, turns = speed > max(slow, 4 * error[0]), surface > max(slow, 4 * error[2] * size)
 
     force, arm, changed = [], [], []
-    for episode in recording.episodes:
-        f, (c, s) = np.nan_to_num(episode.force_n), (np.cos(episode.pose[:, 2]), np.sin(episode.pose[:, 2]))
+    for episode, moved in zip(recording.episodes, states, strict=True):
+        f, (c, s) = np.nan_to_num(episode.force_n), (np.cos(moved[:, 2]), np.sin(moved[:, 2]))
         point = np.nan_to_num(episode.point_m)
         px, py = c * point[:, 0] - s * point[:, 1], s * point[:, 0] + c * point[:, 1]
         moment = px * f[:, 1] - py * f[:, 0]
@@ -107,6 +109,14 @@ def label(recording: Recording, context: Context, measured: Signals, windows: Wi
         }
     )
     return Labels(tags, places)
+
+
+def _rate_errors(recording: Recording, sigma: np.ndarray, samples: int) -> np.ndarray:
+    """Return the standard error of the mean of vx, vy, wz over a window, (3,); of a slope where it was not measured."""
+    columns = measured_columns(recording)
+    known = dict(zip(columns.tolist(), sigma, strict=True))
+    slope = np.sqrt(2.0) * recording.nominal.rate_hz / max(samples - 1, 1)
+    return np.array([known[k] / np.sqrt(samples) if k in known else slope * known[k - 3] for k in (3, 4, 5)])
 
 
 def _sector(angle: np.ndarray, moves: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 from runner.effects.planar_box import Context
 from runner.recording import Episode, Recording
 from runner.systems.base import Proposal
+from runner.systems.planar_box.motion import measured_columns
 
 LENGTH_S = 3.0
 SHARES = (1.15, 1.6, 2.4)  # of the force that just moves the body
@@ -74,12 +75,14 @@ def pushes(recording: Recording, context: Context) -> list[ProposedPush]:
 
 
 def unmeasured(recording: Recording, pushes: Sequence[ProposedPush]) -> Recording:
-    """Return a recording in which each episode is one of these pushes, and nothing has been measured."""
+    """Return a recording in which each episode is one of these pushes, seen as this one's are, at rest throughout."""
     rate = recording.nominal.rate_hz
     t = np.arange(round(LENGTH_S * rate) + 1) / rate
-    still = np.zeros((len(t), 3))
+    seen = np.full(6, np.nan)
+    seen[measured_columns(recording)] = 0.0
+    pose, twist = np.tile(seen[:3], (len(t), 1)), np.tile(seen[3:], (len(t), 1))
     episodes = tuple(
-        Episode(i, t, still, still, push.columns(t), np.tile([*push.point_m, 0.0], (len(t), 1)) * np.ones((len(t), 1)))
+        Episode(i, t, pose, twist, push.columns(t), np.tile([*push.point_m, 0.0], (len(t), 1)) * np.ones((len(t), 1)))
         for i, push in enumerate(pushes)
     )
     return replace(recording, episodes=episodes, notes=())

@@ -22,6 +22,7 @@ from runner.errors import RecordingError
 from runner.physics import dry_friction
 from runner.physics.scene import Base, BodyConfig, Dof, SceneConfig, build, push_columns
 from runner.recording import Episode, Form, Nominal, Recording, Span, Support
+from runner.systems.planar_box.motion import measured_columns
 from runner.systems.planar_box.windows import FULL, USERDATA, Effects, WindowSimulator, planar, shown_alike, unseen
 from runner.systems.simulator import AbstractSimulator, Run
 from runner.systems.windows import Windows
@@ -120,6 +121,7 @@ class Simulator(AbstractSimulator):
         self._windows: dict[Effects, WindowSimulator] = {}
         self._commands = [self._columns(e) for e in self.recording.episodes]
         whole = tuple(Span(i, 0, len(e)) for i, e in enumerate(self.recording.episodes))
+        self._columns_seen = measured_columns(self.recording)
         self._spans = whole if self.spans is None else self.spans
         self._surveyor: Simulator | None = None
 
@@ -188,7 +190,7 @@ class Simulator(AbstractSimulator):
         return self._surveyor
 
     def predict(self, episode: int, runs: Sequence[Run]) -> np.ndarray:
-        """Return what would be measured at the samples of an episode, or span, (len(runs), T, 6): pose, then twist."""
+        """Return what would be measured at the samples of an episode, or span, (len(runs), T, C): pose, then twist."""
         span = self._spans[episode]
         out = np.empty((len(runs), span.end - span.begin, 6))
         groups: dict[tuple[type[PlanarEffect], ...], list[int]] = {}
@@ -196,7 +198,7 @@ class Simulator(AbstractSimulator):
             groups.setdefault(tuple(type(e) for e in planar(run.effects) if e.structural), []).append(i)
         for members in groups.values():
             self._predict(span, [runs[i] for i in members], out, members)
-        return out
+        return out[..., self._columns_seen]
 
     def _predict(self, span: Span, runs: Sequence[Run], out: np.ndarray, rows: list[int]) -> None:
         base = self._base(planar(runs[0].effects))

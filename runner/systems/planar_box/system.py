@@ -23,6 +23,7 @@ from runner.systems.drawing import DrawnBody, Shape
 from runner.systems.planar_box.initial import PlanarStart
 from runner.systems.planar_box.labels import FACTORS, REGIMES, label
 from runner.systems.planar_box.model_file import write_model
+from runner.systems.planar_box.motion import measured_columns
 from runner.systems.planar_box.proposals import pushes, unmeasured
 from runner.systems.planar_box.rests import rest_segments
 from runner.systems.planar_box.simulator import OBJECT, Simulator, context_of
@@ -49,7 +50,6 @@ def vocabulary() -> Vocabulary:
 class PlanarBox(AbstractSystem):
     """A planar recording of a box, see `AbstractSystem`."""
 
-    channels = CHANNELS
     regimes = REGIMES
     factors = FACTORS
     activities = ("regime", "push")
@@ -81,7 +81,9 @@ class PlanarBox(AbstractSystem):
         self.recording = recording
         self.vocabulary, self.beliefs = vocabulary(), recording.nominal
         self.rate_hz = recording.nominal.rate_hz
-        self.initial = PlanarStart(self.rate_hz)
+        self._columns = measured_columns(recording)
+        self.channels = tuple(CHANNELS[k] for k in self._columns)
+        self.initial = PlanarStart(self.rate_hz, self._columns)
         self.context = context_of(recording)
         force = FORCE_SHARE * self.context.friction_n
         large = LARGE * max(self.context.friction_n, self.context.force_n)
@@ -96,7 +98,7 @@ class PlanarBox(AbstractSystem):
 
     def values(self) -> tuple[FloatArray, ...]:
         """See `AbstractSystem`."""
-        return tuple(np.hstack([e.pose, e.twist]) for e in self.recording.episodes)
+        return tuple(np.hstack([e.pose, e.twist])[:, self._columns] for e in self.recording.episodes)
 
     def stated_noise(self) -> FloatArray:
         """See `AbstractSystem`."""
@@ -197,8 +199,10 @@ class PlanarBox(AbstractSystem):
         return np.column_stack([x, y, height]), np.column_stack([force[:, :2], np.zeros(len(force))])
 
     def with_values(self, values: Sequence[FloatArray]) -> PlanarBox:
-        """Return the same system with other measurements, (T, 6) per episode."""
-        episodes = tuple(
-            replace(e, pose=v[:, :3], twist=v[:, 3:]) for e, v in zip(self.recording.episodes, values, strict=True)
-        )
-        return PlanarBox(replace(self.recording, episodes=episodes))
+        """Return the same system with other measurements, (T, C) per episode."""
+        episodes = []
+        for episode, measured in zip(self.recording.episodes, values, strict=True):
+            states = np.full((len(measured), len(CHANNELS)), np.nan)
+            states[:, self._columns] = measured
+            episodes.append(replace(episode, pose=states[:, :3], twist=states[:, 3:]))
+        return PlanarBox(replace(self.recording, episodes=tuple(episodes)))

@@ -16,6 +16,7 @@ from runner.effects.planar_box import ActuatorDelay, Motion, ObservationDelay, P
 from runner.physics import dry_friction
 from runner.physics.scene import push_columns
 from runner.recording import Recording
+from runner.systems.planar_box.motion import measured_columns, motion
 from runner.systems.windows import Windows
 
 Effects = tuple[PlanarEffect, ...]
@@ -51,6 +52,7 @@ class WindowSimulator:
     simulated_s: float = field(init=False, default=0.0)
     _commands: list[np.ndarray] = field(init=False)
     _yaw: list[np.ndarray] = field(init=False)
+    _columns_seen: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
         threads = len(os.sched_getaffinity(0))
@@ -63,8 +65,9 @@ class WindowSimulator:
             for effect in self.effects:
                 columns = effect.edit_command(columns, self.step_s)
             self._commands.append(columns)
-            yaw = 0.5 * (episode.pose[1:, 2] + episode.pose[:-1, 2])
-            self._yaw.append(np.repeat(yaw, n))
+        self._columns_seen = measured_columns(self.recording)
+        for states in motion(self.recording):
+            self._yaw.append(np.repeat(0.5 * (states[1:, 2] + states[:-1, 2]), n))
 
     def predict(self, windows: Windows, starts: np.ndarray, wrench: np.ndarray | None = None) -> np.ndarray:
         """Return what would be measured in windows.
@@ -76,9 +79,9 @@ class WindowSimulator:
                 about the vertical, N m: (K, 3) or (W, K, 3).
 
         Returns:
-            Pose and twist at the samples, the first of them the start, (W, K, samples, 6).
+            What is measured of pose and twist at the samples, the first of them the start, (W, K, samples, C).
         """
-        out = np.empty((*starts.shape[:2], windows.samples, 6))
+        out = np.empty((*starts.shape[:2], windows.samples, len(self._columns_seen)))
         wrench = None if wrench is None else np.broadcast_to(wrench, (*starts.shape[:2], 3))
         for part, some in windows.chunks(WINDOWS_AT_ONCE):
             out[part] = self._predict(some, starts[part], None if wrench is None else wrench[part])
@@ -117,7 +120,8 @@ class WindowSimulator:
         seen = Motion(t_s, motion[..., :3], motion[..., 3:])
         for effect in self.effects:
             seen = effect.edit_measurement(seen)
-        return np.concatenate([seen.pose, seen.twist], axis=-1).reshape(count, columns, windows.samples, 6)
+        states = np.concatenate([seen.pose, seen.twist], axis=-1).reshape(count, columns, windows.samples, 6)
+        return states[..., self._columns_seen]
 
 
 def _add_wrench(control: np.ndarray, wrench: np.ndarray, yaw: np.ndarray) -> None:

@@ -1,0 +1,70 @@
+"""A box of which only poses were recorded, some of them lost: what is told of it without velocities."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from runner.effects.planar_box import Friction
+from runner.inference.least_squares import NONE, Explanation, Fitter
+from runner.noise.measured import measure
+from runner.systems.case import open_case
+from runner.systems.planar_box.system import PlanarBox
+from runner.systems.windows import Windows
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "cases" / "slippery_floor"
+TRUE, EPISODES = 0.277, 3
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory) -> PlanarBox:
+    """The first episodes of the example without their velocities, and three poses of a hundred lost."""
+    folder = tmp_path_factory.mktemp("poses")
+    table = pd.read_parquet(EXAMPLE / "recording.parquet").astype(float)
+    table = table[table["episode"] < EPISODES].drop(columns=["vx", "vy", "wz"])
+    table.loc[np.random.default_rng(0).random(len(table)) < 0.03, ["x", "y", "yaw"]] = np.nan
+    table.to_parquet(folder / "recording.parquet", index=False)
+    shutil.copy(EXAMPLE / "nominal.yaml", folder)
+    opened = open_case(folder)
+    assert isinstance(opened, PlanarBox)
+    return opened
+
+
+def test_what_was_not_measured_is_no_channel(system: PlanarBox) -> None:
+    """Channels, values and predictions are poses alone; a lost pose does not count."""
+    assert [c.name for c in system.channels] == ["x", "y", "yaw"]
+    measured = measure(system)
+    lost = np.isnan(system.values()[0]).any(axis=1)
+    assert lost.any()
+    assert not measured.valid[0][lost].any()
+    again = system.with_values(system.values())
+    np.testing.assert_array_equal(again.values()[0], system.values()[0])
+
+
+def test_friction_is_found_from_poses_alone(system: PlanarBox) -> None:
+    """The planted 0.277 within four standard errors, and nothing but noise is left."""
+    measured = measure(system)
+    fitter = Fitter(system, system.simulator(), measured)
+    episodes = tuple(range(EPISODES))
+    explanation = Explanation((system.vocabulary.by_name["friction"][0],))
+    fit = fitter.fit(explanation, episodes, starts=fitter.fit(NONE, episodes).starts)
+    (friction,) = explanation.make(fit.x, fitter.context)
+    assert isinstance(friction, Friction)
+    error = float(np.sqrt(1.0 / sum(float(j[:, 0] @ j[:, 0]) for j in fit.jacobian)))
+    assert abs(np.log(friction.mu / TRUE)) < 4 * error < 0.01
+    assert fit.total / measured.count(episodes) == pytest.approx(1.0, abs=0.1)
+
+
+def test_slopes_start_a_window(system: PlanarBox) -> None:
+    """Starts of windows have velocities although none were measured: that of the path between two samples."""
+    measured = measure(system)
+    first = np.arange(20, 200, 20)
+    windows = Windows(np.zeros(len(first), int), first, 20)
+    starts = system.initial.guess_windows(measured, windows, smooth=True)
+    path = pd.DataFrame(system.values()[0]).interpolate().to_numpy()
+    slope = (path[first + 10] - path[first - 10]) / (20 / system.rate_hz)
+    assert np.corrcoef(starts[:, 3], slope[:, 0])[0, 1] > 0.9
