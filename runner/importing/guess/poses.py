@@ -13,7 +13,8 @@ from runner.importing.guess.names import contains, own_words, words_of
 from runner.importing.map_file import TO_FILL
 from runner.importing.signals import Part
 
-GROUPED = re.compile(r"(.*?)[/_.\[]?(q?[xyzw]|[0-3])\]?$")
+# what they are of, their axis, and a unit of length behind it
+GROUPED = re.compile(r"(.*?)[/_.\[]?(q?[xyzw]|[0-3])\]?(?:[_. ]*[\[(]?(mm|cm|m)[\])]?)?$")
 PLACES = frozenset(["position", "translation", "point", "pos"])
 TURNS = frozenset(["orientation", "rotation", "quaternion", "quat"])
 IDENTITY = 0.95  # of the scalar of a quaternion that is hardly turned
@@ -30,6 +31,7 @@ class Pose:
     turned: bool
     order: str
     why: str
+    unit: str | None = None  # None: its name tells of none
 
     def channels(self) -> dict[str, dict]:
         """Return the channels of the map."""
@@ -39,7 +41,7 @@ class Pose:
             return {f"quat_{self.body}": own}
         return {
             f"{axis}_{self.body}": {
-                "signal": name, "body": self.body, "quantity": "position", "axis": axis, "unit": "m",
+                "signal": name, "body": self.body, "quantity": "position", "axis": axis, "unit": self.unit or "m",
             }
             for axis, name in self.signals.items()
         }  # fmt: skip
@@ -57,15 +59,15 @@ def guess_poses(part: Part, model: mujoco.MjModel) -> tuple[list[Pose], list[str
     """Return the poses in a part, and what is to be said of them."""
     bodies = [model.body(i).name for i in range(1, model.nbody)]
     free = [model.body(int(model.jnt_bodyid[j])).name for j in range(model.njnt) if int(model.jnt_type[j]) == FREE]
-    groups: dict[str, dict[str, str]] = {}
+    groups: dict[tuple[str, str | None], dict[str, str]] = {}
     for name in part.signals:
         found = GROUPED.match(name)
         if found:
             # x and qx are of two groups
             base = found[1] + "q" * found[2].startswith("q")
-            groups.setdefault(base, {})[found[2].lstrip("q")] = name
+            groups.setdefault((base, found[3]), {})[found[2].lstrip("q")] = name
     poses, notes = [], []
-    for base, members in groups.items():
+    for (base, unit), members in groups.items():
         words = words_of(base)
         turned = bool(set(words) & TURNS) or {"w", "x", "y", "z"} == set(members)
         placed = (bool(set(words) & PLACES) or not base) and not turned
@@ -79,10 +81,11 @@ def guess_poses(part: Part, model: mujoco.MjModel) -> tuple[list[Pose], list[str
             ordered = dict(sorted(members.items(), key=lambda m: "xyzw".find(m[0])))
             poses.append(Pose(body, ordered, True, order, f"{why}; {said}"))
         elif placed and {"x", "y", "z"} == set(members):
-            poses.append(Pose(body, {a: members[a] for a in "xyz"}, False, "", f"{why}; unit assumed"))
+            said = f"{why}; unit {'by its name' if unit else 'assumed'}"
+            poses.append(Pose(body, {a: members[a] for a in "xyz"}, False, "", said, unit))
         elif placed and {"0", "1", "2"} == set(members):
-            poses.append(Pose(body, dict(zip("xyz", (members[k] for k in "012"), strict=True)), False, "", why))
-    if poses:
+            poses.append(Pose(body, dict(zip("xyz", (members[k] for k in "012"), strict=True)), False, "", why, unit))
+    if any(p.unit is None and not p.turned for p in poses):
         notes.append("positions of bodies are taken in m, in the model's world; scale and offset are for another one")
     return poses, notes
 
