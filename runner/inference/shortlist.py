@@ -53,7 +53,7 @@ def with_fit(fits: list[Fit], new: Fit) -> list[Fit]:
     return [*(f for f in fits if key_of(f.explanation) != key), new]
 
 
-def finished(fitter: Fitter, fits: list[Fit], count: int, leaders: int, *, steps: int = 20) -> list[Fit]:
+def finished(fitter: Fitter, fits: list[Fit], count: int, leaders: int, *, steps: int) -> list[Fit]:
     """Let the leaders come to rest, in so many steps, so that no further effect gains by what a longer fit would have.
 
     Whatever is far behind the first of them, once that has come to rest, is left as it is.
