@@ -28,7 +28,7 @@ from runner.report.html import write_html
 from runner.report.record import write_rrd
 from runner.storage.provenance import program
 from runner.storage.reading import read_json
-from runner.storage.writing import replacing, write_json, write_parquet
+from runner.storage.writing import check_own, replacing, write_json, write_parquet
 from runner.systems.case import open_case
 
 # what a diagnosis may leave beside its verdict; corrected model and closure are always written anew
@@ -164,8 +164,11 @@ def diagnose_many(
 
     Raises:
         ResultError: If there are verdicts of cases that are not among these, or one can't be read.
+        WriteError: If the folder of a case is a link.
     """
     _check_others(results, cases)
+    for name in cases:
+        check_own(results, name)
     todo = [name for name, case in cases.items() if not has_verdict(results / name, case)]
     for name in todo:
         (results / name / FILE).unlink(missing_ok=True)
