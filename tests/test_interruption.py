@@ -238,3 +238,20 @@ def test_the_one_line_is_the_only_one() -> None:
     )
     assert done.returncode == 143
     assert done.stderr == ""
+
+
+def test_the_line_comes_before_what_may_take_long() -> None:
+    """Where the main thread does not come back, nothing that is put in order then delays the line, or the end."""
+    long = (
+        "import hashlib, time; from runner.processes.interruption import going_on, interruptible\n"
+        "with interruptible(), going_on('Go on with: it', lambda: time.sleep(60)):\n"
+        "    print('at work', flush=True)\n"
+        "    hashlib.pbkdf2_hmac('sha256', b'', b'', 10**9)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", long], env=ENVIRONMENT, start_new_session=True, text=True, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )  # fmt: skip
+    assert process.stdout is not None
+    assert process.stdout.readline() == "at work\n"
+    assert stopped(process, signal.SIGTERM, all_of_them=False) == "Interrupted. Go on with: it"
