@@ -53,11 +53,7 @@ class Commands:
     def _pin(self, path: FloatArray) -> FloatArray:
         """Return place and velocity of the pin for each step, (n, 4).
 
-        The engine's poses are those of half a step later (see `Simulator`), so the pin's are too, and its velocity is
-        the one that leads to its next place: what the gap is after a step is then just what the step made of it.
+        The engine's poses are those of half a step later (see `Simulator`), so the pin's are too; its velocity is that
+        of the step, as a body's at its end is.
         """
-        middle = 0.5 * (path[1:] + path[:-1])
-        onward = np.vstack([middle[1:], path[-1:]])
-        velocity = (onward - middle) / self.step_s
-        velocity[-1] *= 2  # the last is half a step ahead
-        return np.hstack([middle, velocity])
+        return np.hstack([0.5 * (path[1:] + path[:-1]), np.diff(path, axis=0) / self.step_s])

@@ -234,6 +234,21 @@ class Simulator(AbstractSimulator):
             sampled = slice(None, None, self.steps_per_sample)
             out[target, :, :3], out[target, :, 3:] = measured.pose[:, sampled], measured.twist[:, sampled]
 
+    def pin_force(self, episode: int, run: Run) -> np.ndarray:
+        """Return the force of the pin on the body, mean from each sample of an episode to the next, (T - 1, 2), N."""
+        effects, n = planar(run.effects), self.steps_per_sample
+        model = self.model(effects)
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:] = run.start[:3] + 0.5 * self.step_s * run.start[3:], run.start[3:]
+        control = self._push(effects, episode)
+        force = np.empty((len(control), 2))
+        said = dry_friction.PUSH_SIZE + dry_friction.OUT_PIN
+        for k, row in enumerate(control):
+            data.userdata[:] = row
+            mujoco.mj_step(model, data)
+            force[k] = data.userdata[said : said + 2]
+        return force.reshape(-1, n, 2).mean(axis=1)
+
     def predict_windows(
         self,
         effects: Sequence[AbstractEffect],
