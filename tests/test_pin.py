@@ -73,7 +73,7 @@ def test_a_disc_pushed_through_its_centre_stays_on_the_line() -> None:
 
 @pytest.mark.parametrize("share", [0.2, 0.6, 0.95])
 def test_a_rod_on_two_feet_turns_about_the_far_one(share: float) -> None:
-    """Pushed across at a distance a from its middle, by a smooth pin: its force is mu m g L / (L + a), L the far foot."""
+    """Pushed across at a distance a from its middle by a smooth pin: the force is mu m g L / (L + a)."""
     far, speed = 0.1, 0.01
     nominal = plate(None, (far, 1e-4, 1e-4), 0.0, contact=Support.CORNERS, inertia_kg_m2=MASS_KG * far**2)
     at = share * far

@@ -202,7 +202,9 @@ def _refused(error: ValidationError, content: Mapping) -> RecordingError:
         hint = f" Did you mean '{synonym}'?" if synonym in valid and "Did you mean" not in text else ""
         return RecordingError(f"unknown key '{dotted(place)}'. {text}{hint}")
     if missing := places["missing"]:
-        return RecordingError(f"missing {_listed(map(dotted, missing))}; needed: {_listed(REQUIRED)}.")
+        inside = all(len(place) > 1 for place in missing)
+        needed = [f"pin.{name}" for name in _Pin.model_fields] if inside else REQUIRED
+        return RecordingError(f"missing {_listed(map(dotted, missing))}; needed: {_listed(needed)}.")
     place, text = refusal(error)
     alone = not isinstance(content.get(place[0]), list | Mapping)
     return RecordingError(f"{dotted(place[:1] if alone else place)}: {text}")
