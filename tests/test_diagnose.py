@@ -32,6 +32,7 @@ from runner.systems.planar_box.proposals import pushes
 from runner.systems.planar_box.simulator import context_of
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.planar_box.windows import Effects
+from tests import golden
 from tests.cases import fitter_of, measured_as
 
 RATE, SECONDS = 60.0, 3.0
@@ -214,14 +215,18 @@ def test_a_hair_s_breadth_is_no_effect() -> None:
 
 
 def test_a_dead_band_is_unknown_and_is_said() -> None:
-    """It is not taken for the heavier body or the weaker push that it nearly is; a weaker push is not taken for it."""
-    lost = diagnose(PlanarBox(recorded((fx.DeadBand(0.6),), episodes=4)), threads=1, advise=False)
-    assert lost.ranked[0].effects == ("unknown",)
-    assert lost.abstain
-    said = next(n for n in lost.notes if "dead band" in n)
+    """It is not taken for the heavier body or the weaker push that it nearly is; a weaker push is not taken for it.
+
+    What is said of a dead band of 0.6 N is found anew, to every number, by `test_golden`.
+    """
+    assert golden.SMALL["small_dead_band"][0] == (fx.DeadBand(0.6),)
+    lost = json.loads(golden.FILE.read_text(encoding="utf-8"))["small_dead_band"]
+    assert lost["ranked"][0]["effects"] == ["unknown"]
+    assert lost["abstain"]
+    said = next(n for n in lost["notes"] if "dead band" in n)
     assert float(said.rstrip(".").split()[-1]) == pytest.approx(0.6, abs=0.1)
-    assert all("unknown" not in r.effects for r in lost.ranked[1:])
-    assert sum(r.probability for r in lost.ranked) == pytest.approx(1.0)
+    assert all("unknown" not in r["effects"] for r in lost["ranked"][1:])
+    assert sum(r["probability"] for r in lost["ranked"]) == pytest.approx(1.0)
     weaker = diagnose(PlanarBox(recorded((fx.ActuatorGain(0.95),), episodes=4)), threads=1, advise=False)
     assert {weaker.ranked[0].effects, *weaker.ranked[0].equivalent} >= {("mass",), ("actuator_gain",)}
     assert not weaker.abstain

@@ -147,7 +147,7 @@ class Diagnosis(Scenario):
     def _write(self, name: str) -> None:
         from runner.api.case import read
         from runner.diagnosis.pipeline import diagnose
-        from runner.outputs.many import write_all
+        from runner.outputs.one import write_all
         from runner.systems.case import open_case
 
         belongs = {"recording_hash": read(self.apart / name).recording_hash}
