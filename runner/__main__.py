@@ -12,10 +12,11 @@ import sys
 import traceback
 from collections.abc import Sequence
 from importlib.metadata import version
+from typing import NoReturn
 
 from runner.commands import _arguments, load
 from runner.errors import RunnerError
-from runner.processes.interruption import exit_code, interruptible
+from runner.processes.interruption import INTERRUPTED, exit_code, interruptible, leave
 from runner.processes.interruption import line as interrupted
 
 os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn; else GLFW warns where there is no display
@@ -87,5 +88,13 @@ def _dispatch(arguments: _arguments.Arguments) -> int:
     return _execute.execute(arguments.command, overrides, multirun="multirun" in arguments.flags)
 
 
+def command_line() -> NoReturn:
+    """Run the command of this process, and end it."""
+    code = main()
+    if code in INTERRUPTED:
+        leave(code)
+    raise SystemExit(code)
+
+
 if __name__ == "__main__":
-    raise SystemExit(main())
+    command_line()

@@ -22,7 +22,8 @@ from runner.blind.planar_box.case import PlanarBoxMaker
 from runner.diagnosis.pipeline import diagnose
 from runner.diagnosis.verdict import ALL
 from runner.effects.planar_box import DeadBand, ViscousDrag
-from runner.outputs.many import collect, diagnose_many, write_all
+from runner.outputs.many import collect, diagnose_many
+from runner.outputs.one import write_all
 from runner.recording import write_case
 from runner.systems.case import open_case
 from tests.cases import made

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shutil
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -23,6 +21,7 @@ from runner.diagnosis.verdict import ALL, FILE
 from runner.errors import ResultError
 from runner.outputs.many import diagnose_many
 from runner.recording import write_case
+from tests.in_place_of_a_diagnosis import killed
 
 ANSWERS = "cases.answers.json"  # beside `cases`, as `runner blind make` names it
 FENCED = """
@@ -204,13 +203,6 @@ def test_workers_of_a_blind_run_are_behind_the_fence(
     failed = diagnose_many({"strong_mass": cases / "strong_mass"}, tmp_path / "open", workers=1)
     text = (cases.parent / ANSWERS).read_text()
     assert failed["strong_mass"] == f"{text} | {text}"
-
-
-def killed(path: Path, folder: Path, report: bool) -> str | None:
-    """In place of a diagnosis: one case kills its process, as the kernel does where the memory is at its end."""
-    if path.name == "heavy":
-        os.kill(os.getpid(), signal.SIGKILL)
-    return "light"
 
 
 def test_a_case_that_kills_its_process_takes_no_other_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -282,17 +282,15 @@ def _process(demo_files: Path, *arguments: str) -> subprocess.CompletedProcess[s
     )  # fmt: skip
 
 
-def test_killed_sweep_resumes_to_the_same_result(demo_files: Path, tmp_path: Path) -> None:
+def test_killed_sweep_resumes_to_the_same_result(cli: Cli, demo_files: Path, tmp_path: Path) -> None:
     """After kill -9 in the middle, `resume=` runs what is missing, only that, and ends as if never killed."""
     settings = ["demo", "-m", "seed=1,2,3", f"act=die:{tmp_path / 'flag'}"]
     assert _process(demo_files, *settings, "out=killed").returncode == -9
     assert [row["job"] for row in tables.sweep_rows(tmp_path / "killed")] == [0]
     before = (tmp_path / "killed/0/result.txt").stat().st_mtime_ns
-    resumed = _process(demo_files, "demo", "resume=killed")
-    assert (resumed.returncode, resumed.stderr) == (0, "")
-    assert resumed.stdout == "pulled\npulled\n3 runs in killed\n"
+    assert cli("demo", "resume=killed") == (0, "pulled\npulled\n3 runs in killed\n", "")
     assert (tmp_path / "killed/0/result.txt").stat().st_mtime_ns == before
-    assert _process(demo_files, *settings, "out=whole").returncode == 0
+    assert cli(*settings, "out=whole")[0] == 0
     _assert_same_sweeps(tmp_path / "killed", tmp_path / "whole")
 
 
@@ -306,13 +304,13 @@ def _assert_same_sweeps(one: Path, other: Path) -> None:
         assert (one / file).read_bytes() == (other / file).read_bytes(), file
 
 
-def test_sweep_over_processes_is_the_same(demo_files: Path, tmp_path: Path) -> None:
+def test_sweep_over_processes_is_the_same(cli: Cli, demo_files: Path, tmp_path: Path) -> None:
     """The joblib launcher, in two processes, leaves the same files as the basic one."""
     launcher = ["hydra/launcher=joblib", "hydra.launcher.n_jobs=2"]
     done = _process(demo_files, "demo", "-m", "pull.force_n=1,-1,2", "out=two", *launcher)
     assert done.returncode == 1
     assert "3 runs in two, 1 of them failed" in done.stdout
-    assert _process(demo_files, "demo", "-m", "pull.force_n=1,-1,2", "out=one").returncode == 1
+    assert cli("demo", "-m", "pull.force_n=1,-1,2", "out=one")[0] == 1
     _assert_same_sweeps(tmp_path / "one", tmp_path / "two")
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from runner.errors import ResultError, WriteError
-from runner.outputs.many import with_corrected
+from runner.outputs.one import with_corrected
 
 
 @dataclass(frozen=True)

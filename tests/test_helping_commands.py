@@ -108,6 +108,11 @@ def test_the_viewer_is_opened(
     monkeypatch.setenv("DISPLAY", ":0")
     assert main(["view", "--web", "false", str(tmp_path / "out/diagnosis.rrd")]) == 3
     assert opened.read_text() == f"{tmp_path}/out/diagnosis.rrd\n"
+    # a name that begins as an option does is none to the viewer
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "out/diagnosis.rrd").rename("--serve.rrd")
+    assert main(["view", "path=--serve.rrd"]) == 3
+    assert opened.read_text() == f"{tmp_path}/--serve.rrd\n"
 
 
 def test_what_cannot_be_viewed_is_one_line(

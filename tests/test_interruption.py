@@ -27,7 +27,7 @@ EXAMPLES = ROOT / "examples" / "cases"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 WITHIN_S = 2.0
 PATIENCE_S = 120.0
-WORK_S = 4.0  # of a worker, by which it has imported what it needs and is at work
+WORK_S = 3.0  # of a worker, by which it has imported what it needs and is at work
 RUNS = 40  # of a sweep, in tasks of five
 TICKS = os.sysconf("SC_CLK_TCK")  # to a second
 
@@ -66,13 +66,19 @@ def worked_s(process: subprocess.Popen[str]) -> dict[int, float]:
     return found
 
 
-def wait_for_work(process: subprocess.Popen[str], work_s: float, *, processes: int = 1) -> None:
-    """Wait until so many processes of the group have each worked for so long from now on.
+def wait_for_work(process: subprocess.Popen[str], work_s: float, *, workers: int = 0) -> None:
+    """Wait until so many workers of a process, none: it itself, have each worked for so long from now on.
 
     Work and not time: how far a command has come by some time depends on what else the machine does.
     """
     before = worked_s(process)
-    wait_until(lambda: sum(s - before.get(k, 0.0) > work_s for k, s in worked_s(process).items()) >= processes, process)
+
+    def at_work() -> bool:
+        now = worked_s(process)
+        by = [s - before.get(k, 0.0) for k, s in now.items() if (k == process.pid) == (workers == 0)]
+        return sum(s > work_s for s in by) >= max(workers, 1)
+
+    wait_until(at_work, process)
 
 
 def wait_until(true: Callable[[], bool], process: subprocess.Popen[str] | None = None) -> float:
@@ -167,7 +173,7 @@ def test_diagnoses(number: int, all_of_them: bool, tmp_path: Path) -> None:
     """Cases side by side: the workers end with it, and the command names the folder that it made by itself."""
     many(tmp_path / "cases", 4)
     process = begin(tmp_path, "diagnose", "cases", "workers=2", "report=false")
-    wait_for_work(process, WORK_S, processes=3)  # the parent too has to import what it needs
+    wait_for_work(process, WORK_S, workers=2)
     line = stopped(process, number, all_of_them=all_of_them)
     (folder,) = (tmp_path / "results/diagnose").iterdir()
     assert line == (
@@ -216,7 +222,7 @@ def test_workers_end_with_their_parent(command: tuple[str, ...], tmp_path: Path)
     """SIGKILL leaves the parent no time for anything; the kernel ends its workers."""
     many(tmp_path / "cases", 4)
     process = begin(tmp_path, *command)
-    wait_for_work(process, 1.0, processes=3)
+    wait_for_work(process, 1.0, workers=2)
     assert len(family(process)) >= 3
     process.kill()
     assert wait_until(lambda: not family(process)) < WITHIN_S
@@ -238,3 +244,21 @@ def test_the_one_line_is_the_only_one() -> None:
     )
     assert done.returncode == 143
     assert done.stderr == ""
+
+
+def test_the_line_comes_before_what_may_take_long() -> None:
+    """Where the main thread does not come back, nothing that is put in order then delays the line, or the end."""
+    long = (
+        "import hashlib, time; from runner.processes.interruption import going_on, interruptible\n"
+        "with interruptible(), going_on('Go on with: it', lambda: time.sleep(60)):\n"
+        "    print('at work', flush=True)\n"
+        "    hashlib.pbkdf2_hmac('sha256', b'', b'', 10**9)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", long], env=ENVIRONMENT, start_new_session=True, text=True, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )  # fmt: skip
+    assert process.stdout is not None
+    assert process.stdout.readline() == "at work\n"
+    wait_for_work(process, 0.2)  # then it is within the function
+    assert stopped(process, signal.SIGTERM, all_of_them=False) == "Interrupted. Go on with: it"

@@ -28,15 +28,18 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_run_and_a_run_of_a_sweep_are_reproduced(
     made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Wherever the folder lies now, and from wherever: frames, steps, summary and `.rrd` are the same."""
-    shutil.copytree(made / "one", tmp_path / "elsewhere" / "one")
+    """Wherever the folder lies now, and from wherever: frames, steps, summary and `.rrd` are the same.
+
+    A name that begins as an option does is none to Rerun, which compares the `.rrd`.
+    """
+    shutil.copytree(made / "one", tmp_path / "-elsewhere" / "one")
     monkeypatch.chdir(tmp_path)
-    assert main(["reproduce", "elsewhere/one"]) == 0
+    assert main(["reproduce", "folder=-elsewhere/one"]) == 0
     files = "summary.parquet, frames.parquet, run.rrd, steps.parquet"
-    assert capsys.readouterr().out == f"elsewhere/one: reproduced bit for bit: {files}.\n"
+    assert capsys.readouterr().out == f"-elsewhere/one: reproduced bit for bit: {files}.\n"
     assert main(["reproduce", str(made / "many" / "1")]) == 0
     assert "reproduced bit for bit: summary.parquet, frames.parquet." in capsys.readouterr().out
-    assert {p.name for p in tmp_path.iterdir()} == {"elsewhere"}
+    assert {p.name for p in tmp_path.iterdir()} == {"-elsewhere"}
 
 
 def _frame(folder: Path) -> None:

@@ -18,13 +18,15 @@ import yaml
 
 from runner.__main__ import main
 from runner.diagnosis.verdict import ALL, FILE
-from runner.outputs.many import diagnose_many, made_from
+from runner.outputs.many import diagnose_many
+from runner.recording import write_case
 from runner.recording.case import content_hash
 from runner.storage import provenance, run_status
 from runner.storage.holding import holding
 from runner.storage.run_status import Status, status_of
-from runner.storage.writing import write_json
 from runner.teleop import tables
+from tests.cases import made
+from tests.in_place_of_a_diagnosis import noted
 
 BRIEF = ("forces.pushes=2", "forces.rest_s=0.3")
 QUICK = (*BRIEF, "log.rrd=off")
@@ -98,14 +100,6 @@ def test_another_recording_under_the_same_name_is_refused(tmp_path: Path, capsys
     assert main(["gap", str(tmp_path / "moved"), "horizons_s=[0.5]", f"out={out}"]) == 0
 
 
-def noted(path: Path, folder: Path, report: bool) -> str | None:
-    """In place of a diagnosis: a verdict that says of what it is."""
-    folder.mkdir(parents=True, exist_ok=True)
-    content = {"sentence": str(time.monotonic_ns()), "provenance": made_from(path, provenance.program())}
-    write_json(folder / FILE, content)
-    return None
-
-
 def test_a_verdict_of_what_a_case_held_before_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Going on keeps the verdicts of cases that are as they were, and no others; those of other cases are refused."""
     monkeypatch.setattr("runner.outputs.many._one", noted)
@@ -129,14 +123,14 @@ def test_a_verdict_of_what_a_case_held_before_is_made_anew(tmp_path: Path, monke
 
 def test_a_verdict_says_what_made_it(tmp_path: Path) -> None:
     """Versions, commit, hashes of settings and recording stand in the verdict of a real diagnosis, alone or of many."""
-    shutil.copytree(EXAMPLES / "nothing_differs", tmp_path / "cases/a")
+    write_case(made(episodes=2, seconds=1.0)[0], tmp_path / "cases/a")
     assert main(["diagnose", str(tmp_path / "cases"), "report=false", "workers=1", f"out={tmp_path}/many"]) == 0
-    made = json.loads((tmp_path / "many/a" / FILE).read_text())["provenance"]
+    said = json.loads((tmp_path / "many/a" / FILE).read_text())["provenance"]
     noted = yaml.safe_load((tmp_path / "many" / run_status.FILE).read_text())
-    assert made["recording_hash"] == content_hash(tmp_path / "cases/a")
-    assert made["config_hash"] == noted["config_hash"]
-    assert made["versions"]["mujoco"] == "3.17.0"
-    assert {"commit", "changed"} <= made.keys()
+    assert said["recording_hash"] == content_hash(tmp_path / "cases/a")
+    assert said["config_hash"] == noted["config_hash"]
+    assert said["versions"]["mujoco"] == "3.17.0"
+    assert {"commit", "changed"} <= said.keys()
     assert noted["status"] == "done"
 
 

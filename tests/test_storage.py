@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import os
 import resource
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,6 +27,7 @@ from runner.storage.writing import replacing, write_json, write_parquet, write_t
 from runner.teleop.tables import ROWS, Ledger, append_line, read_summary, whole_lines, write_summary
 from runner.viewer.rrd import written
 
+CASE = Path(__file__).parents[1] / "examples" / "cases" / "nothing_differs"
 BYTES = 2000  # what the disk takes of each file
 NUMBERS = np.random.default_rng(0).random(5000)
 TABLE = pd.DataFrame({"x": NUMBERS})
@@ -168,3 +171,58 @@ def test_links_in_a_sweep_of_somebody_else_lead_nowhere(tmp_path: Path) -> None:
     with pytest.raises(WriteError, match="is a link"):
         Ledger(tmp_path, 0)
     assert {f.name: f.read_text() for f in mine.iterdir()} == {"settings": "mine"}
+
+
+def test_folders_of_runs_and_cases_that_are_links_lead_nowhere(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of a sweep that is resumed and of cases that are diagnosed: nothing is written where a link leads to."""
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    sweep = tmp_path / "s"
+    sweep.mkdir()
+    (sweep / "sweep.txt").write_text("run seed=0,1 forces.pushes=1 log.rrd=off\n")
+    (sweep / "1").symlink_to(mine)
+    assert main(["run", f"resume={sweep}"]) == 2
+    assert capsys.readouterr().err.startswith(f"{sweep}/1: can't be written: is a link, which would lead out of")
+    cases, results = tmp_path / "cases", tmp_path / "d"
+    shutil.copytree(CASE, cases / "part" / "a")
+    results.mkdir()
+    (results / "part").symlink_to(mine)
+    assert main(["diagnose", str(cases), f"out={results}"]) == 2
+    assert f"{results}/part: can't be written: is a link" in capsys.readouterr().err
+    assert not list(mine.iterdir())
+
+
+def test_a_new_name_is_taken_through_to_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """First what the file holds, then its place, then the folder that says so."""
+    done = []
+    fsync, rename = os.fsync, Path.replace
+    monkeypatch.setattr(
+        os, "fsync", lambda handle: (done.append(Path(f"/proc/self/fd/{handle}").readlink()), fsync(handle))
+    )
+    monkeypatch.setattr(Path, "replace", lambda part, path: (done.append(path), rename(part, path)))
+    write_text(tmp_path / "a.txt", "text")
+    part, path, folder = done
+    assert part.parent == tmp_path
+    assert part.name.startswith(".a.")
+    assert (path, folder) == (tmp_path / "a.txt", tmp_path)
+
+
+@pytest.mark.parametrize("number", [errno.EINVAL, errno.EIO])
+def test_folders_that_can_not_be_taken_through_are_no_error(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Some file systems don't know how; one that knows how, and fails, is told."""
+
+    def of_folder(handle: int) -> None:
+        if Path(f"/proc/self/fd/{handle}").readlink().is_dir():
+            raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, "fsync", of_folder)
+    if number == errno.EINVAL:
+        write_text(tmp_path / "a.txt", "text")
+    else:
+        with pytest.raises(WriteError, match="Input/output error"):
+            write_text(tmp_path / "a.txt", "text")
+    assert (tmp_path / "a.txt").read_text() == "text"

@@ -172,7 +172,8 @@ class CaseDiagnosis:
         Raises:
             RunnerError: If the folder holds a recording, or can't be written to.
         """
-        from runner.outputs.many import check_results, write_all  # matplotlib, Rerun
+        from runner.outputs.many import check_results
+        from runner.outputs.one import write_all
 
         folder = Path(folder)
         check_results(folder)

@@ -128,11 +128,15 @@ def caches() -> list[Path]:
 
 
 def begin_worker(folders: Sequence[Path]) -> dict[str, str]:
-    """Shut a worker in; this module's imports, and so the diagnosis and the fonts of figures, are loaded by then.
+    """Shut a worker in; what a diagnosis is made of is loaded by then.
 
     Returns:
         What verdicts say of it.
     """
+    import runner.diagnosis.pipeline
+    import runner.outputs.one
+    import runner.systems.case  # noqa: F401
+
     enter_fence(folders)
     return {"fence": " and ".join(filter(None, (kernel_fence.in_force(), Kept.hook)))}
 

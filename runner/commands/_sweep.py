@@ -33,7 +33,7 @@ from runner.commands._jobs import ConfigWriter, JobComposer
 from runner.commands._launch import is_alone, launch, literal
 from runner.errors import ConfigError, RunnerError
 from runner.progress import progress
-from runner.storage.writing import write_text
+from runner.storage.writing import own_folder, write_text
 from runner.teleop import tables
 from runner.teleop.frames import ENDED, Status
 
@@ -248,7 +248,7 @@ def _do(
     ready: list[tuple[Any, Job]] = []
     for swept in some:
         job = swept.job
-        job.results.mkdir(exist_ok=True)
+        own_folder(job.results.parent, job.results.name)
         writer.write(job.results, swept.overrides, job.config)
         try:
             value = built(command, swept.values, {})

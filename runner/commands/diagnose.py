@@ -20,8 +20,6 @@ from pathlib import Path
 
 from rich.console import Console
 
-from runner.api.case import read
-from runner.api.diagnosis import diagnose
 from runner.commands import Command, Job
 from runner.diagnosis.verdict import ALL
 from runner.errors import check_workers
@@ -31,7 +29,6 @@ from runner.progress import observed
 from runner.recording import find_cases
 from runner.recording.case import content_hash
 from runner.recording.data import warnings
-from runner.report.terminal import summary
 
 
 @dataclass(frozen=True)
@@ -55,14 +52,7 @@ def main(config: DiagnoseConfig, job: Job) -> int | None:
     console = Console()
     check_results(job.results)
     if cases == [config.recording]:
-        case = read(config.recording)
-        with observed("Diagnosing") as shown, kept_so_far(shown, job.results) as observer:
-            diagnosis = diagnose(case, progress=observer)
-            observer.stage("writing the report")
-            config_hash = job.provenance.get("config_hash")
-            page = diagnosis.report(job.results, figures=config.report, config_hash=config_hash)
-        console.print(summary(diagnosis.result))
-        console.print(f"{page}", highlight=False, soft_wrap=True)
+        _one(config, job, console)
         return None
     named = {case.relative_to(config.recording).as_posix(): case for case in cases}
     failed = diagnose_many(
@@ -77,6 +67,23 @@ def main(config: DiagnoseConfig, job: Job) -> int | None:
         for note in warnings(found.get("notes", ())):
             console.print(f"{name}: {note}", highlight=False, soft_wrap=True)
     return say_how_many(len(cases), failed, job.results, console)
+
+
+def _one(config: DiagnoseConfig, job: Job, console: Console) -> None:
+    """Diagnose a single case, in this process."""
+    # many are diagnosed by processes that import what that takes themselves
+    from runner.api.case import read
+    from runner.api.diagnosis import diagnose
+    from runner.report.terminal import summary
+
+    case = read(config.recording)
+    with observed("Diagnosing") as shown, kept_so_far(shown, job.results) as observer:
+        diagnosis = diagnose(case, progress=observer)
+        observer.stage("writing the report")
+        config_hash = job.provenance.get("config_hash")
+        page = diagnosis.report(job.results, figures=config.report, config_hash=config_hash)
+    console.print(summary(diagnosis.result))
+    console.print(f"{page}", highlight=False, soft_wrap=True)
 
 
 def say_how_many(count: int, failed: Mapping[str, str], results: Path, console: Console) -> int | None:

@@ -123,7 +123,9 @@ def _table(file: Path) -> pa.Table:
 
 def _different_recordings(old: Path, new: Path) -> str:
     """Return whether two recordings hold different things, when they were written aside; Rerun itself compares."""
-    command = [sys.executable, "-m", "rerun", "rrd", "compare", "--unordered", str(old), str(new)]
+    # absolute: a name that begins with '-' would be an option
+    files = [str(path.absolute()) for path in (old, new)]
+    command = [sys.executable, "-m", "rerun", "rrd", "compare", "--unordered", *files]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     return "" if done.returncode == 0 else "holds something else (rerun rrd compare says what)."
 

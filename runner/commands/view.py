@@ -45,7 +45,8 @@ def main(config: ViewConfig, job: Job) -> int:
             f"has one: rerun {file.name}"
         )
     served = ["--serve-web", "--bind", config.bind] if config.web else []
-    return subprocess.run([program, str(file), *served], check=False).returncode
+    # a name of its own may begin with '-', which would be an option of the viewer
+    return subprocess.run([program, str(file.absolute()), *served], check=False).returncode
 
 
 def recording_in(path: Path) -> Path:

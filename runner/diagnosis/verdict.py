@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, StrictFloat, TypeAdapter, ValidationError
 
-from runner.diagnosis.result import Diagnosis
 from runner.errors import ResultError
 from runner.storage.checked import Keys, must, refusal
 from runner.storage.reading import read_json
+
+if TYPE_CHECKING:
+    from runner.diagnosis.result import Diagnosis
 
 FILE = "verdict.json"
 ALL = "verdicts.json"

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr  # of scipy.stats' import every diagnosis would wait for a second
 
 from runner.localise.linearised import Linearised, Model, linearised
 from runner.localise.windows import FEWEST, WINDOWS_S, windows_of_length
@@ -48,7 +48,7 @@ class WindowExcess:
 
 def probability_by_noise(excess: float, freedom: float) -> float:
     """Return how likely noise alone makes so much excess, of so many values."""
-    return float(norm.sf((excess - NOISE_SHARE * freedom) / np.sqrt(2 * max(freedom, 1e-9))))
+    return float(ndtr((NOISE_SHARE * freedom - excess) / np.sqrt(2 * max(freedom, 1e-9))))
 
 
 def shortest_that_tells(model: Model, measured: Measured, episodes: Sequence[int]) -> tuple[WindowExcess, WindowExcess]:

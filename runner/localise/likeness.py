@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc  # of scipy.stats' import every diagnosis would wait for a second
 
 from runner.numerics.arrays import FloatArray
 from runner.systems.base import AbstractSystem
@@ -100,7 +100,7 @@ class _Force:
         gram = x.T @ x + RIDGE * np.eye(k)
         taken = float(y @ x @ np.linalg.solve(gram, x.T @ y))
         left = max(float(y @ y) - taken, 1e-300)
-        if f_distribution.sf(taken / k / (left / (n - k)), k, n - k) * tried > SURE:
+        if fdtrc(k, n - k, taken / k / (left / (n - k))) * tried > SURE:
             return 0.0
         return float(np.clip(1.0 - left / float(y @ y) * n / (n - k), 0.0, 1.0))
 

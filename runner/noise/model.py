@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.optimize import minimize
-from scipy.signal import lfilter
+
+from runner.numerics.recursive_filter import filtered
 
 WINDOW_S, MOST_SAMPLES = 0.5, 64
 DEGREE = 3  # a motion, or a model's error, is close to a cubic over a window; noise is not
@@ -93,14 +94,8 @@ def _innovations(x: np.ndarray, share: float, memory: float) -> np.ndarray:
         slow = memory * (slow + gain * error)
         before, variance = variance, memory**2 * variance * (1.0 - gain) + share * (1.0 - memory**2)
         if abs(variance - before) < 1e-9 and k + 1 < n:
-            tail, _ = lfilter(
-                [1.0, -memory],
-                [1.0, -memory * (1.0 - gain)],
-                x[..., k + 1 :, :],
-                axis=-2,
-                zi=-slow[..., None, :],
-            )
-            out[..., k + 1 :, :] = tail / np.sqrt(total)
+            tail = filtered(np.swapaxes(x[..., k + 1 :, :], -1, -2), 1.0, -memory, memory * (1.0 - gain), -slow)
+            out[..., k + 1 :, :] = np.swapaxes(tail, -1, -2) / np.sqrt(total)
             break
     return out
 

@@ -1,4 +1,8 @@
-"""Diagnose cases: what a diagnosis leaves in its folder, and many cases side by side in processes of their own."""
+"""Diagnose many cases side by side, in processes of their own.
+
+What a diagnosis is made of is imported by those alone (`runner.outputs.one`): they begin seconds sooner, and the
+process that watches them stays small.
+"""
 
 from __future__ import annotations
 
@@ -8,73 +12,21 @@ import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from runner.diagnosis.corrected import write_corrected
-from runner.diagnosis.pipeline import diagnose
-from runner.diagnosis.result import Diagnosis
-from runner.diagnosis.verdict import ALL, FILE, verdict
-from runner.errors import ConfigError, ResultError, RunnerError, WriteError
+from runner.diagnosis.verdict import ALL, FILE
+from runner.errors import ConfigError, ResultError, RunnerError
 from runner.outputs.elsewhere import Spread, elsewhere
 from runner.processes.workers import kill_workers, shielded, worker_of
 from runner.progress import progress
 from runner.recording.case import TABLES, content_hash
-from runner.report import words
-from runner.report.html import write_html
-from runner.report.record import write_rrd
 from runner.storage.provenance import program
 from runner.storage.reading import read_json
-from runner.storage.writing import replacing, write_json, write_parquet
-from runner.systems.case import open_case
-
-# what a diagnosis may leave beside its verdict; corrected model and closure are always written anew
-LEFT = ("where_*.parquet", "report.html", "diagnosis.rrd")
-
-
-def write_all(diagnosis: Diagnosis, folder: Path, *, report: bool, provenance: Mapping[str, Any]) -> None:
-    """Write what a diagnosis leaves; `verdict.json` last, as the sign that all is there.
-
-    Args:
-        diagnosis: What was found.
-        folder: Where to; made if it is not there. What another diagnosis left in it is taken away first.
-        report: Whether to write more than the verdict and the corrected model.
-        provenance: What made it and what it belongs to, see `made_from`.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    _clear(folder)
-    write_parquet(folder / "closure.parquet", diagnosis.closure.table)
-    write_parquet(folder / "closure_regimes.parquet", diagnosis.closure.regimes)
-    diagnosis = with_corrected(diagnosis, folder)
-    if report:
-        where = diagnosis.where
-        tables = {
-            "gap": where.gap,
-            "windows": where.windows,
-            "missing_force": where.missing_force,
-            "cells": where.cells,
-        }
-        for name, table in tables.items():
-            write_parquet(folder / f"where_{name}.parquet", table)
-        write_html(diagnosis, folder / "report.html")
-        write_rrd(diagnosis, folder / "diagnosis.rrd")
-    content = {"sentence": words.verdict(diagnosis), **verdict(diagnosis), "provenance": dict(provenance)}
-    write_json(folder / FILE, content)
-
-
-def with_corrected(diagnosis: Diagnosis, folder: Path) -> Diagnosis:
-    """Write the corrected model; where it can't be, return the diagnosis with a note that says why.
-
-    What took minutes to find is not thrown away for the file that it would be used with.
-    """
-    try:
-        write_corrected(folder, diagnosis.effects, diagnosis.system)
-    except ResultError as error:
-        return replace(diagnosis, notes=(*diagnosis.notes, f"No corrected model was written. {error}"))
-    return diagnosis
+from runner.storage.writing import check_own, replacing, write_json
 
 
 def check_results(folder: Path) -> None:
@@ -108,16 +60,6 @@ def has_verdict(folder: Path, case: Path) -> bool:
     content = read_json(folder / FILE)
     provenance = content.get("provenance") if isinstance(content, dict) else None
     return isinstance(provenance, dict) and provenance.get("recording_hash") == content_hash(case)
-
-
-def _clear(folder: Path) -> None:
-    """Take away what a diagnosis left, the verdict first; what was not made by one stays."""
-    named = [folder / FILE, *(f for pattern in LEFT for f in folder.glob(pattern))]
-    try:
-        for file in named:
-            file.unlink(missing_ok=True)
-    except OSError as error:
-        raise WriteError(f"{folder}: can't be written: {error.strerror}.") from error
 
 
 @dataclass(frozen=True)
@@ -164,8 +106,11 @@ def diagnose_many(
 
     Raises:
         ResultError: If there are verdicts of cases that are not among these, or one can't be read.
+        WriteError: If the folder of a case is a link.
     """
     _check_others(results, cases)
+    for name in cases:
+        check_own(results, name)
     todo = [name for name, case in cases.items() if not has_verdict(results / name, case)]
     for name in todo:
         (results / name / FILE).unlink(missing_ok=True)
@@ -266,6 +211,10 @@ def _one_made_with(made_with: Mapping[str, Any], path: Path, folder: Path, repor
 
 def _one(path: Path, folder: Path, report: bool) -> str | None:
     """Diagnose a case in a process of its own; return what was wrong with it, if anything."""
+    from runner.diagnosis.pipeline import diagnose
+    from runner.outputs.one import write_all
+    from runner.systems.case import open_case
+
     try:
         provenance = made_from(path, _MADE_WITH)  # before it is read: what changes meanwhile is found on going on
         diagnosis = diagnose(open_case(path), threads=1, advise=report)

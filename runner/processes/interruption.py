@@ -2,7 +2,8 @@
 
 A signal raises `KeyboardInterrupt` in the main thread, as Python does it, once; a second one does not disturb what is
 put in order then. Where the main thread is deep in compiled code and does not come back in time, a thread that was
-woken by the signal itself ends the process in its place.
+woken by the signal itself ends the process in its place: it says the line first, since whatever else there is to do may
+take long on a machine that is busy.
 """
 
 from __future__ import annotations
@@ -15,11 +16,14 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
+from typing import NoReturn
 
 from runner.processes.workers import kill_workers
 
 PATIENCE_S = 1.0  # for the main thread to come back; the line is there within two seconds
+ORDER_S = 0.5  # for what is put in order where it does not come back: the process too has ended by then
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+INTERRUPTED = tuple(128 + number for number in SIGNALS)  # exit codes
 QUIET_TRACKER = "ignore:resource_tracker:UserWarning"  # it unlinks what an ended process left: the line says enough
 
 _go_on = ""
@@ -69,12 +73,12 @@ def interruptible() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    over = threading.Event()
+    over, first = threading.Event(), threading.Lock()
     read, write = socket.socketpair()
     write.setblocking(False)
     before = {number: signal.getsignal(number) for number in SIGNALS}
     sys.warnoptions.append(QUIET_TRACKER)  # handed to Python's resource tracker, which starts with the first workers
-    threading.Thread(target=_watch, args=(read, over), daemon=True).start()
+    threading.Thread(target=_watch, args=(read, over, first), daemon=True).start()
     woken = signal.set_wakeup_fd(write.fileno(), warn_on_full_buffer=False)
     for number in SIGNALS:
         signal.signal(number, _stop)
@@ -82,6 +86,8 @@ def interruptible() -> Iterator[None]:
         yield
     finally:
         over.set()
+        if not first.acquire(blocking=False):  # the line was said meanwhile, and the process is about to end
+            threading.Event().wait()
         sys.warnoptions.remove(QUIET_TRACKER)
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -96,7 +102,21 @@ def _stop(number: int, frame: FrameType | None) -> None:
     raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
 
 
-def _watch(read: socket.socket, over: threading.Event) -> None:
+def leave(code: int) -> NoReturn:
+    """End this process and its workers at once, without what Python does at its end: on a busy machine that takes long.
+
+    Args:
+        code: Its exit code.
+    """
+    kill_workers()
+    with suppress(OSError, ValueError):
+        sys.stdout.flush()
+    with suppress(OSError, ValueError):
+        sys.stderr.flush()
+    os._exit(code)
+
+
+def _watch(read: socket.socket, over: threading.Event, first: threading.Lock) -> None:
     """Wait for the number of a signal, which the signal itself sends, and then for the main thread, but not long."""
     number = 0
     while number not in SIGNALS:
@@ -105,12 +125,15 @@ def _watch(read: socket.socket, over: threading.Event) -> None:
             read.close()
             return
         number = sent[0]
-    if over.wait(PATIENCE_S):
+    if over.wait(PATIENCE_S) or not first.acquire(blocking=False):
         return
+    with suppress(OSError, ValueError):
+        os.write(sys.stderr.fileno(), (line(_go_on) + "\n").encode())
+    end = threading.Timer(ORDER_S, os._exit, (128 + number,))
+    end.daemon = True
+    end.start()
     kill_workers()
     for call in _at_end:
         with suppress(Exception):
             call()
-    with suppress(OSError, ValueError):
-        os.write(sys.stderr.fileno(), (line(_go_on) + "\n").encode())
     os._exit(128 + number)

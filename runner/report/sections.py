@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
-from scipy.stats import chi2
+from scipy.special import chdtrc  # of scipy.stats' import every diagnosis would wait for a second
 
 from runner.effects.wording import listed, number, percent
 from runner.report import motion_figures, where_figures, words
@@ -150,7 +150,7 @@ def whiteness(diagnosis: Diagnosis, said: Statement, paths: list[Paths]) -> dict
         lags = min(LAGS, after.shape[2] // 4)
         r, count = autocorrelation(after[i], lags)
         q = count * (count + 2) * float(np.sum(r**2 / (count - np.arange(1, lags + 1))))
-        if chi2.sf(q, lags) < WHITE_AT / len(channels):
+        if chdtrc(lags, q) < WHITE_AT / len(channels):
             structured.append(channel.label)
             extra.append(float(np.nanmean(after[i] ** 2)) - 1.0)
     bold, tail = words.left_at_large(said)

@@ -6,6 +6,7 @@ still. What is noted line by line while it happens, as the rows of a sweep, is a
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
@@ -20,6 +21,7 @@ import yaml
 
 from runner.errors import WriteError
 
+NO_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EBADF)  # of file systems that can't do it for folders
 STEM = 200  # characters of a name that are kept beside its place: the whole may have 255 bytes
 
 
@@ -39,11 +41,53 @@ def replacing(path: Path) -> Iterator[Path]:
         with part.open("rb") as file:
             os.fsync(file.fileno())
         part.replace(path)
+        _sync_folder(path.parent)
     except OSError as error:
         raise WriteError(f"{path}: can't be written: {error.strerror or error}.") from error
     finally:
         with suppress(OSError):
             part.unlink()
+
+
+def _sync_folder(folder: Path) -> None:
+    """Take the new name through to the disk: else a folder may hold the old file again once the power was gone."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in NO_SYNC:
+            raise
+    finally:
+        os.close(handle)
+
+
+def own_folder(results: Path, name: str) -> Path:
+    """Make a folder within results, if it is not there, and return it.
+
+    Raises:
+        WriteError: If it, or what it lies in there, is a link; or if it can't be made.
+    """
+    check_own(results, name)
+    folder = results / name
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise WriteError(f"{folder}: can't be made: {error.strerror}.") from error
+    return folder
+
+
+def check_own(results: Path, name: str) -> None:
+    """Refuse a link in the place of a folder within results, which are maybe somebody else's: it may lead anywhere.
+
+    Raises:
+        WriteError: Naming the link.
+    """
+    folder = results / name
+    for path in (folder, *folder.parents):
+        if path == results:
+            return
+        if path.is_symlink():
+            raise WriteError(f"{path}: can't be written: is a link, which would lead out of the results.")
 
 
 def _check_replaceable(path: Path) -> None:

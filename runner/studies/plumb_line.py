@@ -16,12 +16,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import mujoco
 import numpy as np
-import rerun as rr
-import rerun.blueprint as rrb
 
 from runner.config import registered
 from runner.effects.planar_box import Target
@@ -30,7 +28,9 @@ from runner.physics.scene import Dof, FloorContact, build, rotate
 from runner.progress import track
 from runner.studies.base import AbstractStudy, Rows
 from runner.teleop.experiment import REMOTE, Experiment
-from runner.viewer.rrd import written
+
+if TYPE_CHECKING:
+    import rerun as rr
 
 LIFT_M = 10.0  # so high that nothing touches the floor
 AT_REST_RAD_S = 1e-6
@@ -230,6 +230,11 @@ def write_rrd(
     found: Crossing,
 ) -> None:
     """Write what was seen for the Rerun viewer: the body on each of its points, the lines in it, and their crossing."""
+    import rerun as rr  # which no other run should wait for
+    import rerun.blueprint as rrb
+
+    from runner.viewer.rrd import written
+
     half = np.array(experiment.remote.half_size_m)
     reach = 2.2 * float(np.linalg.norm(half))
     colours = [(240, 140, 40), (60, 190, 130), (200, 90, 200), (220, 200, 60)]
@@ -260,6 +265,8 @@ def write_rrd(
 
 def log_estimate(recording: rr.RecordingStream, entity: str, point_m: np.ndarray, covariance_m2: np.ndarray) -> None:
     """Draw a point and its ellipsoid of three standard deviations, which is drawn large enough to be seen."""
+    import rerun as rr
+
     variances, axes = np.linalg.eigh(covariance_m2)
     if np.linalg.det(axes) < 0:
         axes[:, 0] *= -1

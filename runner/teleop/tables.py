@@ -25,7 +25,7 @@ from filelock import FileLock, Timeout
 from runner.errors import ResultError, RunnerError, WriteError
 from runner.storage import run_status
 from runner.storage.parquet_file import UNREADABLE, ParquetError, read_whole
-from runner.storage.writing import replacing
+from runner.storage.writing import own_folder, replacing
 from runner.teleop.frames import RunResult, Truth
 
 SUMMARY = "summary.parquet"
@@ -179,10 +179,7 @@ class Ledger:
     """
 
     def __init__(self, folder: Path, first: int) -> None:
-        self._path = folder / ROWS / f"{first:06d}.jsonl"
-        if self._path.parent.is_symlink():
-            raise WriteError(f"{self._path.parent}: can't be written: is a link, which would lead out of the sweep.")
-        self._path.parent.mkdir(exist_ok=True)
+        self._path = own_folder(folder, ROWS) / f"{first:06d}.jsonl"
 
     @contextmanager
     def held(self) -> Iterator[Ledger]:

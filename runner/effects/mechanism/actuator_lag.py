@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
-import scipy  # loads its parts when they are first used
 
 from runner.effects.base import Parameter, Phrase, Vector
 from runner.effects.mechanism.base import Command, MechanismEffect, Scope, effect
 from runner.effects.wording import Values
 from runner.errors import check_range
+from runner.numerics.recursive_filter import filtered
 
 
 @effect
@@ -35,7 +35,7 @@ class ActuatorLag(MechanismEffect):
             return command
         column, before = command.columns[self.target], command.before[self.target]
         decay = math.exp(-command.step_s / self.time_constant_s)
-        after = before + scipy.signal.lfilter([1 - decay], [1, -decay], column - before)
+        after = before + filtered(column - before, 1 - decay, 0.0, decay)
         at_start = np.concatenate([[before], after[:-1]])
         mean = column + (at_start - column) * (self.time_constant_s / command.step_s) * (1 - decay)
         return replace(command, columns={**command.columns, self.target: mean})

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
-import scipy  # loads its parts when they are first used
 
 from runner.effects.base import Parameter, Phrase, Vector
 from runner.effects.mechanism.base import MechanismEffect, Reading, Scope, effect
 from runner.effects.wording import Values
 from runner.errors import check_range
+from runner.numerics.recursive_filter import filtered
 
 
 @effect
@@ -44,8 +44,7 @@ class SensorLag(MechanismEffect):
         # y[k+1] = decay y[k] + (rise - decay) x[k] + (1 - rise) x[k+1]
         behind = np.zeros(true.shape[:-1]) if reading.held_before else tau * (true[..., 1] - true[..., 0]) / step
         start = true[..., 0] - behind
-        state = (start - (1 - rise) * true[..., 0])[..., None]
-        shown, _ = scipy.signal.lfilter([1 - rise, rise - decay], [1.0, -decay], true, axis=-1, zi=state)
+        shown = filtered(true, 1 - rise, rise - decay, decay, start - (1 - rise) * true[..., 0])
         return replace(reading, channels={**reading.channels, self.target: shown})
 
     @classmethod

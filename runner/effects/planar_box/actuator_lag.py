@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
-import scipy  # loads its parts when they are first used, which is longer than a short run takes
 
 from runner.effects.base import Parameter, Phrase, Vector
 from runner.effects.planar_box.base import Beliefs, Context, PlanarEffect, effect
 from runner.effects.wording import Values, number
 from runner.errors import check_range
+from runner.numerics.recursive_filter import filtered
 
 
 @effect
@@ -22,6 +22,7 @@ class ActuatorLag(PlanarEffect):
 
     name: ClassVar[str] = "actuator_lag"
     label: ClassVar[str] = "a push that follows the command with a lag"
+    of_command: ClassVar[bool] = True
     time_constant_s: float
 
     def __post_init__(self) -> None:
@@ -32,7 +33,7 @@ class ActuatorLag(PlanarEffect):
             return columns
         # exact for a command held over a step: state after it, and its mean over it
         decay = math.exp(-step_s / self.time_constant_s)
-        after = scipy.signal.lfilter([1 - decay], [1, -decay], columns, axis=0)
+        after = filtered(columns.T, 1 - decay, 0.0, decay).T
         before = np.vstack([np.zeros(columns.shape[1]), after[:-1]])
         return columns + (before - columns) * (self.time_constant_s / step_s) * (1 - decay)
 

@@ -6,14 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import rerun as rr
-import rerun.blueprint as rrb
 
 from runner.estimation.space.inertial import Inertial
 from runner.studies.compound.fit import InertialFit
 from runner.studies.compound.pokes import Part
 from runner.studies.plumb_line import log_estimate
-from runner.viewer.rrd import written
 
 
 def write_rrd(
@@ -26,6 +23,11 @@ def write_rrd(
     found: InertialFit,
 ) -> None:
     """Write for the Rerun viewer how the object moved, all episodes one after the other, and its CoM as fitted."""
+    import rerun as rr  # which no other run should wait for
+    import rerun.blueprint as rrb
+
+    from runner.viewer.rrd import written
+
     view = rrb.Spatial3DView(origin="/world", name="hanging in turn; blue: true centre of mass, white: fitted")
     layout = rrb.Blueprint(view, rrb.TimePanel(state="collapsed", timeline="sim_time"), auto_views=False)
     states = motion.reshape(-1, motion.shape[-1])

@@ -1,0 +1,31 @@
+"""Small numerics that are done here as their import from scipy takes a second: the same numbers as scipy has."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import false_discovery_control
+
+from runner.localise.cells import false_discovery
+from runner.numerics.recursive_filter import filtered
+
+
+@pytest.mark.parametrize("shape", [(50,), (3, 50), (2, 3, 50), (3, 1), (0, 50)])
+def test_a_filter_is_that_of_scipy(shape: tuple[int, ...]) -> None:
+    """Bit for bit, from any start, along the last axis, of arrays in any order in memory; the input stays."""
+    rng = np.random.default_rng(0)
+    x, start = rng.normal(size=shape), rng.normal(size=shape[:-1])
+    for values in (x, np.asfortranarray(x), np.repeat(x, 2, axis=-1)[..., ::2]):
+        kept = values.copy()
+        wanted, _ = lfilter([0.3, 0.2], [1.0, -0.6], values, axis=-1, zi=start[..., None])
+        np.testing.assert_array_equal(filtered(values, 0.3, 0.2, 0.6, start), wanted)
+        np.testing.assert_array_equal(values, kept)
+    np.testing.assert_array_equal(filtered(x, 0.4, 0.0, 0.6), lfilter([0.4], [1.0, -0.6], x, axis=-1))
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 200])
+def test_false_discoveries_are_those_of_scipy(count: int) -> None:
+    """With ties, ones and zeros among the probabilities."""
+    p = np.round(np.random.default_rng(count).random(count), 1)
+    np.testing.assert_allclose(false_discovery(p), false_discovery_control(p), rtol=1e-15)
