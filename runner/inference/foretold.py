@@ -19,8 +19,14 @@ def _excesses(fit: Fit, fitter: Fitter) -> FloatArray:
     return np.array([fitter.measured.excess(float(loss), [e]) for e, loss in zip(fit.episodes, fit.loss, strict=True)])
 
 
+def failing(before: Fit, after: Fit, fitter: Fitter) -> list[int]:
+    """Return in which episodes, by their place, an explanation leaves most of what is plain to see, or makes it."""
+    gap, left = _excesses(before, fitter), _excesses(after, fitter)
+    return np.flatnonzero((np.maximum(gap, left) > PLAIN) & (left > LEAVES * gap)).tolist()
+
+
 def astray(before: Fit, after: Sequence[Fit], fitter: Fitter, fitted: int) -> tuple[int, ...]:
-    """Return the unseen episodes that none of the explanations foretells while one of them foretells the others.
+    """Return the unseen episodes in which the explanation that foretells the others fails, and no other foretells all.
 
     Where a push starts the body by a hair, or somebody touches the machine, an episode says nothing of what is wrong
     with the model everywhere else, and by its squares it would outweigh all that do. Such episodes are few, or it is
@@ -34,14 +40,15 @@ def astray(before: Fit, after: Sequence[Fit], fitter: Fitter, fitted: int) -> tu
     """
     if not after:
         return ()
-    gap, left = _excesses(before, fitter), np.array([_excesses(f, fitter) for f in after])
-    plain = np.maximum(gap, left) > PLAIN
-    off = np.flatnonzero((plain & (left > LEAVES * gap)).all(axis=0))
-    told = [k for k in range(len(gap)) if k not in off]
-    if not len(off) or len(off) > min(len(told), FEW * (fitted + len(gap))):
+    best = min(after, key=lambda f: usually_left(before, f, fitter))
+    off = failing(before, best, fitter)
+    # an episode in which nothing is to be explained tells nothing of explanations
+    told = [k for k, gap in enumerate(_excesses(before, fitter)) if gap > PLAIN and k not in off]
+    few = len(off) <= min(len(told), FEW * (fitted + len(before.episodes)))
+    # what comes near the one part by chance, and is off in others, does not foretell it
+    if not few or not all(failing(before, f, fitter) for f in after):
         return ()
-    best = min((f.of(told) for f in after), key=lambda f: f.total)
-    return tuple(before.episodes[k] for k in off) if usually_left(before.of(told), best, fitter) <= LEAVES else ()
+    return tuple(before.episodes[k] for k in off)
 
 
 def usually_left(before: Fit, after: Fit, fitter: Fitter) -> float:

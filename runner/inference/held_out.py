@@ -17,14 +17,17 @@ from runner.effects.base import Scope
 from runner.effects.vocabulary import Candidate
 from runner.inference.contender import Contender
 from runner.inference.evidence import directions, evidence, normal_equations, sensitivities, together
-from runner.inference.foretold import LEAVES, PLAIN, astray, usually_left
+from runner.inference.foretold import LEAVES, PLAIN, astray, failing, usually_left
 from runner.inference.least_squares import NONE, Fit, Fitter, amplitudes
 from runner.inference.materiality import causes_of
 from runner.inference.search import Search
+from runner.recording import Span
 
 LEADERS = 6  # so many at most are held against the episodes left out, and the nominal model,
 HOPELESS = 200.0  # behind in log odds by more than that: what is left out will not turn it
 RESTS = 0.5  # squared noises: start states that leave less have found where they belong
+GROWN = 0.125, 0.25, 0.5, 1.0  # of an episode: to what its start state is fitted, one after the other,
+SHORTEST = 10  # samples at least
 ROUGHLY = 3  # steps of start states by which nothing is chosen
 CLOSE = 20.0  # and whatever is so near in log odds
 # errors of the model that what the best explanation leaves is the doing of: of the unseen episodes, and of the fitted
@@ -276,7 +279,29 @@ def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nomina
     gains = nominal is not None and not (fitter.system.leaps and best.total < nominal.total)
     if gains and fitter.measured.excess(best.total, held_out) > RESTS:
         best = min(best, held.fit(NONE, held_out), key=lambda f: f.total)
-    return fitter.fit(explanation, held_out, x=x, near=best, iterations=0)
+    starts = best.starts
+    if nominal is not None and usually_left(nominal, best, fitter) <= LEAVES:
+        # it holds in most: where it does not, the start may be what is wrong
+        for k in failing(nominal, best, fitter):
+            starts[k] = _grown_start(held, best.episodes[k], starts[k])
+    return fitter.fit(explanation, held_out, x=x, starts=starts, iterations=0)
+
+
+def _grown_start(held: Fitter, episode: int, start: np.ndarray) -> np.ndarray:
+    """Return an episode's start state, (S,), fitted to longer and longer parts of it; the old one if that is better.
+
+    A mechanism that turns over forgets where it began: fitted to the whole at once, the start ends in a local minimum.
+    """
+    samples = len(held.measured.values[episode])
+    grown: np.ndarray | None = None
+    for share in GROWN:
+        part = held.parts([Span(episode, 0, max(round(share * samples), SHORTEST))])
+        begin = part.first_starts([0]) if grown is None else grown
+        grown = part.fit(NONE, [0], starts=begin).starts
+    if grown is None:
+        return start
+    before, after = (held.loss(NONE, np.empty(0), s, [episode]) for s in (start[None], grown))
+    return grown[0] if after < before else start
 
 
 def start_states(contender: Contender, fitter: Fitter, episodes: Sequence[int]) -> dict[int, np.ndarray]:
