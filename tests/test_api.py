@@ -19,8 +19,10 @@ import pytest
 import runner
 from runner.__main__ import main
 from runner.diagnosis.verdict import FILE
+from runner.recording import write_case
 from runner.recording.model_form import read_model_case
 from runner.storage.reading import read_json
+from tests.cases import made
 
 FRICTION_NM = 0.15
 LEVER = """<mujoco><option timestep="0.001"/><worldbody><body name="lever">
@@ -85,10 +87,11 @@ def test_importing_it_imports_nothing_else() -> None:
     assert (done.stdout, done.stderr) == ("[]\n", "")
 
 
-def test_reading_a_case_is_quiet() -> None:
+def test_reading_a_case_is_quiet(tmp_path: Path) -> None:
     """No warning of a missing display, and no line: what is to be said is in the result."""
     left = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL")}
-    case = Path(__file__).parents[1] / "examples/cases/nothing_differs"
+    case = tmp_path / "case"
+    write_case(made(episodes=2, seconds=1.0)[0], case)
     code = f"import runner; runner.gap(runner.read({str(case)!r})); print('done')"
     done = subprocess.run([sys.executable, "-c", code], env=left, capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("done\n", "")

@@ -13,9 +13,10 @@ import yaml
 
 from runner.__main__ import main
 from runner.errors import RecordingError
-from runner.recording import read_case
+from runner.recording import read_case, write_case
 from runner.recording.kinematics import lone_samples
 from runner.recording.model_form import read_model_case
+from tests.cases import made
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "cases"
 Edit = Callable[[pd.DataFrame], pd.DataFrame]
@@ -150,8 +151,8 @@ def test_sound_recordings_are_not_warned_of(case: Path) -> None:
 
 def test_it_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """By `runner gap`, of one case and of many."""
-    shutil.copytree(EXAMPLES / "nothing_differs", tmp_path / "cases/a")
-    shutil.copytree(EXAMPLES / "slippery_floor", tmp_path / "cases/b")
+    for name in "ab":
+        write_case(made(episodes=2, seconds=3.0)[0], tmp_path / "cases" / name)
     edited(tmp_path / "cases/a", scaled(-1, "fx", "fy"))
     assert main(["gap", str(tmp_path / "cases/a"), "horizons_s=[0.5]", f"out={tmp_path}/one"]) == 0
     assert "Note: warning: the body accelerates against the forces" in capsys.readouterr().out

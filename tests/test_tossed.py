@@ -194,7 +194,7 @@ def test_a_tilted_frame_is_a_tilted_world():
 
 def test_a_wrong_friction_is_named(tmp_path: Path):
     """Four tosses of a box with half of the friction that its owner believes: the cause, and how much."""
-    system = open_case(toss_case(tmp_path, world(friction=0.2), tosses=4))
+    system = open_case(toss_case(tmp_path, world(friction=0.2), tosses=4, length_s=0.5))
     found = diagnose(system, threads=1, advise=False)
     assert found.ranked[0].effects == ("friction[box]",)
     mu, error = (of["friction[box]"]["mu"] for of in (found.ranked[0].parameters, found.ranked[0].errors))

@@ -1,7 +1,7 @@
 """Goes through the faults of a scenario, each in a process of its own that is forked from this one.
 
-This process is the one with the library: `in_force` tells, `start` begins one. It runs no command itself, so that it
-has no threads, of which a fork would keep one.
+This process is the one with the library: `in_force` tells, `start` begins one. It runs no command itself and does not
+import Rerun, so that it has no threads, of which a fork would keep one; what else takes long is imported here, once.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from runner.errors import RunnerError
-from tests.faults.scenarios import PART, SCENARIOS, Scenario, reset
+from tests.faults.scenarios import PART, SCENARIOS, Scenario, reset, warm
 
 SOURCE = Path(__file__).parent / "preload.c"
 LIBRARY = "RUNNER_FAULTS"  # in the environment: where the library is
@@ -72,6 +72,7 @@ def faults(name: str, *, every: int = 1, first: int = 1) -> Iterator[Fault]:
             path.mkdir()
         scenario = SCENARIOS[name](folder, apart)
         scenario.prepare()
+        warm()
 
         def lay() -> int:
             scenario.before()

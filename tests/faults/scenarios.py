@@ -8,7 +8,6 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 
 import pyarrow.parquet as pq
-from rerun.chunk import RrdReader
 
 from runner.__main__ import main
 from runner.api.tables import read_table
@@ -183,6 +182,8 @@ def whole(folder: Path) -> None:
         if file.suffix == ".parquet":
             pq.read_table(file)
         elif file.suffix == ".rrd":
+            from rerun.chunk import RrdReader  # not above: with it come threads, of which a fork keeps none
+
             assert list(RrdReader(file).stream())
         elif file.suffix == ".yaml":
             assert read_yaml(file) is not None
@@ -190,6 +191,15 @@ def whole(folder: Path) -> None:
             read_json(file)
         elif file.suffix == ".html":
             assert file.read_text().rstrip().endswith("</html>")
+
+
+def warm() -> None:
+    """Import and compose what commands do, but for Rerun: each fault is a fork, which had to do so again."""
+    import runner.commands.table
+    import runner.outputs.one  # noqa: F401
+    from runner.commands._execute import shown
+
+    shown("run", [])
 
 
 def reset(folder: Path, before: Path) -> None:

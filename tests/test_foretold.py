@@ -7,15 +7,20 @@ from typing import Any
 
 import pytest
 
-from runner.inference.held_out import Confirmed, usually_left
+from runner.inference.foretold import astray, usually_left
+from runner.inference.held_out import Confirmed
 
 COUNT = 100
 
 
 def losses(*squared_noises: float) -> Any:
     """A fit of episodes that leaves so much beyond the noise in each."""
+    loss = tuple(COUNT * (1.0 + s) for s in squared_noises)
     return SimpleNamespace(
-        episodes=tuple(range(len(squared_noises))), loss=tuple(COUNT * (1.0 + s) for s in squared_noises)
+        episodes=tuple(range(len(squared_noises))),
+        loss=loss,
+        total=sum(loss),
+        of=lambda kept: losses(*(squared_noises[k] for k in kept)),
     )
 
 
@@ -47,3 +52,22 @@ def test_what_foretells_none_fails() -> None:
 def test_what_foretells_all_by_most_does_not() -> None:
     """As before: by squares it closes most of the gap."""
     assert not confirmed(losses(20.0, 1.2), losses(2.0, 2.4)).fails
+
+
+def test_an_episode_that_nothing_foretells_is_set_aside_where_the_others_are_foretold() -> None:
+    """A machine was touched in the last of four stretches; two explanations hold in the others."""
+    before, after = losses(150, 330, 200, 17000), [losses(20, 17, 9, 22000), losses(30, 20, 9, 15000)]
+    assert astray(before, after, FITTER, fitted=12) == (3,)
+
+
+def test_none_is_set_aside_where_an_explanation_foretells_it_or_none_holds_elsewhere() -> None:
+    before = losses(150, 330, 200, 17000)
+    assert astray(before, [losses(20, 17, 9, 22000), losses(90, 200, 150, 100)], FITTER, fitted=12) == ()
+    assert astray(before, [losses(120, 310, 190, 22000)], FITTER, fitted=12) == ()
+    assert astray(before, [], FITTER, fitted=12) == ()
+
+
+def test_many_episodes_are_not_set_aside() -> None:
+    """Two of four, or one of three in all: it is the explanations that are wrong."""
+    assert astray(losses(150, 330, 200, 170), [losses(20, 17, 199, 168)], FITTER, fitted=4) == ()
+    assert astray(losses(150, 330), [losses(1, 329)], FITTER, fitted=1) == ()
