@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from runner.inference.foretold import astray, usually_left
-from runner.inference.held_out import Confirmed
+from runner.inference.held_out import Confirmed, needed
 
 COUNT = 100
 
@@ -71,3 +71,23 @@ def test_many_episodes_are_not_set_aside() -> None:
     """Two of four, or one of three in all: it is the explanations that are wrong."""
     assert astray(losses(150, 330, 200, 170), [losses(20, 17, 199, 168)], FITTER, fitted=4) == ()
     assert astray(losses(150, 330), [losses(1, 329)], FITTER, fitted=1) == ()
+
+
+def contender(names: str, total: float) -> Any:
+    """An explanation by the letters of its effects, and what it leaves."""
+    return SimpleNamespace(fit=SimpleNamespace(explanation=SimpleNamespace(candidates=tuple(names)), total=total))
+
+
+def test_an_effect_is_needed_where_a_plain_gap_is_left_without_it() -> None:
+    """With both 1 squared noise is left, without the one 92, without the other 2: the best fewer effects leave."""
+    both = contender("ab", 2.0 * COUNT)
+    others = [contender("", 107.0 * COUNT), contender("a", 93.0 * COUNT), contender("b", 3.0 * COUNT)]
+    assert needed(both, [both, *others], COUNT) == {"b"}
+
+
+def test_where_much_is_left_anyway_an_effect_is_needed_only_if_without_it_that_doubles() -> None:
+    """A machine's model leaves 500 squared noises: 300 more is nothing plain."""
+    both = contender("ab", 501.0 * COUNT)
+    others = [contender("", 9000.0 * COUNT), contender("a", 800.0 * COUNT), contender("b", 1100.0 * COUNT)]
+    assert needed(both, [both, *others], COUNT) == {"a"}
+    assert needed(both, [both], COUNT) == set()  # what was not tried says nothing

@@ -90,7 +90,8 @@ class Confirmed:
 def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed:
     """Weigh the leading contenders by all episodes."""
     gap = fitter.measured.excess(found.nominal.total, found.nominal.episodes)
-    finite = doubted([c for c in found.contenders if np.isfinite(c.log_posterior)], fitter.context, gap)
+    count = fitter.measured.count(found.nominal.episodes)
+    finite = doubted([c for c in found.contenders if np.isfinite(c.log_posterior)], fitter.context, gap, count)
     finite = causes_of(sorted(finite, key=lambda c: -c.log_posterior), fitter, gap)
     nominal = next(c for c in finite if not c.fit.explanation.candidates)
     near = finite[0].log_posterior - CLOSE
@@ -164,17 +165,20 @@ def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], f
     return [replace(c, log_posterior=float(p)) for c, p in zip(weighed, posterior, strict=True)]
 
 
-def doubted(contenders: Sequence[Contender], context: Scope, gap: float) -> list[Contender]:
+def doubted(contenders: Sequence[Contender], context: Scope, gap: float, count: int) -> list[Contender]:
     """Return contenders with the odds against effects that do not stand out of their own errors.
 
     The evidence asks whether an effect's pattern is in the residual; the plain errors, the simulator's own mismatch
     included, how far it is from not being there at all. Effects that make up for another's wrong form fail that.
-    Whether there is one effect at all is asked of the likeliest: which it is, the evidence tells.
+    Whether there is one effect at all is asked of the likeliest: which it is, the evidence tells. A plain gap has a
+    cause, however many small errors could do the same: neither where one effect closes it, nor of one of several
+    without which one is left, is that asked.
 
     Args:
         contenders: All of them.
         context: What candidates are told.
         gap: What the nominal model leaves of what was fitted, in squared noises.
+        count: How many measurements were.
     """
     alone = [c for c in contenders if len(c.fit.explanation.candidates) == 1]
     common = 0.0
@@ -183,14 +187,31 @@ def doubted(contenders: Sequence[Contender], context: Scope, gap: float) -> list
     out = []
     for c in contenders:
         single = len(c.fit.explanation.candidates) == 1
-        against = common if single else unsure(c, context, BESIDE_OTHERS)
+        against = common if single else unsure(c, context, BESIDE_OTHERS, needed(c, contenders, count))
         out.append(replace(c, log_posterior=c.log_posterior - against - faint(c, context)))
     return out
 
 
-def unsure(contender: Contender, context: Scope, enough: float) -> float:
+def needed(contender: Contender, contenders: Sequence[Contender], count: int) -> frozenset[Candidate]:
+    """Return the effects of an explanation without which the best of the others leaves a plain gap that it closes.
+
+    Plain beside the noise, and beside what the explanation itself leaves.
+    """
+    whole, out = contender.fit.explanation.candidates, []
+    plain = max(VISIBLE * count, contender.fit.total - count)
+    for candidate in whole:
+        rest = {c for c in whole if c != candidate}
+        fewer = [c.fit.total for c in contenders if rest.issuperset(c.fit.explanation.candidates)]
+        if min(fewer, default=-np.inf) - contender.fit.total > plain:
+            out.append(candidate)
+    return frozenset(out)
+
+
+def unsure(
+    contender: Contender, context: Scope, enough: float, beyond_doubt: frozenset[Candidate] = frozenset()
+) -> float:
     """Return the log odds against effects that are no `enough` standard errors away from not being there."""
-    parts = contender.fit.explanation.parts(context)
+    parts = [(c, whole) for c, whole in contender.fit.explanation.parts(context) if c not in beyond_doubt]
     lacks = (1.0 - errors_off(contender, c, whole, context) / enough for c, whole in parts)
     return sum((DOUBT * max(lack, 0.0) for lack in lacks), 0.0)
 
