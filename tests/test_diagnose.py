@@ -295,10 +295,10 @@ def test_whether_there_is_an_effect_is_asked_of_the_likeliest(tilted: Recording)
     error = math.sqrt(leak.evidence.covariance[0, 0])
     weak = dataclasses.replace(leak, fit=dataclasses.replace(leak.fit, x=np.array([0.2 * error])))
     weak, sure = (dataclasses.replace(c, log_posterior=p) for c, p in ((weak, -10.0), (scale, -30.0)))
-    lowered = [c.log_posterior for c in doubted([weak, sure], fitter.context, 0.5)]
+    lowered = [c.log_posterior for c in doubted([weak, sure], fitter.context, 0.5, 100)]
     assert lowered[0] == pytest.approx(-10.0 - unsure(weak, fitter.context, math.sqrt(2.0)))
     assert lowered[0] - lowered[1] == pytest.approx(20.0)
-    assert [c.log_posterior for c in doubted([weak, sure], fitter.context, 5.0)] == [-10.0, -30.0]
+    assert [c.log_posterior for c in doubted([weak, sure], fitter.context, 5.0, 100)] == [-10.0, -30.0]
 
 
 def test_what_takes_the_simulator_further_away_is_doubted(tilted: Recording) -> None:

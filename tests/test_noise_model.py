@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.linalg import cholesky, solve_triangular, toeplitz
 
+from runner.noise.measured import Measured, without_outliers
 from runner.noise.model import NoiseModel, estimate
+from runner.recording import Span
 
 
 def noise(n: int, k: int, share: float, memory: float, seed: int) -> np.ndarray:
@@ -66,3 +68,41 @@ def test_white_noise_has_no_colour() -> None:
 def test_too_little_is_not_judged() -> None:
     """A quarter of a second says nothing."""
     assert estimate([[np.zeros((15, 2))]], 1 / 60, np.array([np.nan])) is None
+
+
+def test_pushes_that_no_log_holds_are_not_noise() -> None:
+    """What a model leaves of them in three windows of ten is slow, and hardly more than the noise."""
+    rng = np.random.default_rng(5)
+    stretches = []
+    for _ in range(8):
+        left = rng.standard_normal((1000, 2))
+        for begin in (180, 500, 820):
+            left[begin : begin + 100] += 4.0 * np.abs(np.sin(np.linspace(0, np.pi, 100)))[:, None]
+        stretches.append(0.01 * left)
+    found = estimate([stretches], 1 / 200, np.array([np.nan]))
+    assert found is not None
+    assert found.share == 0.0
+    np.testing.assert_allclose(found.level, 0.01, rtol=0.05)
+
+
+@pytest.mark.parametrize(("share", "memory"), [(0.64, 0.72), (0.7, 0.95), (1.0, 0.8), (0.0, 0.0)])
+def test_what_is_new_in_a_sample_is_what_the_best_linear_prediction_leaves(share: float, memory: float) -> None:
+    n = 300
+    whole = covariance(n, share, memory)
+    before, last = whole[:-1, :-1], whole[-1, :-1]
+    want = np.sqrt(whole[-1, -1] - last @ np.linalg.solve(before, last))
+    got = NoiseModel(np.array([share]), np.array([memory])).innovation()
+    np.testing.assert_allclose(got, [want], rtol=1e-6)
+
+
+def test_outliers_stand_out_of_slow_noise() -> None:
+    """Of six noise levels each, hardly to be seen beside the noise itself, but nothing else changes so fast."""
+    share, memory, n = 0.75, 0.95, 2000
+    left = noise(n, 1, share, memory, 3)
+    at = np.arange(50, n, 100)
+    left[at] += 6.0
+    model = NoiseModel(np.array([share]), np.array([memory]))
+    measured = Measured((Span(0, 0, n),), (-left,), np.ones(1), model, (np.ones((n, 1), bool),), np.array([True]))
+    dropped = np.flatnonzero(~without_outliers(measured, {0: left}).valid[0][:, 0])
+    assert set(at) <= set(dropped)
+    assert len(dropped) <= len(at) + 2

@@ -41,7 +41,7 @@ def one_by_one(given: np.ndarray) -> np.ndarray:
             ]
         state = np.concatenate([data.qpos, data.qvel])
         mujoco.mj_step(model, data)
-        said = data.userdata.reshape(2, dry_friction.USERDATA_SIZE)[:, dry_friction.PUSH_SIZE :]
+        said = data.userdata.reshape(2, dry_friction.USERDATA_SIZE)[:, dry_friction.PUSH_SIZE : dry_friction.PIN_ADR]
         out.append(np.concatenate([state, said.ravel()]))
     return np.array(out)
 

@@ -15,12 +15,12 @@ import numpy as np
 from runner.diagnosis.ranking import unknown_by_episodes
 from runner.effects.base import Effects
 from runner.inference.breakaway import hanging
-from runner.inference.held_out import Confirmed, confirm, unseen
+from runner.inference.held_out import Confirmed, confirm, start_states, unseen
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.multiple_shooting import look, recut
 from runner.inference.outside import with_outside
 from runner.inference.search import RESTED, Beginning, Search, resumed, search
-from runner.noise.measured import materially_different, measure, refine
+from runner.noise.measured import materially_different, measure, refine, without_outliers
 from runner.numerics.arrays import spread_over
 from runner.progress import UNOBSERVED, ProgressObserver
 from runner.recording import Span
@@ -94,7 +94,9 @@ def attempt(
     first = _first_look(system, simulator, fitted, observer)
     fitter, found = _explained(first, held_out)
     observer.stage("checking on the episodes left out")
-    confirmed = confirm(with_outside(found, fitter), fitter, _to_search(fitter, held_out, 1.0))
+    found, checked = with_outside(found, fitter), _to_search(fitter, held_out, 1.0)
+    fitter = _without_outliers(fitter, found, checked)
+    confirmed = confirm(found, fitter, checked)
     if fitter.simulator is not simulator:
         simulator.simulated_s += fitter.simulator.simulated_s
     return Attempt(fitted, held_out, fitter, confirmed)
@@ -189,9 +191,19 @@ def _explained(first: _FirstLook, held_out: Sequence[int]) -> tuple[Fitter, Sear
     return replace(fitter, measured=fitter.measured.without(there)), found
 
 
+def _without_outliers(fitter: Fitter, found: Search, held_out: Sequence[int]) -> Fitter:
+    """Leave out of what was not fitted what sticks out of its neighbours by the likeliest explanation."""
+    best = found.best
+    effects, starts = best.fit.explanation.make(best.fit.x, fitter.context), start_states(best, fitter, held_out)
+    left = {e: _residual(fitter, e, effects, start) for e, start in starts.items()}
+    return replace(fitter, measured=without_outliers(fitter.measured, left))
+
+
 def _left(fit: Fit, effects: Effects, fitter: Fitter) -> dict[int, np.ndarray]:
     """Return what a fit leaves, per episode of the fitter (T, C), physical units."""
-    return {
-        e: fitter.simulator.predict(e, [Run(effects, start)])[0] - fitter.measured.values[e]
-        for e, start in zip(fit.episodes, fit.starts, strict=True)
-    }
+    return {e: _residual(fitter, e, effects, start) for e, start in zip(fit.episodes, fit.starts, strict=True)}
+
+
+def _residual(fitter: Fitter, episode: int, effects: Effects, start: np.ndarray) -> np.ndarray:
+    """Return prediction less measurement, (T, C), physical units."""
+    return fitter.simulator.predict(episode, [Run(effects, start)])[0] - fitter.measured.values[episode]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from runner.diagnosis.split import HELD_OUT
 from runner.inference.contender import Contender
 from runner.noise.measured import Measured
+from runner.recording import Span
 from runner.systems.recorded import Recorded
 
 
@@ -18,6 +19,7 @@ def notes(
     *,
     stretch_s: float | None = None,
     turned: bool = False,
+    astray: Sequence[Span] = (),
     outside: Sequence[str] = (),
 ) -> tuple[str, ...]:
     """Say what a reader should know before believing the figures.
@@ -29,6 +31,7 @@ def notes(
         held_out: The episodes that it was checked on.
         stretch_s: Over how long models were replayed; None: over whole episodes.
         turned: Whether the first episodes were held out instead of the last.
+        astray: Stretches that were not fitted and of which no explanation foretells what most others show.
         outside: What was said of effects that have no name, and of what happened once.
     """
     out = [*recording.notes, *outside]
@@ -50,6 +53,13 @@ def notes(
     if turned:
         out.append(
             "What the last episodes show the others do not, or hardly: they were fitted, and the first ones held out."
+        )
+    for span in astray:
+        episode = recording.episodes[span.episode]
+        out.append(
+            f"From {episode.t_s[span.begin]:.2f} to {episode.t_s[span.end - 1]:.2f} s of episode {episode.index} no "
+            "explanation foretells anything, though one does foretell the rest of what was not fitted: that part is in "
+            "no figure here. Something else happened there, or the motion hung on a hair."
         )
     if len(held_out) < HELD_OUT:
         out.append("Only one episode was left to check the explanation.")

@@ -73,7 +73,8 @@ def diagnose(
     measured = fitter.measured.joined(measure(system)) if found.in_parts else fitter.measured
     where = localise(system, measured, nominal_starts, stretches=found.stretches)
     regimes = closure_by_regime(system, measured, found.held_out, effects, where.window_s)
-    replayed = {e: (nominal_starts[e], corrected_starts[e]) for e in found.of(found.held_out)}
+    foretold = [e for e in found.of(found.held_out) if e not in confirmed.astray]
+    replayed = {e: (nominal_starts[e], corrected_starts[e]) for e in foretold}
     closure = close(replayed, fitter.measured, fitter, effects, regimes)
     ranked = tuple(replace(r, gap_closed=closure.gap_closed) if r.values == effects else r for r in ranked)
     disturbances = dated_disturbances(system, simulator, effects, measured) if system.dates_disturbances else ()
@@ -111,6 +112,7 @@ def diagnose(
             found.held_out,
             stretch_s=found.stretch_s,
             turned=turned,
+            astray=[found.stretches[e] for e in confirmed.astray],
             outside=[*said_of_outside(searched, system), *(d.sentence for d in disturbances)],
         ),
     )

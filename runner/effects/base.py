@@ -125,6 +125,11 @@ class AbstractEffect(ABC):
         return np.empty((0, len(cls.parameters(context))))
 
     @classmethod
+    def elsewhere(cls, x: Vector, context: Any) -> np.ndarray:
+        """Return vectors, (K, p), that do nearly the same as `x` and lie beyond what a descent from there may reach."""
+        return np.empty((0, len(cls.parameters(context))))
+
+    @classmethod
     def phrase(cls, of: Values, beliefs: Any, target: str | None = None) -> Phrase:
         """Put the effect with fitted values into words.
 

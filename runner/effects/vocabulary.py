@@ -75,6 +75,10 @@ class Candidate:
         """Return vectors that tell what the effect does, (K, p), beside its derivatives; empty: those tell."""
         return self.effect.sizes(context.at(self.target))
 
+    def elsewhere(self, x: np.ndarray, context: Scope) -> np.ndarray:
+        """Return vectors, (K, p), that do nearly the same and lie beyond what a descent from `x` may reach."""
+        return self.effect.elsewhere(x, context.at(self.target))
+
 
 @dataclass(frozen=True)
 class Vocabulary:

@@ -17,15 +17,15 @@ from runner.effects.base import Scope
 from runner.effects.vocabulary import Candidate
 from runner.inference.contender import Contender
 from runner.inference.evidence import directions, evidence, normal_equations, sensitivities, together
+from runner.inference.foretold import LEAVES, PLAIN, astray, usually_left
 from runner.inference.least_squares import NONE, Fit, Fitter, amplitudes
+from runner.inference.materiality import causes_of
 from runner.inference.search import Search
 
 LEADERS = 6  # so many at most are held against the episodes left out, and the nominal model,
 HOPELESS = 200.0  # behind in log odds by more than that: what is left out will not turn it
 RESTS = 0.5  # squared noises: start states that leave less have found where they belong
 ROUGHLY = 3  # steps of start states by which nothing is chosen
-PLAIN, LEAVES = 1.0, 0.5  # squared noises; share of them
-TOLD = 0.1  # of what is plain: less than that is as good as nothing
 CLOSE = 20.0  # and whatever is so near in log odds
 # errors of the model that what the best explanation leaves is the doing of: of the unseen episodes, and of the fitted
 # ones, where parameters may have taken up some of them
@@ -58,6 +58,7 @@ class Confirmed:
         gap_unseen: The same of the episodes left out.
         left_unseen: What the best explanation does.
         usually_left: Share of the gap that it leaves of an unseen episode in which there is one, see `usually_left`.
+        astray: Which of the episodes left out say nothing of the explanations, see `astray`.
     """
 
     search: Search
@@ -69,6 +70,7 @@ class Confirmed:
     gap_unseen: float
     left_unseen: float
     usually_left: float
+    astray: tuple[int, ...] = ()
 
     @property
     def fails(self) -> bool:
@@ -88,8 +90,9 @@ class Confirmed:
 def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed:
     """Weigh the leading contenders by all episodes."""
     gap = fitter.measured.excess(found.nominal.total, found.nominal.episodes)
-    finite = doubted([c for c in found.contenders if np.isfinite(c.log_posterior)], fitter.context, gap)
-    finite.sort(key=lambda c: -c.log_posterior)
+    count = fitter.measured.count(found.nominal.episodes)
+    finite = doubted([c for c in found.contenders if np.isfinite(c.log_posterior)], fitter.context, gap, count)
+    finite = causes_of(sorted(finite, key=lambda c: -c.log_posterior), fitter, gap)
     nominal = next(c for c in finite if not c.fit.explanation.candidates)
     near = finite[0].log_posterior - CLOSE
     hopeless = finite[0].log_posterior - HOPELESS if fitter.system.leaps else -np.inf
@@ -100,6 +103,13 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     ]
     before = unseen(nominal, fitter, held_out, None)
     there_by = {id(c): before if c is nominal else unseen(c, fitter, held_out, before) for c in leaders}
+    whole_before, fits = before, {id(c.fit): there_by[id(c)] for c in leaders}
+    off = astray(before, [t for t in there_by.values() if t is not before], fitter, len(nominal.fit.episodes))
+    if off:
+        kept = [k for k, e in enumerate(before.episodes) if e not in off]
+        before = before.of(kept)
+        there_by = {c: before if t is whole_before else t.of(kept) for c, t in there_by.items()}
+        held_out = before.episodes
     every = directions(fitter.system)
     alone = sensitivities(fitter, before, every)
     best = next((c for c in leaders if c is not nominal), nominal)
@@ -111,12 +121,12 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
         whole = evidence(together(c.around, there), fitter.system, dispersion=dispersion)
         weighed.append(replace(c, log_posterior=c.log_posterior + whole.log - c.evidence.log))
         loss[id(c.fit)] = evidence(there, fitter.system, c.evidence.covariance, dispersion=dispersion).loss
-    fits = {id(c.fit): there_by[id(c)] for c in leaders}
-    weighed = _with_what_is_left(weighed, fits, fitter)
+    told = {id(c.fit): there_by[id(c)] for c in leaders}
+    weighed = _with_what_is_left(weighed, told, fitter)
     everything = (*nominal.fit.episodes, *held_out)
     whole_gap = fitter.measured.excess(nominal.fit.total + before.total, everything)
     against = [
-        further(fits[id(c.fit)], before, fitter, whole_gap) if c.fit.x.size else odds_against_none(whole_gap)
+        further(told[id(c.fit)], before, fitter, whole_gap) if c.fit.x.size else odds_against_none(whole_gap)
         for c in weighed
     ]
     weighed = [replace(c, log_posterior=c.log_posterior - a) for c, a in zip(weighed, against, strict=True)]
@@ -129,30 +139,10 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     top = weighed[0]
     fitted = fitter.measured.excess(top.evidence.loss, top.fit.episodes)
     there = fitter.measured.excess(loss[id(top.fit)], held_out)
-    gap_unseen, left = (fitter.measured.excess(f.total, held_out) for f in (before, fits[id(top.fit)]))
+    gap_unseen, left = (fitter.measured.excess(f.total, held_out) for f in (before, told[id(top.fit)]))
     found = Search(tuple(contenders), found.nominal)
-    usual = usually_left(before, fits[id(top.fit)], fitter)
-    return Confirmed(found, before, fits, float(fitted), float(there), whole_gap, gap_unseen, left, usual)
-
-
-def usually_left(before: Fit, after: Fit, fitter: Fitter) -> float:
-    """Return which share of the gap an explanation leaves of an unseen episode: the geometric mean over them.
-
-    A push that is about as strong as friction starts a body or does not, and one off centre turns it either way: where
-    that comes out otherwise, the best of models is as far away as any. By squares such an episode outweighs all that
-    are foretold to within the noise; in the mean of logarithms each has one voice.
-
-    Args:
-        before: The unseen episodes with the nominal model.
-        after: The same with the explanation.
-        fitter: Of both.
-    """
-    logs = []
-    for e, was, now in zip(before.episodes, before.loss, after.loss, strict=True):
-        gap, left = (fitter.measured.excess(float(loss), [e]) for loss in (was, now))
-        if max(gap, left) > PLAIN:
-            logs.append(np.log(max(left, TOLD * PLAIN) / max(gap, TOLD * PLAIN)))
-    return float(np.exp(np.mean(logs))) if logs else 0.0
+    usual = usually_left(before, told[id(top.fit)], fitter)
+    return Confirmed(found, whole_before, fits, float(fitted), float(there), whole_gap, gap_unseen, left, usual, off)
 
 
 def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], fitter: Fitter) -> list[Contender]:
@@ -175,17 +165,20 @@ def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], f
     return [replace(c, log_posterior=float(p)) for c, p in zip(weighed, posterior, strict=True)]
 
 
-def doubted(contenders: Sequence[Contender], context: Scope, gap: float) -> list[Contender]:
+def doubted(contenders: Sequence[Contender], context: Scope, gap: float, count: int) -> list[Contender]:
     """Return contenders with the odds against effects that do not stand out of their own errors.
 
     The evidence asks whether an effect's pattern is in the residual; the plain errors, the simulator's own mismatch
     included, how far it is from not being there at all. Effects that make up for another's wrong form fail that.
-    Whether there is one effect at all is asked of the likeliest: which it is, the evidence tells.
+    Whether there is one effect at all is asked of the likeliest: which it is, the evidence tells. A plain gap has a
+    cause, however many small errors could do the same: neither where one effect closes it, nor of one of several
+    without which one is left, is that asked.
 
     Args:
         contenders: All of them.
         context: What candidates are told.
         gap: What the nominal model leaves of what was fitted, in squared noises.
+        count: How many measurements were.
     """
     alone = [c for c in contenders if len(c.fit.explanation.candidates) == 1]
     common = 0.0
@@ -194,14 +187,31 @@ def doubted(contenders: Sequence[Contender], context: Scope, gap: float) -> list
     out = []
     for c in contenders:
         single = len(c.fit.explanation.candidates) == 1
-        against = common if single else unsure(c, context, BESIDE_OTHERS)
+        against = common if single else unsure(c, context, BESIDE_OTHERS, needed(c, contenders, count))
         out.append(replace(c, log_posterior=c.log_posterior - against - faint(c, context)))
     return out
 
 
-def unsure(contender: Contender, context: Scope, enough: float) -> float:
+def needed(contender: Contender, contenders: Sequence[Contender], count: int) -> frozenset[Candidate]:
+    """Return the effects of an explanation without which the best of the others leaves a plain gap that it closes.
+
+    Plain beside the noise, and beside what the explanation itself leaves.
+    """
+    whole, out = contender.fit.explanation.candidates, []
+    plain = max(VISIBLE * count, contender.fit.total - count)
+    for candidate in whole:
+        rest = {c for c in whole if c != candidate}
+        fewer = [c.fit.total for c in contenders if rest.issuperset(c.fit.explanation.candidates)]
+        if min(fewer, default=-np.inf) - contender.fit.total > plain:
+            out.append(candidate)
+    return frozenset(out)
+
+
+def unsure(
+    contender: Contender, context: Scope, enough: float, beyond_doubt: frozenset[Candidate] = frozenset()
+) -> float:
     """Return the log odds against effects that are no `enough` standard errors away from not being there."""
-    parts = contender.fit.explanation.parts(context)
+    parts = [(c, whole) for c, whole in contender.fit.explanation.parts(context) if c not in beyond_doubt]
     lacks = (1.0 - errors_off(contender, c, whole, context) / enough for c, whole in parts)
     return sum((DOUBT * max(lack, 0.0) for lack in lacks), 0.0)
 

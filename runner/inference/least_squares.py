@@ -117,6 +117,21 @@ class Fit:
         """Sum of squared whitened residuals."""
         return float(self.loss.sum())
 
+    def of(self, kept: Sequence[int]) -> Fit:
+        """Return the part of some of its episodes, given by their place among them; nothing is fitted anew."""
+        residual, jacobian, q, r = (
+            tuple(every[k] for k in kept) for every in (self.residual, self.jacobian, self.basis.q, self.basis.r)
+        )
+        episodes = tuple(self.episodes[k] for k in kept)
+        return replace(
+            self,
+            starts=self.starts[list(kept)],
+            episodes=episodes,
+            residual=residual,
+            jacobian=jacobian,
+            basis=Basis(q, r),
+        )
+
     def information(self) -> np.ndarray:
         """J^T J with the start states projected out, (p, p)."""
         return sum((j.T @ j for j in self.jacobian), np.zeros((len(self.x), len(self.x))))

@@ -30,9 +30,13 @@ def unknown_by_excess(excess: float, nominal_excess: float, share: float) -> flo
     a small share of the gap: the larger an effect, the more of it small errors of its model leave. `share` is
     `AbstractSystem.unknown_share`.
     """
-    allowed = UNKNOWN_EXCESS + share * max(nominal_excess, 0.0)
-    score = (np.log(max(excess, 1e-4)) - np.log(allowed)) / UNKNOWN_WIDTH
+    score = (np.log(max(excess, 1e-4)) - np.log(allowed_excess(nominal_excess, share))) / UNKNOWN_WIDTH
     return float(np.clip(expit(score), LEAST_UNKNOWN, MOST_UNKNOWN))
+
+
+def allowed_excess(nominal_excess: float, share: float) -> float:
+    """Return what an explanation may leave beyond the noise, in squared noises, and be as likely as none of them."""
+    return UNKNOWN_EXCESS + share * max(nominal_excess, 0.0)
 
 
 def not_none(gap: float) -> float:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from runner.inference.contender import Contender
+from runner.inference.evidence import clip
 from runner.inference.least_squares import Explanation, Fit, Fitter
 from runner.inference.warm_start import key_of
 from runner.systems.base import AbstractSystem
@@ -63,8 +64,26 @@ def finished(fitter: Fitter, fits: list[Fit], count: int, leaders: int, *, steps
         lags = out and fit.total > out[0].total + 5 * WORTH * count + 0.5 * max(out[0].total - count, 0.0)
         if i < leaders and not fit.converged and not lags:
             fit = fitter.fit(fit.explanation, fit.episodes, x=fit.x, near=fit, iterations=steps)
+        if i < leaders and not lags and fit.total - count > WORTH * count:
+            fit = _from_elsewhere(fitter, fit, count, steps=steps)
         out.append(fit)
     return sorted(out, key=lambda f: f.total)
+
+
+def _from_elsewhere(fitter: Fitter, fit: Fit, count: int, *, steps: int) -> Fit:
+    """Fit anew from what does nearly the same, as long as that takes off what is worth an effect."""
+    while True:
+        tries = []
+        for candidate, part in fit.explanation.parts(fitter.context):
+            for vector in candidate.elsewhere(fit.x[part], fitter.context):
+                x = fit.x.copy()
+                x[part] = clip(candidate, vector, fitter.context)
+                how = {"target": fit.total, "patience": 3, "iterations": steps}
+                tries.append(fitter.fit(fit.explanation, fit.episodes, x=x, near=fit, **how))
+        best = min(tries, key=lambda f: f.total, default=fit)
+        if fit.total - best.total < WORTH * count:
+            return fit
+        fit = best
 
 
 def without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], episodes: Sequence[int]) -> list[Fit]:

@@ -115,7 +115,7 @@ def measure(system: AbstractSystem, *, scatter: np.ndarray | None = None) -> Mea
     white = np.array([_white([v[:, columns] for v in values]) for columns in groups])
     sigma, noise_model = _noise(rests, _step_s(system), groups, stated, white, _rounding_noise(values, groups))
     spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
-    valid = tuple(_inliers(v, sigma) for v in values)
+    valid = tuple(_inliers(v, sigma * noise_model.innovation()) for v in values)
     return Measured(spans, values, _at_least(sigma, scatter), noise_model, valid, np.isfinite(stated), scatter)
 
 
@@ -148,10 +148,21 @@ def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.n
     rounding = _rounding_noise(system.values(), groups)
     sigma, noise_model = _noise(stretches, _step_s(system), groups, system.stated_noise(), otherwise, rounding)
     sigma = _at_least(sigma, measured.scatter)
+    return without_outliers(replace(measured, sigma=sigma, noise_model=noise_model), residuals)
+
+
+def without_outliers(measured: Measured, residuals: Mapping[int, np.ndarray]) -> Measured:
+    """Return the same less what sticks out of its neighbours in what a model leaves, where no motion hides it.
+
+    Args:
+        measured: What is known so far.
+        residuals: Per episode (T, C), prediction less measurement in physical units; others stay as they are.
+    """
+    new = measured.sigma * measured.noise_model.innovation()
     valid = list(measured.valid)
     for e, residual in residuals.items():
-        valid[e] = np.isfinite(measured.values[e]) & _inliers(residual, sigma)
-    return replace(measured, sigma=sigma, noise_model=noise_model, valid=tuple(valid))
+        valid[e] = np.isfinite(measured.values[e]) & _inliers(residual, new)
+    return replace(measured, valid=tuple(valid))
 
 
 def materially_different(a: Measured, b: Measured) -> bool:
@@ -220,10 +231,14 @@ def _white(values: Sequence[np.ndarray]) -> float:
     return float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0) if len(third) else np.nan
 
 
-def _inliers(values: np.ndarray, sigma: np.ndarray) -> np.ndarray:
-    """Mark values that don't stick out of their neighbours by many noise levels; what is NaN has none and is none."""
+def _inliers(values: np.ndarray, new: np.ndarray) -> np.ndarray:
+    """Mark values that don't stick out of their neighbours by many noise levels; what is NaN has none and is none.
+
+    `new`, (C,), is the standard deviation of what is new in a sample: slow noise moves the neighbours as well, so that
+    beside it an outlier of a few noise levels is as plain as one of many in white noise.
+    """
     inliers = np.isfinite(values)
-    for c, level in enumerate(sigma):
+    for c, level in enumerate(new):
         there = np.flatnonzero(inliers[:, c])
         if len(there):
             own = values[there, c]

@@ -23,7 +23,11 @@ LEAST_SAMPLES = 300
 LEAST_CORRELATION = 0.1  # at lag one: less does no harm
 CLEAR = 25.0  # twice the log likelihood that colour must gain
 LEAST_VARIANCE = 1e-18  # squares of m, rad, m/s, rad/s
-KNOCKED = 3.0  # windows with so many times the median power hold more than noise
+KNOCKED = 3.0  # windows with so many times the median power, in all or in what is slow, hold more than noise
+# Of what no cubic follows, the slowest so many terms: what a push that is in no log leaves of a window is there, and
+# its power hardly tells beside that of all the noise.
+SLOW_TERMS = 8
+SETTLED = 200  # samples, after which the filter's gain no longer changes
 MEMORIES_S = 0.006, 0.25  # the slow part lasts at least and at most so long
 
 
@@ -48,6 +52,19 @@ class NoiseModel:
     def lag_one(self) -> np.ndarray:
         """Correlation of the noise from one sample to the next, (C,)."""
         return self.share * self.memory
+
+    def innovation(self) -> np.ndarray:
+        """Return the standard deviation of what is new in a sample, given all before it, in units of the noise, (C,).
+
+        Of the settled Kalman filter of `whiten`: 1 where the noise is white.
+        """
+        slow = self.share  # the variance of the slow part before the sample is seen
+        for _ in range(SETTLED):
+            total = slow + 1.0 - self.share
+            slow = self.memory**2 * slow * (1.0 - self.share) / np.maximum(total, 1e-12) + self.share * (
+                1.0 - self.memory**2
+            )
+        return np.sqrt(slow + 1.0 - self.share)
 
     def whiten(self, scaled: np.ndarray) -> np.ndarray:
         """Return the innovations (..., n, C) of residuals in units of the noise (..., n, C), of unit variance.
@@ -116,8 +133,8 @@ def estimate(kinds: Sequence[Sequence[np.ndarray]], step_s: float, known: np.nda
         if not parts or n * len(parts) * parts[0].shape[1] < LEAST_SAMPLES:
             return None
         left = rough.T @ np.concatenate(parts, axis=1)  # (n - 4, windows * k)
-        power = (left**2).sum(axis=0)
-        left = left[:, power <= KNOCKED * np.median(power)]
+        powers = [(some**2).sum(axis=0) for some in (left, left[:SLOW_TERMS])]
+        left = left[:, np.all([power <= KNOCKED * np.median(power) for power in powers], axis=0)]
         spreads.append(left @ left.T / left.shape[1])
         counts.append(left.shape[1])
     spread, count = np.array(spreads), np.array(counts)

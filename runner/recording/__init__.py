@@ -5,10 +5,11 @@ columns are listed in `runner.recording.table`, the keys of `nominal.yaml` in `r
 """
 
 from runner.recording.case import find_cases, read_case, write_case
-from runner.recording.data import Episode, Form, Noise, Nominal, Recording, Span, Support
+from runner.recording.data import BelievedPin, Episode, Form, Noise, Nominal, Recording, Span, Support
 from runner.recording.nominal import read_nominal, write_nominal
 
 __all__ = [
+    "BelievedPin",
     "Episode",
     "Form",
     "Noise",

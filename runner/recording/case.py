@@ -25,7 +25,7 @@ from runner.recording.data import Episode, Form, Nominal, Recording
 from runner.recording.kinematics import without_gaps
 from runner.recording.own_run import CONFIG, FRAMES, is_run, read_run
 from runner.recording.plausible import check_motion, note_motion
-from runner.recording.table import FORCE, POINT, POSE, TWIST, Table, read_table
+from runner.recording.table import FORCE, PIN, POINT, POSE, TWIST, Table, read_table
 from runner.recording.units import check_units
 from runner.storage.provenance import files_digest
 from runner.storage.writing import replacing
@@ -107,9 +107,11 @@ def read_case(path: str | Path, *, nominal: Nominal | None = None) -> Recording:
         nominal = started if nominal is None else nominal
     else:
         nominal = nominal_file.read_nominal(file.parent) if nominal is None else nominal
-        table, form = read_table(file)
+        table, form = read_table(file, pin=nominal.pin is not None)
         if nominal.outline is not None and form is Form.SPATIAL:
             raise RecordingError(f"{file.parent}: `outline` belongs to the planar form; this recording is in space.")
+        if nominal.pin is not None and form is Form.SPATIAL:
+            raise RecordingError(f"{file.parent}: `pin` belongs to the planar form; this recording is in space.")
     check_finite(table, form)
     spans = episode_spans(table)
     check_times(table, spans, nominal)
@@ -126,8 +128,18 @@ def read_case(path: str | Path, *, nominal: Nominal | None = None) -> Recording:
     if form is Form.PLANAR:
         note_motion(whole, spans, nominal)
     twist, force, point = table.stack(TWIST[form]), _force(table, form), _point(table)
+    pin = table.stack(PIN) if nominal.pin is not None else None
     episodes = tuple(
-        Episode(int(table["episode"][s.start]), table["t"][s], pose[s], twist[s], force[s], point[s]) for s in spans
+        Episode(
+            int(table["episode"][s.start]),
+            table["t"][s],
+            pose[s],
+            twist[s],
+            force[s],
+            point[s],
+            None if pin is None else pin[s],
+        )
+        for s in spans
     )
     return Recording(path, form, nominal, episodes, (*notes, *table.notes))
 
@@ -180,7 +192,10 @@ def _frame(recording: Recording) -> pd.DataFrame:
     frame = pd.concat(frames, ignore_index=True)
     if form is Form.PLANAR:
         lacking = [name for name in TWIST[form] if np.isnan(frame[name].to_numpy()).all()]
-        flat = [] if any(e.point_m[:, 2].any() for e in recording.episodes) else ["pz"]
+        flat = [] if any(np.nan_to_num(e.point_m[:, 2]).any() for e in recording.episodes) else ["pz"]
+        pins = [e.pin_m for e in recording.episodes if e.pin_m is not None]
+        if pins:
+            frame[list(PIN)] = np.concatenate(pins)
         return frame.drop(columns=["fz", *flat, *lacking])
     unmeasured = all(np.isnan([e.force_n, e.point_m]).all() for e in recording.episodes)
     return frame.drop(columns=[*FORCE, *POINT]) if unmeasured else frame

@@ -8,7 +8,7 @@ import numpy as np
 
 from runner.numerics.arrays import FloatArray
 from runner.recording.data import Form, Nominal
-from runner.recording.table import FORCE, OPTIONAL, POINT, POSE, QUATERNION, TWIST, UNITS, Table
+from runner.recording.table import FORCE, OPTIONAL, PIN, POINT, POSE, QUATERNION, TWIST, UNITS, Table
 
 GRID_STEPS = 0.05  # a sample may be off the even grid by this share of a step (rounded times)
 RATE_SHARE = 0.005  # two rates closer than this are one rate
@@ -18,13 +18,14 @@ TIME_UNITS = {1e-3: "ms", 1e-6: "us", 1e-9: "ns", 1 / 60: "minutes"}
 
 
 def check_finite(table: Table, form: Form) -> None:
-    """Refuse what is not finite; NaN in a pose or velocity says `not measured`, in space in a force as well.
+    """Refuse what is not finite; NaN in a pose or velocity says `not measured`, in space or of a pin also in a force.
 
     Raises:
         RecordingError: Naming file, row, column and value, and how many such rows there are.
     """
+    may_not = ("episode", "t", *PIN) if form is Form.SPATIAL or PIN[0] in table else ("episode", "t", *FORCE, *POINT)
     for name in table.columns:
-        may_lack = name not in ("episode", "t") and (form is Form.SPATIAL or name not in (*FORCE, *POINT))
+        may_lack = name not in may_not
         bad = np.isinf(table[name]) if may_lack else ~np.isfinite(table[name])
         if bad.any():
             row = int(np.argmax(bad))

@@ -72,6 +72,22 @@ class Noise:
 
 
 @dataclass(frozen=True)
+class BelievedPin:
+    """A round pin that pushes the body: its radius, and the coefficient of friction between the two.
+
+    Raises:
+        RecordingError: If one is not possible.
+    """
+
+    radius_m: float
+    friction: float
+
+    def __post_init__(self) -> None:
+        check_number("pin.radius", self.radius_m, "m", above=0.0, most=100.0)
+        check_number("pin.friction", self.friction, "", least=0.0, most=10.0)
+
+
+@dataclass(frozen=True)
 class Nominal:
     """What the owner of a recording believes of the world. Messages name the keys of `nominal.yaml`.
 
@@ -87,6 +103,7 @@ class Nominal:
             outline at the centre of its area.
         inertia_kg_m2: About the centre of mass: about z alone, or about x, y, z; None: uniform density.
         outline: Of the body and its base seen from above, relative to the geometric centre, body axes; None: a box.
+        pin: That pushes the body on a path that was recorded; None: forces are commanded.
         path: The file it was read from; not part of a comparison.
 
     Raises:
@@ -103,6 +120,7 @@ class Nominal:
     com_m: tuple[float, float, float] | None = None
     inertia_kg_m2: float | tuple[float, float, float] | None = None
     outline: Polygon | None = None
+    pin: BelievedPin | None = None
     path: Path | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
@@ -161,8 +179,10 @@ class Episode:
             vx, vy, vz, wx, wy, wz, shape (T, 6).
         force_n: Force held from each sample to the next, world axes, shape (T, 3), N.
         point_m: Where it acts, relative to the geometric centre, body axes, shape (T, 3), m.
+        pin_m: Path of the pin that pushes, world, shape (T, 2), m; None: the force was commanded. Where there is one,
+            the force is that of the pin, as measured.
 
-    NaN in a pose or twist, and in space in a force and point: not measured.
+    NaN in a pose or twist, and in space or of a pin in a force and point: not measured.
 
     Raises:
         RecordingError: If the shapes don't belong together.
@@ -174,10 +194,13 @@ class Episode:
     twist: FloatArray
     force_n: FloatArray
     point_m: FloatArray
+    pin_m: FloatArray | None = None
 
     def __post_init__(self) -> None:
         for name in ("t_s", "pose", "twist", "force_n", "point_m"):
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
+        if self.pin_m is not None:
+            object.__setattr__(self, "pin_m", frozen_array(self.pin_m))
         shapes = tuple(getattr(self, name).shape for name in ("t_s", "pose", "twist", "force_n", "point_m"))
         n = len(self.t_s) if self.t_s.ndim == 1 else 0
         pushes = ((n, 3), (n, 3))
@@ -187,6 +210,8 @@ class Episode:
                 f"episode {self.index}: t_s, pose, twist, force_n and point_m must have the shapes (T,), (T, 3), "
                 f"(T, 3), (T, 3), (T, 3) or (T,), (T, 7), (T, 6), (T, 3), (T, 3), got {', '.join(map(str, shapes))}."
             )
+        if self.pin_m is not None and self.pin_m.shape != (n, 2):
+            raise RecordingError(f"episode {self.index}: pin_m must have the shape (T, 2), got {self.pin_m.shape}.")
 
     def __len__(self) -> int:
         return len(self.t_s)

@@ -13,6 +13,7 @@ noise:                # optional; standard deviations; null, as a whole or one b
   rate: 0.01          # rad/s
 com: [0, 0, 0]        # optional; m, relative to the geometric centre; two numbers: at mid-height
 outline: {disc: 0.05} # optional; what lies on the floor is no rectangle, see `runner.recording.outline`
+pin: {radius: 0.005, friction: 0.2}   # optional; m, Coulomb: a round pin pushes, see `runner.recording.table`
 inertia: 0.5          # optional; kg m2, about the vertical through the centre of mass, or [Ixx, Iyy, Izz]
 """
 
@@ -25,7 +26,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, BeforeValidator, Field, ValidationError
 
 from runner.errors import LimitError, RecordingError, nearest
-from runner.recording.data import Noise, Nominal, Support
+from runner.recording.data import BelievedPin, Noise, Nominal, Support
 from runner.recording.outline import check_outline, outline_of
 from runner.storage.checked import dotted, must, refusal, refused
 from runner.storage.writing import write_yaml
@@ -71,6 +72,11 @@ class _Noise(BaseModel, extra="forbid"):
     rate: _Pure | None = None
 
 
+class _Pin(BaseModel, extra="forbid"):
+    radius: _Metres
+    friction: _Pure
+
+
 class _Believed(BaseModel, extra="forbid"):
     """The keys of `nominal.yaml`."""
 
@@ -84,6 +90,7 @@ class _Believed(BaseModel, extra="forbid"):
     com: Annotated[list[_Metres], _several("m", 2, 3)] | None = None
     inertia: Annotated[list[_Moment], _several("kg m2", 1, 3)] | None = None
     outline: Any = None
+    pin: Annotated[_Pin, must("hold 'radius' in m and 'friction'")] | None = None
 
 
 REQUIRED = tuple(name for name, field in _Believed.model_fields.items() if field.is_required())
@@ -137,6 +144,8 @@ def write_nominal(nominal: Nominal, path: str | Path) -> None:
         content["inertia"] = [float(i) for i in inertia] if isinstance(inertia, tuple) else float(inertia)
     if nominal.outline is not None:
         content["outline"] = [list(point) for point in nominal.outline.points]
+    if nominal.pin is not None:
+        content["pin"] = {"radius": float(nominal.pin.radius_m), "friction": float(nominal.pin.friction)}
     write_yaml(Path(path), content)
 
 
@@ -176,6 +185,7 @@ def _nominal(content: Mapping, path: Path) -> Nominal:
         com_m=None if believed.com is None else _triple([*believed.com, 0.0][:3]),
         inertia_kg_m2=None if inertia is None else inertia[0] if len(inertia) == 1 else _triple(inertia),
         outline=None if believed.outline is None else outline_of(believed.outline, path.parent),
+        pin=None if believed.pin is None else BelievedPin(believed.pin.radius, believed.pin.friction),
         path=path,
     )
     _check_units(nominal)
@@ -186,12 +196,15 @@ def _refused(error: ValidationError, content: Mapping) -> RecordingError:
     """Return what is wrong: a key that is not known before one that is missing, as it may be meant for it."""
     places = {kind: [e["loc"] for e in error.errors() if e["type"] == kind] for kind in ("extra_forbidden", "missing")}
     for place in places["extra_forbidden"][:1]:
-        name, valid = str(place[-1]), (_Believed if len(place) == 1 else _Noise).model_fields
+        within = {"noise": _Noise, "pin": _Pin}.get(str(place[0]), _Noise)
+        name, valid = str(place[-1]), (_Believed if len(place) == 1 else within).model_fields
         text, synonym = nearest(name, valid), SYNONYMS.get(name.lower())
         hint = f" Did you mean '{synonym}'?" if synonym in valid and "Did you mean" not in text else ""
         return RecordingError(f"unknown key '{dotted(place)}'. {text}{hint}")
     if missing := places["missing"]:
-        return RecordingError(f"missing {_listed(map(dotted, missing))}; needed: {_listed(REQUIRED)}.")
+        inside = all(len(place) > 1 for place in missing)
+        needed = [f"pin.{name}" for name in _Pin.model_fields] if inside else REQUIRED
+        return RecordingError(f"missing {_listed(map(dotted, missing))}; needed: {_listed(needed)}.")
     place, text = refusal(error)
     alone = not isinstance(content.get(place[0]), list | Mapping)
     return RecordingError(f"{dotted(place[:1] if alone else place)}: {text}")

@@ -78,7 +78,8 @@ def note_motion(table: Table, spans: Sequence[slice], nominal: Nominal) -> None:
     least["wz"] = SPIKE_RAD * nominal.rate_hz
     for name, limit in least.items():
         _note_spikes(table, spans, name, limit)
-    _note_forces(table, spans, nominal)
+    if nominal.pin is None:  # what a pin does with a body does not follow from its force
+        _note_forces(table, spans, nominal)
 
 
 def _note_spikes(table: Table, spans: Iterable[slice], name: str, least: float) -> None:

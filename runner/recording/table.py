@@ -7,6 +7,7 @@
 | its velocity, rate, world axes | optional `vx`, `vy` m/s, `wz` rad/s | `vx`, `vy`, `vz` m/s, `wx`, `wy`, `wz` rad/s |
 | force, world axes, N | `fx`, `fy` | `fx`, `fy`, `fz`, all or none |
 | point, body axes, m | `px`, `py`, optional `pz` | `px`, `py`, optional `pz`, where there is a force |
+| centre of a pin that pushes, world, m | `tip_x`, `tip_y`; force and point are then as measured, if at all | |
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from runner.storage.limits import check_shape
 
 METRES, SPEEDS, RATES = ("x", "y", "z"), ("vx", "vy", "vz"), ("wx", "wy", "wz")
 QUATERNION, FORCE, POINT = ("qw", "qx", "qy", "qz"), ("fx", "fy", "fz"), ("px", "py", "pz")
+PIN = ("tip_x", "tip_y")
 POSE = {Form.PLANAR: ("x", "y", "yaw"), Form.SPATIAL: (*METRES, *QUATERNION)}
 TWIST = {Form.PLANAR: ("vx", "vy", "wz"), Form.SPATIAL: (*SPEEDS, *RATES)}
 REQUIRED = {
@@ -35,7 +37,7 @@ REQUIRED = {
 }
 OPTIONAL = {Form.PLANAR: (*TWIST[Form.PLANAR], "pz"), Form.SPATIAL: (*FORCE, *POINT)}
 UNITS = {"t": "s", "yaw": "rad"}
-UNITS |= dict.fromkeys((*METRES, *POINT), "m") | dict.fromkeys(SPEEDS, "m/s") | dict.fromkeys(RATES, "rad/s")
+UNITS |= dict.fromkeys((*METRES, *POINT, *PIN), "m") | dict.fromkeys(SPEEDS, "m/s") | dict.fromkeys(RATES, "rad/s")
 UNITS |= dict.fromkeys(FORCE, "N")
 KNOWN = {name for form in Form for name in (*REQUIRED[form], *OPTIONAL[form])}
 WORDS = {"pos": "", "position": "", "vel": "v", "velocity": "v", "force": "f", "point": "p", "quat": "q"}
@@ -85,8 +87,19 @@ class Table:
         return RecordingError(f"{self.path}: {place}: {text}")
 
 
-def read_table(path: Path) -> tuple[Table, Form]:
+def required(form: Form, *, pin: bool) -> tuple[str, ...]:
+    """Return the columns that must be there: where a pin pushes, its path in place of the force."""
+    if form is Form.PLANAR and pin:
+        return (*(name for name in REQUIRED[form] if name not in (*FORCE, *POINT)), *PIN)
+    return REQUIRED[form]
+
+
+def read_table(path: Path, *, pin: bool = False) -> tuple[Table, Form]:
     """Return the columns of a `.parquet` or `.csv` file, and which form they are.
+
+    Args:
+        path: The file.
+        pin: Whether a pin pushes, so that its path must be there, and its force need not.
 
     Raises:
         RecordingError: If the file can't be read, has no rows, a column is missing or there twice or seems to be
@@ -95,14 +108,19 @@ def read_table(path: Path) -> tuple[Table, Form]:
     raw = read_raw(path)
     header = raw.header
     form = _form(header)
-    _check_header(path, header, form)
+    _check_header(path, header, form, pin=pin)
     if not raw.count:
         raise RecordingError(f"{path}: has no rows; at least three samples of one episode are needed.")
-    names = [name for name in (*REQUIRED[form], *OPTIONAL[form]) if name in header]
+    names = [
+        name for name in dict.fromkeys((*required(form, pin=pin), *REQUIRED[form], *OPTIONAL[form])) if name in header
+    ]
     check_shape(path, raw.count, len(names))
     columns = {name: numbers(path, name, raw, UNITS.get(name, "")) for name in names}
     lacking = [name for name in TWIST[form] if name not in columns]  # not measured at all
     columns |= {name: np.full(raw.count, np.nan) for name in lacking}
+    if pin and form is Form.PLANAR:
+        unseen = [name for name in (*FORCE[:2], *POINT[:2]) if name not in columns]  # of a pin's force
+        columns |= {name: np.full(raw.count, np.nan) for name in unseen}
     extra = tuple(name for name in header if name not in names and not name.startswith("__index_level_"))
     notes = [f"not part of the {form} form and not used: {', '.join(map(repr, extra))}"] if extra else []
     return Table(path, columns, raw.lines, extra, notes), form
@@ -117,22 +135,22 @@ def _form(header: list[str]) -> Form:
     return Form.PLANAR if "yaw" in plain or share[Form.PLANAR] >= share[Form.SPATIAL] else Form.SPATIAL
 
 
-def _check_header(path: Path, header: list[str], form: Form) -> None:
+def _check_header(path: Path, header: list[str], form: Form, *, pin: bool) -> None:
     for name in header:
         if header.count(name) > 1:
             raise RecordingError(f"{path}: column '{name}' is there {header.count(name)} times, allowed: once.")
-    required = list(REQUIRED[form])
+    needed = list(required(form, pin=pin))
     if form is Form.SPATIAL and set(header) & {*FORCE, *POINT}:
-        required += [*FORCE, "px", "py"]
+        needed += [*FORCE, "px", "py"]
     unknown = [name for name in header if name not in KNOWN]
-    missing = [name for name in required if name not in header]
+    missing = [name for name in needed if name not in header]
     if missing:
         near = {name: _lookalike(name, unknown) for name in missing}
         renames = ", ".join(f"'{found}' -> '{name}'" for name, found in near.items() if found)
         hint = f" Rename {renames}?" if renames else f" Found: {', '.join(map(repr, header))}."
         names = ", ".join(f"'{name}'{_bracket(name)}" for name in missing)
-        optional = [name for name in TWIST[form] if name not in required]
-        needs = f"the {form} form needs {', '.join(required)}"
+        optional = [name for name in TWIST[form] if name not in needed]
+        needs = f"the {form} form needs {', '.join(needed)}"
         needs += f" ({', '.join(optional)} where they were measured)" if optional else ""
         raise RecordingError(f"{path}: missing column{'s' * (len(missing) > 1)} {names}; {needs}.{hint}")
     for name in OPTIONAL[form]:

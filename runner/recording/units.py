@@ -62,7 +62,7 @@ def check_units(table: Table, spans: list[slice], nominal: Nominal, form: Form) 
     """
     _check_poses_against_velocities(table, spans, nominal, form)
     _check_sizes(table, spans, nominal, form)
-    if form is Form.PLANAR:
+    if form is Form.PLANAR and nominal.pin is None:
         _check_dynamics(table, spans, nominal)
 
 

@@ -31,7 +31,7 @@ REMOTE = "remote"
 STEPS = 5_000_000  # of a run: some hours at the usual 2 ms, and 2 GB of commands
 
 for _classes in EFFECTS.values():
-    for _class in _classes:
+    for _class in (c for c in _classes if not c.of_pin):  # cubes are pushed by forces
         registered("effect", snake_case(_class.__name__))(_class)
 
 Vector = tuple[float, float, float]

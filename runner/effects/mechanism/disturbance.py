@@ -67,6 +67,19 @@ class Disturbance(MechanismEffect):
         )
 
     @classmethod
+    def elsewhere(cls, x: Vector, context: Scope) -> np.ndarray:
+        """Return pushes of the same impulse, around the same time, that last half as long and twice as long.
+
+        A joint that swings forgets how a long push was shared out, so that a fit may end in one that lasts too long.
+        """
+        force, begin, duration = x
+        middle = begin + 0.5 * duration
+        longer = [(share, max(middle - 0.5 * share * duration, 0.0)) for share in (0.5, 2.0)]
+        # one that began as the long one did, too: the beginning is what a motion shows best
+        longer.append((0.5, begin))
+        return np.array([[force / share, at, share * duration] for share, at in longer])
+
+    @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
         unit = parts.force_unit(beliefs.model, target)
         applied = parts.attribute(of["force"])

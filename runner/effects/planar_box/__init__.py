@@ -37,6 +37,8 @@ from runner.effects.planar_box.air_drag import AirDrag as AirDrag
 from runner.effects.planar_box.rotational_damping import RotationalDamping as RotationalDamping
 from runner.effects.planar_box.tether import Tether as Tether
 from runner.effects.planar_box.observation_delay import ObservationDelay as ObservationDelay
+from runner.effects.planar_box.pin_friction import PinFriction as PinFriction
+from runner.effects.planar_box.pin_offset import PinOffset as PinOffset
 from runner.effects.planar_box.sensor_scale import SensorScale as SensorScale
 
 import_all(__name__, __path__)

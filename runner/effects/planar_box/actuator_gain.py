@@ -21,6 +21,7 @@ class ActuatorGain(PlanarEffect):
 
     name: ClassVar[str] = "actuator_gain"
     label: ClassVar[str] = "a real force that is a multiple of the commanded one"
+    of_command: ClassVar[bool] = True
     confounded: ClassVar[tuple[Confounded, ...]] = (
         Confounded(
             "mass",

@@ -22,6 +22,7 @@ class ActuatorLag(PlanarEffect):
 
     name: ClassVar[str] = "actuator_lag"
     label: ClassVar[str] = "a push that follows the command with a lag"
+    of_command: ClassVar[bool] = True
     time_constant_s: float
 
     def __post_init__(self) -> None:

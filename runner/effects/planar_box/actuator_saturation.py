@@ -20,6 +20,7 @@ class ActuatorSaturation(PlanarEffect):
 
     name: ClassVar[str] = "actuator_saturation"
     label: ClassVar[str] = "a push that is limited"
+    of_command: ClassVar[bool] = True
     limit_n: float
 
     def __post_init__(self) -> None:

@@ -20,6 +20,7 @@ class ApplicationPointOffset(PlanarEffect):
 
     name: ClassVar[str] = "application_point_offset"
     label: ClassVar[str] = "a push that acts elsewhere on the body"
+    of_command: ClassVar[bool] = True
     x_m: float
     y_m: float
 

@@ -1,17 +1,18 @@
 """Effects of a box on a floor: where they act, and what they may know of box, floor and pushes.
 
-An effect acts at up to four places, each a method that does nothing unless overridden:
+An effect acts at up to five places, each a method that does nothing unless overridden:
 
     edit_mjcf         elements that must exist before compiling (a tendon)
     edit_model        numbers of the compiled model (mass, gravity, friction law)
     edit_command      the recorded command, outside the engine: means over physics steps
+    edit_pin          the recorded path of a pin that pushes, outside the engine
     edit_measurement  the predicted measurement, outside the engine
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import ClassVar, Protocol, TypeVar
 
 import mujoco
 import numpy as np
@@ -19,6 +20,13 @@ from dm_control import mjcf
 
 from runner.effects.base import AbstractEffect
 from runner.physics.dry_friction import FrictionView
+
+
+class BelievedContact(Protocol):
+    """What an owner believes of a pin that pushes the box."""
+
+    @property
+    def friction(self) -> float: ...
 
 
 class Beliefs(Protocol):
@@ -36,12 +44,16 @@ class Beliefs(Protocol):
     @property
     def yaw_inertia_kg_m2(self) -> float: ...
 
+    @property
+    def pin(self) -> BelievedContact | None: ...
+
 
 @dataclass(frozen=True)
 class Context:
     """What may be known when an effect is made from a vector: the nominal body, and how it was moved.
 
-    `centre_m` and `reach_m` span the floor that was visited, `force_n` is the largest commanded force.
+    `centre_m` and `reach_m` span the floor that was visited, `force_n` is the largest commanded force, `pin_friction`
+    what is believed between the body and a pin that pushes it (None: there is no pin).
     """
 
     mass_kg: float
@@ -51,6 +63,7 @@ class Context:
     centre_m: tuple[float, float] = (0.0, 0.0)
     reach_m: float = 2.0
     force_n: float = 20.0
+    pin_friction: float | None = None
 
     def at(self, target: str | None) -> Context:
         """There is one body, and nothing to choose."""
@@ -99,6 +112,9 @@ class Motion:
 class PlanarEffect(AbstractEffect):
     """A difference between a box on a floor and its model; see the module's docstring."""
 
+    of_command: ClassVar[bool] = False  # changes a commanded force, and nothing where there is none
+    of_pin: ClassVar[bool] = False  # there is nothing to change without a pin
+
     def edit_mjcf(self, root: mjcf.RootElement, body: str) -> None:
         """Add the elements that the effect needs."""
 
@@ -108,6 +124,10 @@ class PlanarEffect(AbstractEffect):
     def edit_command(self, columns: np.ndarray, step_s: float) -> np.ndarray:
         """Return the command that the body really gets, (n, 12) means over physics steps (see `push_columns`)."""
         return columns
+
+    def edit_pin(self, path: np.ndarray, step_s: float) -> np.ndarray:
+        """Return the path of the pin as it really is, (n, 2), m, at physics steps."""
+        return path
 
     def edit_measurement(self, motion: Motion) -> Motion:
         """Return what the sensors report of a motion."""
@@ -121,6 +141,12 @@ def late(columns: np.ndarray, delay_s: float, step_s: float) -> np.ndarray:
     """
     steps = min(whole_steps(delay_s, step_s), len(columns))
     return np.vstack([np.zeros((steps, columns.shape[1])), columns[: len(columns) - steps]])
+
+
+def late_path(path: np.ndarray, delay_s: float, step_s: float) -> np.ndarray:
+    """Return a path (n, 2) that is gone along as late as `late` makes a command."""
+    steps = min(whole_steps(delay_s, step_s), len(path))
+    return np.vstack([np.repeat(path[:1], steps, axis=0), path[: len(path) - steps]])
 
 
 def ahead(motion: Motion, delay_s: float) -> Motion:

@@ -18,6 +18,7 @@ class DeadBand(PlanarEffect):
 
     name: ClassVar[str] = "unknown"
     label: ClassVar[str] = "a dead band of the push"
+    of_command: ClassVar[bool] = True
     force_n: float
 
     def __post_init__(self) -> None:

@@ -21,6 +21,7 @@ class ForceMisalignment(PlanarEffect):
 
     name: ClassVar[str] = "force_misalignment"
     label: ClassVar[str] = "a push that is turned by a constant angle"
+    of_command: ClassVar[bool] = True
     angle_rad: float
 
     def __post_init__(self) -> None:

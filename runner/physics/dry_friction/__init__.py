@@ -27,6 +27,11 @@ the moments about the horizontal axes: the pushes at their height, inertia at th
 friction at the floor. It is solved together with the friction. A body under dry friction can't tip: where the moments
 ask for more than its base can give, the load rests on the edge, and the centre that was asked for is reported.
 
+Pin. A body may be touched by a round pin that moves as it is told, whatever the force: then the force follows. The
+contact is a spring and a damper along the normal, which push and never pull, and dry friction across it; all implicit,
+in the same minimum as the friction under the base, and the step is then one of backward Euler, so that a body that is
+struck keeps the pin's speed. The pin acts at the height of the body frame.
+
 Modules, in the order of their imports:
 
     record        layout of the numbers of a body, and its base points
@@ -35,6 +40,7 @@ Modules, in the order of their imports:
     coefficients  friction coefficient of each point
     load          how the load spreads over the base
     outline       base points of a base that is no rectangle
+    pin           where a pin touches, and its part in the balance of momentum
     points        base points in the axes of friction, and the direction of the slip
     settle        velocity and load at the end of an implicit step, together
     step          one implicit step, in parts where the motion turns round
@@ -54,11 +60,14 @@ from runner.physics.dry_friction.record import (
     OUT_FORCE,
     OUT_LIFTED,
     OUT_LOAD,
+    OUT_PIN,
     OUT_POWER,
     OUT_SIZE,
     OUT_SLIP,
     OUT_TORQUE,
     OUT_TURN,
+    PIN_ADR,
+    PIN_SIZE,
     PLANAR,
     POINT_STRIDE,
     PUSH_SIZE,
@@ -79,11 +88,14 @@ __all__ = [
     "OUT_FORCE",
     "OUT_LIFTED",
     "OUT_LOAD",
+    "OUT_PIN",
     "OUT_POWER",
     "OUT_SIZE",
     "OUT_SLIP",
     "OUT_TORQUE",
     "OUT_TURN",
+    "PIN_ADR",
+    "PIN_SIZE",
     "PLANAR",
     "POINT_STRIDE",
     "PUSH_SIZE",

@@ -8,16 +8,19 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from runner.physics.dry_friction.pin import PIN_RADIUS, no_touch, touch_of
 from runner.physics.dry_friction.record import (
     COLUMN,
     OUT_COP,
     OUT_FORCE,
     OUT_LIFTED,
     OUT_LOAD,
+    OUT_PIN,
     OUT_POWER,
     OUT_SLIP,
     OUT_TORQUE,
     OUT_TURN,
+    PIN_ADR,
     PUSH_SIZE,
 )
 from runner.physics.dry_friction.step import PlanarBody, step_in_parts
@@ -139,6 +142,10 @@ def step_planar(record, body, dof, qadr, engine):
     cr, sr = math.cos(turn), math.sin(turn)
     ca, sa = math.cos(yaw + turn), math.sin(yaw + turn)
     px, py = cr * comx + sr * comy, cr * comy - sr * comx
+    touch = no_touch()
+    if record[PIN_RADIUS] > 0.0:
+        pin = engine.userdata[push + PIN_ADR :]
+        touch = touch_of(record, (qpos[qadr], qpos[qadr + 1], yaw, turn), pin[0], pin[1], pin[2], pin[3])
     planar = PlanarBody(
         force=(ca * e0 + sa * e1, ca * e1 - sa * e0, e2),
         mass=(mass, 0.0, -mass * py, mass, mass * px, scale * inertia),
@@ -150,8 +157,9 @@ def step_planar(record, body, dof, qadr, engine):
         free_centre=(ca * mx + sa * my, ca * my - sa * mx),
         place=(qpos[qadr], qpos[qadr + 1], yaw + turn),
         turn=(cr, sr),
+        touch=touch,
     )
-    end, rub, cop, lifted = step_in_parts(record, n, h, (ca * v0 + sa * v1, ca * v1 - sa * v0, v2), planar)
+    end, rub, cop, lifted, held = step_in_parts(record, n, h, (ca * v0 + sa * v1, ca * v1 - sa * v0, v2), planar)
     x0, x1, x2 = ca * end[0] - sa * end[1], sa * end[0] + ca * end[1], end[2]
     rub0, rub1, rub2 = ca * rub[0] - sa * rub[1], sa * rub[0] + ca * rub[1], rub[2]
 
@@ -167,3 +175,5 @@ def step_planar(record, body, dof, qadr, engine):
     out[OUT_POWER] = 0.5 * (rub0 * (x0 + v0) + rub1 * (x1 + v1) + rub2 * (x2 + v2))
     out[OUT_LOAD] = max(weight, 0.0)
     out[OUT_TURN] = x2
+    out[OUT_PIN] = ca * held[0] - sa * held[1]
+    out[OUT_PIN + 1] = sa * held[0] + ca * held[1]

@@ -1,8 +1,9 @@
 """What dry friction knows and says of one body: the layout of its numbers in MuJoCo's `user` and `userdata` arrays.
 
 A body's `user` data is its record (`FrictionRecord`, field by field), then its base points (`POINT_STRIDE` numbers
-each). Its block of `mjData.userdata` is the push on it (`PUSH_SIZE` numbers), then what friction says of the last step
-(`OUT_SIZE` numbers).
+each), then the corners of its outline (two each), where a pin may touch it. Its block of `mjData.userdata` is the push
+on it (`PUSH_SIZE` numbers), then what friction says of the last step (`OUT_SIZE` numbers), then where the pin is
+(`PIN_SIZE` numbers).
 """
 
 from __future__ import annotations
@@ -11,19 +12,23 @@ from dataclasses import dataclass, field, fields
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 
 MAGIC = 271828.1828  # the first number of a record
 PLANAR, UPRIGHT, FREE = 3, 4, 6  # kinds of joints: as many as the body has degrees of freedom
 POINT_STRIDE = 4  # x, y, weight, pressure shape
 PUSH_SIZE = 12
-OUT_SIZE = 10
-USERDATA_SIZE = PUSH_SIZE + OUT_SIZE  # per body
+OUT_SIZE = 12
+PIN_SIZE = 4  # centre of the pin x, y (world, m) and its velocity (m/s), at the time of the position in this step
+PIN_ADR = PUSH_SIZE + OUT_SIZE  # inside the block of a body
+USERDATA_SIZE = PIN_ADR + PIN_SIZE  # per body
 
 # Offsets inside the `userdata` block of a body, after the push: friction (world axes, N, film included), its moment
 # about the body frame (N m), where the moments ask the load to be (body axes, m; beyond the base it would tip),
 # share of the base that is lifted, speed at the end of the step (m/s), power of friction (W, mean over the step), load
-# on the base (N), yaw rate (rad/s).
+# on the base (N), yaw rate (rad/s), force of the pin on the body (world axes, N).
 OUT_FORCE, OUT_TORQUE, OUT_COP, OUT_LIFTED, OUT_SLIP, OUT_POWER, OUT_LOAD, OUT_TURN = 0, 2, 3, 5, 6, 7, 8, 9
+OUT_PIN = 10
 
 
 @dataclass
@@ -74,6 +79,13 @@ class FrictionRecord:
     base_x: float = 0.0
     base_y: float = 0.0
     bearing_radius: float = 0.0
+    # a pin that moves as it is told and touches the outline: its radius (0: there is none), friction between the two,
+    # spring (N/m) and damper (N s/m) of the contact; corners of the outline
+    pin_radius: float = 0.0
+    pin_friction: float = 0.0
+    pin_stiffness: float = 0.0
+    pin_damping: float = 0.0
+    corners: float = 0
 
 
 FIELDS = tuple(f.name for f in fields(FrictionRecord))
@@ -81,10 +93,12 @@ STRIDE = len(FIELDS)
 COLUMN = {name: i for i, name in enumerate(FIELDS)}
 
 
-def pack(record: FrictionRecord, points: np.ndarray) -> np.ndarray:
-    """Return the `user` data of a body: its record, then its base points, (n, 4), n may be 0."""
-    record.points = len(points)
-    return np.concatenate([[float(getattr(record, name)) for name in FIELDS], np.asarray(points, float).ravel()])
+def pack(record: FrictionRecord, points: np.ndarray, corners: ArrayLike = ()) -> np.ndarray:
+    """Return the `user` data of a body: its record, its base points, (n, 4), n may be 0, and its corners, (m, 2)."""
+    corners = np.asarray(corners, float).reshape(-1, 2)
+    record.points, record.corners = len(points), len(corners)
+    numbers = [float(getattr(record, name)) for name in FIELDS]
+    return np.concatenate([numbers, np.asarray(points, float).ravel(), corners.ravel()])
 
 
 @dataclass(frozen=True)

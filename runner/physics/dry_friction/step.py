@@ -18,6 +18,7 @@ from runner.physics.dry_friction.coefficients import depends_on_speed
 from runner.physics.dry_friction.kernel import derivatives, gradient_by_load
 from runner.physics.dry_friction.load import lifted_points, lifted_share, moments, onto_base, share_load
 from runner.physics.dry_friction.matrix3 import Symmetric, Triple, along, dot, plus, solve, solve_any, times
+from runner.physics.dry_friction.pin import Touch, pin_over
 from runner.physics.dry_friction.points import anisotropy, lay_out, set_coefficients
 from runner.physics.dry_friction.record import COLUMN
 from runner.physics.dry_friction.settle import AIR_DRAG, balance_of_momentum, settle
@@ -43,6 +44,7 @@ class PlanarBody(NamedTuple):
     free_centre: tuple[float, float]  # of the load without friction and drag
     place: Triple  # world position of the body frame, and the angle of the axes in the world
     turn: tuple[float, float]  # cos, sin of the angle of the axes in the body
+    touch: Touch  # of a pin
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -117,8 +119,8 @@ def _lifted(record, n, points, turn, follow, y):
 
 
 @njit(error_model="numpy", forceinline=True)
-def implicit_step(record, n, h, v, body):
-    """Return the velocity at the end of a step, the friction, where the load is, and how much of the base is lifted.
+def implicit_step(record, n, h, v, body, gap):
+    """Return the velocity at the end of a step, the friction, where the load is, how much is lifted, and a pin's force.
 
     Velocity, load and friction are solved together: the load is affine in its centre, and its centre in the friction.
 
@@ -134,12 +136,15 @@ def implicit_step(record, n, h, v, body):
         h: Step.
         v: Velocity (x, y, yaw) at the start of the step.
         body: The body.
+        gap: Between it and a pin at the start of the step, m.
 
     Returns:
-        Velocity (3), friction (3), centre of the load that the moments ask for (2, body axes), lifted share.
+        Velocity (3), friction (3), centre of the load that the moments ask for (2, body axes), lifted share, force of
+        the pin (3).
     """
     mass = body.mass
     bears = n > 0 and body.weight > 0.0
+    pin = pin_over(record, body.touch, gap, h, v)
     points, total = lay_out(record, n, body.turn)
     axes = anisotropy(record, v, body)
     speed_counts = depends_on_speed(record) or axes.bends
@@ -160,7 +165,8 @@ def implicit_step(record, n, h, v, body):
 
     ae = solve(*mass, *e)
     ar = solve(*mass, *rub)
-    theta = _theta(h, v, mass, e, ae, rub, ar, stiff) if bears else 0.5
+    # the midpoint rule would let a body bounce on a stiff contact for ever
+    theta = 1.0 if pin.near else _theta(h, v, mass, e, ae, rub, ar, stiff) if bears else 0.5
     acceleration = (ae[0] - ar[0], ae[1] - ar[1], ae[2] - ar[2])
     p = along(v, (1.0 - theta) * h, acceleration)
     if speed_counts:
@@ -169,10 +175,11 @@ def implicit_step(record, n, h, v, body):
     h *= theta
     balance = balance_of_momentum(record, h, v, p, body, points.films, bears)
     lifted = 1.0
+    taken = (0.0, 0.0, 0.0)
     if bears:
         x, to_rest = along(v, h, acceleration), theta == 1.0
-        x, y, follow = settle(
-            record, n, h, v, x, y, centre, follow, to_rest, speed_counts and to_rest, body, balance, points, axes
+        x, y, follow, taken = settle(
+            record, n, h, v, x, y, centre, follow, to_rest, speed_counts and to_rest, body, balance, points, axes, pin
         )
         lifted = _lifted(record, n, points, body.turn, follow, y)
     else:
@@ -180,10 +187,11 @@ def implicit_step(record, n, h, v, body):
     # from the balance of momentum: exact also where the regularised friction is stiff
     i0, i1, i2 = times(balance.dry, x)
     b = balance.b
-    rub = ((i0 - b[0]) / h, (i1 - b[1]) / h, (i2 - b[2]) / h)
+    rub = ((i0 - b[0] + taken[0]) / h, (i1 - b[1] + taken[1]) / h, (i2 - b[2] + taken[2]) / h)
     end = v[0] + (x[0] - v[0]) / theta, v[1] + (x[1] - v[1]) / theta, v[2] + (x[2] - v[2]) / theta
     cr, sr = body.turn
-    return end, rub, (cr * y[0] - sr * y[1], sr * y[0] + cr * y[1]), lifted
+    held = (-taken[0] / h, -taken[1] / h, -taken[2] / h)
+    return end, rub, (cr * y[0] - sr * y[1], sr * y[0] + cr * y[1]), lifted, held
 
 
 @njit(error_model="numpy", forceinline=True)
@@ -195,11 +203,12 @@ def step_in_parts(record, n, h, v, body):
     """
     m = body.mass
     part, passed = h, 0.0
-    rub0 = rub1 = rub2 = 0.0
+    rub0 = rub1 = rub2 = held0 = held1 = 0.0
+    gap = body.touch.gap
     least = STANDING * STANDING * m[0]
     by_speed = depends_on_speed(record)
     while True:
-        end, rub, cop, lifted = implicit_step(record, n, part, v, body)
+        end, rub, cop, lifted, held = implicit_step(record, n, part, v, body, gap)
         momentum = times(m, v)
         motion, goes_on, after = dot(v, momentum), dot(end, momentum), dot(end, times(m, end))
         turned = goes_on < STOPPED * motion or goes_on * goes_on < (1.0 - TURNED * TURNED) * motion * after
@@ -209,8 +218,10 @@ def step_in_parts(record, n, h, v, body):
             part *= 0.5
             continue
         rub0, rub1, rub2 = rub0 + part * rub[0], rub1 + part * rub[1], rub2 + part * rub[2]
+        held0, held1 = held0 + part * held[0], held1 + part * held[1]
+        gap += part * (body.touch.speed - dot(body.touch.normal, end))
         v, passed = end, passed + part
         if h - passed < 1e-9 * h:
             break
         part = min(2.0 * part, h - passed)
-    return end, (rub0 / h, rub1 / h, rub2 / h), cop, lifted
+    return end, (rub0 / h, rub1 / h, rub2 / h), cop, lifted, (held0 / h, held1 / h)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from runner.numerics.polygon import Polygon
 from runner.physics import dry_friction
-from runner.physics.scene.config import Base, BodyConfig, Dof, FloorContact, SceneConfig
+from runner.physics.scene.config import Base, BodyConfig, Dof, FloorContact, PinConfig, SceneConfig
 
 
 def push_columns(force_n: ArrayLike, point_m: ArrayLike) -> np.ndarray:
@@ -27,8 +27,16 @@ def push_columns(force_n: ArrayLike, point_m: ArrayLike) -> np.ndarray:
     return np.concatenate([force, moment.reshape(*moment.shape[:-2], 9)], axis=-1)
 
 
+# A contact with a pin gives way by so much under the body's weight: far less than anybody measures. Its damper is twice
+# the critical one of the body on that spring: a pin that strikes does not send the body ahead.
+PIN_GIVES_M, PIN_DAMPING = 2e-5, 2.0
+
+
 def build(
-    scene: SceneConfig, bodies: Mapping[str, BodyConfig], outlines: Mapping[str, Polygon] = MappingProxyType({})
+    scene: SceneConfig,
+    bodies: Mapping[str, BodyConfig],
+    outlines: Mapping[str, Polygon] = MappingProxyType({}),
+    pins: Mapping[str, PinConfig] = MappingProxyType({}),
 ) -> mjcf.RootElement:
     """Return the MJCF of a floor and these bodies, all starting at the origin, none touching another.
 
@@ -36,6 +44,7 @@ def build(
         scene: What they share.
         bodies: By name.
         outlines: Of those whose base is no rectangle, relative to the body frame; they need `FloorContact.patch`.
+        pins: Those that may touch a body, by the name of the body; they need `FloorContact.patch`.
     """
     dry_friction.install()
     root = mjcf.RootElement(model="runner")
@@ -44,7 +53,9 @@ def build(
     root.size.nuserdata = dry_friction.USERDATA_SIZE * len(bodies)
     bases = {name: _base_points(scene, body, outlines.get(name)) for name, body in bodies.items()}
     most = max(map(len, bases.values()), default=0)
-    root.size.nuser_body = dry_friction.STRIDE + dry_friction.POINT_STRIDE * most
+    sides = {name: _corners(bodies[name], outlines.get(name)) for name in pins}
+    most_corners = max(map(len, sides.values()), default=0)
+    root.size.nuser_body = dry_friction.STRIDE + dry_friction.POINT_STRIDE * most + 2 * most_corners
     if scene.contact is FloorContact.patch:
         root.option.flag.contact = "disable"
         root.option.flag.constraint = "disable"
@@ -59,7 +70,9 @@ def build(
             _describe(record, outlines[name], bases[name])
         else:
             record.half_x, record.half_y, _ = body.half_size_m
-        _add_body(root, scene, name, body, record, bases[name])
+        if name in pins:
+            _describe_pin(record, pins[name], body.mass_kg, scene.gravity_m_s2)
+        _add_body(root, scene, name, body, record, bases[name], sides.get(name, ()))
     return root
 
 
@@ -83,6 +96,19 @@ def _describe(record: dry_friction.FrictionRecord, outline: Polygon, points: np.
     record.bearing_radius = dry_friction.bearing_radius(points)
 
 
+def _corners(body: BodyConfig, outline: Polygon | None) -> np.ndarray:
+    """Return the corners of a body seen from above, (n, 2)."""
+    hx, hy, _ = body.half_size_m
+    return np.array([[hx, hy], [-hx, hy], [-hx, -hy], [hx, -hy]]) if outline is None else outline.corners
+
+
+def _describe_pin(record: dry_friction.FrictionRecord, pin: PinConfig, mass_kg: float, gravity_m_s2: float) -> None:
+    """Enter a pin into a body's record."""
+    record.pin_radius, record.pin_friction = pin.radius_m, pin.friction
+    record.pin_stiffness = mass_kg * gravity_m_s2 / PIN_GIVES_M
+    record.pin_damping = PIN_DAMPING * 2 * math.sqrt(record.pin_stiffness * mass_kg)
+
+
 def _add_body(
     root: mjcf.RootElement,
     scene: SceneConfig,
@@ -90,6 +116,7 @@ def _add_body(
     body: BodyConfig,
     record: dry_friction.FrictionRecord,
     points: np.ndarray,
+    corners: ArrayLike,
 ) -> None:
     hx, hy, hz = body.half_size_m
     joints = (
@@ -103,7 +130,7 @@ def _add_body(
     z = hz if joints == dry_friction.PLANAR else hz - _penetration_m(scene)
     # simple="false": MuJoCo must not take the CoM for fixed at the frame, as it may move at run time
     element = root.worldbody.add(
-        "body", name=name, pos=(0, 0, z), simple="false", user=dry_friction.pack(record, points)
+        "body", name=name, pos=(0, 0, z), simple="false", user=dry_friction.pack(record, points, corners)
     )
     element.add("inertial", pos=body.com_m, mass=body.mass_kg, diaginertia=body.inertia)
     if joints == dry_friction.FREE:

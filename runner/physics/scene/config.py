@@ -54,6 +54,18 @@ class SceneConfig:
             )
 
 
+@dataclass(frozen=True)
+class PinConfig:
+    """A round, upright pin that moves as it is told and may touch a body: `radius_m`, and the friction between them."""
+
+    radius_m: float
+    friction: float
+
+    def __post_init__(self) -> None:
+        check_range("pin.radius_m", self.radius_m, 0.0, 100.0, unit="m", lower_open=True)
+        check_range("pin.friction", self.friction, 0.0, 10.0)
+
+
 LEAST_MASS = 1e-14  # ten times mjMINVAL, below which MuJoCo takes a mass for none
 
 

@@ -20,8 +20,9 @@ from runner.effects.base import AbstractEffect
 from runner.effects.planar_box import Context, Motion, PlanarEffect, Target
 from runner.errors import RecordingError
 from runner.physics import dry_friction
-from runner.physics.scene import Base, BodyConfig, Dof, SceneConfig, build, push_columns
-from runner.recording import Episode, Form, Nominal, Recording, Span, Support
+from runner.physics.scene import Base, BodyConfig, Dof, PinConfig, SceneConfig, build
+from runner.recording import Form, Nominal, Recording, Span, Support
+from runner.systems.planar_box.commands import Commands
 from runner.systems.planar_box.motion import measured_columns
 from runner.systems.planar_box.windows import FULL, USERDATA, Effects, WindowSimulator, planar, shown_alike, unseen
 from runner.systems.simulator import AbstractSimulator, Run
@@ -29,12 +30,13 @@ from runner.systems.windows import Windows
 
 OBJECT = "object"
 STEP_RATE_HZ = 120.0  # at least so many physics steps a second: pose errors are then below 0.1 mm (second order)
+PIN_STEP_RATE_HZ = 1000.0  # where a pin pushes, whose contact is of first order and rolls on in between
 MODELS, PUSHED_BYTES = 128, 100e6  # kept for the next span: models, and commands
 KEPT_WINDOWS = 4  # models whose commands are ready for windows: as believed, corrected
 BASE_POINTS = 8  # along each edge: everything replays the same base
 # Of surveys: how a prediction changes with an effect is told to some percent by half the steps and points, whose own
 # errors, of second order in the steps and of the sixth in the points, are the same with the effect and without.
-SURVEY_RATE_HZ, SURVEY_POINTS = 60.0, 5
+SURVEY_RATE_HZ, PIN_SURVEY_RATE_HZ, SURVEY_POINTS = 60.0, 250.0, 5
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def context_of(recording: Recording) -> Context:
     place = np.concatenate([e.pose[:, :2] for e in recording.episodes])
     # a glitch of the tracking must not stretch the floor
     low, high = np.nanquantile(place, [0.002, 0.998], axis=0)
-    force = max(float(np.nanmax(np.linalg.norm(e.force_n, axis=1), initial=0.0)) for e in recording.episodes)
+    force = max(float(np.nan_to_num(np.linalg.norm(e.force_n, axis=1)).max(initial=0.0)) for e in recording.episodes)
     nominal = recording.nominal
     return Context(
         mass_kg=nominal.mass_kg,
@@ -80,6 +82,7 @@ def context_of(recording: Recording) -> Context:
         centre_m=(float(low[0] + high[0]) / 2, float(low[1] + high[1]) / 2),
         reach_m=max(float(np.max(high - low)) / 2, max(nominal.half_size_m)),
         force_n=max(force, 1e-6),
+        pin_friction=None if nominal.pin is None else nominal.pin.friction,
     )
 
 
@@ -89,7 +92,8 @@ class Simulator(AbstractSimulator):
 
     Args:
         recording: The case.
-        step_rate_hz: At least so many physics steps a second; a whole number of them per sample.
+        step_rate_hz: At least so many physics steps a second, a whole number of them per sample; None: as many as the
+            kind of push needs.
         grid: Base points along each edge.
         threads: For the rollouts; None: one per core.
         spans: What is simulated, each on its own, with all that was commanded before; None: every episode.
@@ -99,7 +103,7 @@ class Simulator(AbstractSimulator):
     """
 
     recording: Recording
-    step_rate_hz: float = STEP_RATE_HZ
+    step_rate_hz: float | None = None
     grid: int = BASE_POINTS
     threads: int | None = None
     spans: tuple[Span, ...] | None = None
@@ -110,7 +114,9 @@ class Simulator(AbstractSimulator):
     def __post_init__(self) -> None:
         if self.recording.form is not Form.PLANAR:
             raise RecordingError(f"{self.recording.path}: only planar recordings (x, y, yaw) can be replayed.")
-        rate = self.recording.nominal.rate_hz
+        rate, pin = self.recording.nominal.rate_hz, self.recording.nominal.pin is not None
+        if self.step_rate_hz is None:
+            self.step_rate_hz = PIN_STEP_RATE_HZ if pin else STEP_RATE_HZ
         self.steps_per_sample = max(1, int(np.ceil(self.step_rate_hz / rate - 1e-9)))
         self.step_s = 1.0 / rate / self.steps_per_sample
         self._threads = self.threads or len(os.sched_getaffinity(0))
@@ -118,8 +124,8 @@ class Simulator(AbstractSimulator):
         self._compiled: dict[tuple[type[PlanarEffect], ...], _Compiled] = {}
         self._models: dict[Effects, mujoco.MjModel] = {}  # the latest, as many spans are simulated with the same
         self._pushed: dict[tuple[Effects, int], np.ndarray] = {}
+        self._commands = Commands(self.recording, self.steps_per_sample, self.step_s)
         self._windows: dict[Effects, WindowSimulator] = {}
-        self._commands = [self._columns(e) for e in self.recording.episodes]
         whole = tuple(Span(i, 0, len(e)) for i, e in enumerate(self.recording.episodes))
         self._columns_seen = measured_columns(self.recording)
         self._spans = whole if self.spans is None else self.spans
@@ -135,7 +141,8 @@ class Simulator(AbstractSimulator):
         )
         nominal = self.recording.nominal
         outlines = {} if nominal.outline is None else {OBJECT: nominal.outline}
-        root = build(scene, {OBJECT: body_of(nominal)}, outlines)
+        pins = {} if nominal.pin is None else {OBJECT: PinConfig(nominal.pin.radius_m, nominal.pin.friction)}
+        root = build(scene, {OBJECT: body_of(nominal)}, outlines, pins)
         for effect in effects:
             effect.edit_mjcf(root, OBJECT)
         return root
@@ -158,21 +165,14 @@ class Simulator(AbstractSimulator):
             self._compiled[key] = _Compiled(model, model.body(OBJECT).id, data)
         return self._compiled[key]
 
-    def _columns(self, episode: Episode) -> np.ndarray:
-        """Commands over physics steps, (n, 12); the last sample's command has no time to act."""
-        columns = np.nan_to_num(push_columns(episode.force_n, episode.point_m)[:-1])
-        return np.repeat(columns, self.steps_per_sample, axis=0)
-
     def _push(self, effects: Effects, episode: int) -> np.ndarray:
-        """Return the command that the body really gets over a whole episode, (n, 12)."""
+        """Return the command that the body really gets over a whole episode, (n, USERDATA_SIZE)."""
         key = effects, episode
         if key not in self._pushed:
-            columns = self._commands[episode]
-            if len(self._pushed) * columns.nbytes > PUSHED_BYTES:
+            control = self._commands.control(effects, episode)
+            if len(self._pushed) * control.nbytes > PUSHED_BYTES:
                 self._pushed.clear()
-            for effect in effects:
-                columns = effect.edit_command(columns, self.step_s)
-            self._pushed[key] = columns
+            self._pushed[key] = control
         return self._pushed[key]
 
     def parts(self, spans: Sequence[Span]) -> Simulator:
@@ -185,7 +185,8 @@ class Simulator(AbstractSimulator):
     def surveying(self) -> Simulator:
         """See `AbstractSimulator`."""
         if self._surveyor is None:
-            step_rate_hz = min(self.step_rate_hz, SURVEY_RATE_HZ)
+            survey_hz = SURVEY_RATE_HZ if self.recording.nominal.pin is None else PIN_SURVEY_RATE_HZ
+            step_rate_hz = min(self.step_rate_hz or survey_hz, survey_hz)
             self._surveyor = replace(self, step_rate_hz=step_rate_hz, grid=min(self.grid, SURVEY_POINTS))
         return self._surveyor
 
@@ -214,7 +215,7 @@ class Simulator(AbstractSimulator):
             if effects not in self._models:
                 self._models[effects] = self.model(effects)
             models.append(self._models[effects])
-            control[i, :, : dry_friction.PUSH_SIZE] = self._push(effects, span.episode)[before : before + n]
+            control[i] = self._push(effects, span.episode)[before : before + n]
             start[i, 0] = before * self.step_s
             start[i, 1:7] = run.start
             # half a step ahead: MuJoCo's pose is then the one at the middle of each step (leapfrog), second order
@@ -232,6 +233,21 @@ class Simulator(AbstractSimulator):
             target = [rows[i] for i in which]
             sampled = slice(None, None, self.steps_per_sample)
             out[target, :, :3], out[target, :, 3:] = measured.pose[:, sampled], measured.twist[:, sampled]
+
+    def pin_force(self, episode: int, run: Run) -> np.ndarray:
+        """Return the force of the pin on the body, mean from each sample of an episode to the next, (T - 1, 2), N."""
+        effects, n = planar(run.effects), self.steps_per_sample
+        model = self.model(effects)
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:] = run.start[:3] + 0.5 * self.step_s * run.start[3:], run.start[3:]
+        control = self._push(effects, episode)
+        force = np.empty((len(control), 2))
+        said = dry_friction.PUSH_SIZE + dry_friction.OUT_PIN
+        for k, row in enumerate(control):
+            data.userdata[:] = row
+            mujoco.mj_step(model, data)
+            force[k] = data.userdata[said : said + 2]
+        return force.reshape(-1, n, 2).mean(axis=1)
 
     def predict_windows(
         self,

@@ -24,8 +24,9 @@ from runner.systems.planar_box.initial import PlanarStart
 from runner.systems.planar_box.labels import FACTORS, REGIMES, label
 from runner.systems.planar_box.model_file import write_model
 from runner.systems.planar_box.motion import measured_columns
+from runner.systems.planar_box.pin_proposals import pin_pushes, unmeasured_by_pin
 from runner.systems.planar_box.proposals import pushes, unmeasured
-from runner.systems.planar_box.rests import rest_segments
+from runner.systems.planar_box.rests import pin_rest_segments, rest_segments
 from runner.systems.planar_box.simulator import OBJECT, Simulator, context_of
 from runner.systems.planar_box.windows import planar
 from runner.systems.windows import Labels, Windows
@@ -40,11 +41,15 @@ CHANNELS = (
 )
 FORCE_SHARE, LARGE = 0.03, 3.0  # of friction: the step of a missing force; times the largest usual force: how large
 
+PIN, PIN_HEIGHTS = "pin", 3.0  # as it is drawn, and how many times as high as the body
 
-def vocabulary() -> Vocabulary:
-    """Return every effect that is registered for a box, whoever has written it."""
-    known = tuple(Candidate(cls) for variants in EFFECTS.values() for cls in variants)
-    return Vocabulary(known, outside=(Candidate(DeadBand),), uncertain=(Candidate(BodySize),))
+
+def vocabulary(*, pin: bool = False) -> Vocabulary:
+    """Return every effect that is registered for a box that forces push, or a pin, whoever has written it."""
+    classes = [cls for variants in EFFECTS.values() for cls in variants if not (cls.of_command if pin else cls.of_pin)]
+    known = tuple(Candidate(cls, getattr(cls, "target", None)) for cls in classes)
+    outside = () if pin else (Candidate(DeadBand),)
+    return Vocabulary(known, outside=outside, uncertain=(Candidate(BodySize),))
 
 
 class PlanarBox(AbstractSystem):
@@ -79,7 +84,7 @@ class PlanarBox(AbstractSystem):
         if recording.form is not Form.PLANAR:
             raise RecordingError(f"{recording.path}: only planar recordings (x, y, yaw) can be replayed.")
         self.recording = recording
-        self.vocabulary, self.beliefs = vocabulary(), recording.nominal
+        self.vocabulary, self.beliefs = vocabulary(pin=recording.nominal.pin is not None), recording.nominal
         self.rate_hz = recording.nominal.rate_hz
         self._columns = measured_columns(recording)
         self.channels = tuple(CHANNELS[k] for k in self._columns)
@@ -113,7 +118,12 @@ class PlanarBox(AbstractSystem):
 
     def rests(self) -> list[tuple[int, slice]]:
         """See `AbstractSystem`."""
-        return [(e, s) for e, episode in enumerate(self.recording.episodes) for s in rest_segments(episode)]
+        pin = self.recording.nominal.pin
+        return [
+            (e, s)
+            for e, episode in enumerate(self.recording.episodes)
+            for s in (rest_segments(episode) if pin is None else pin_rest_segments(episode, pin.radius_m))
+        ]
 
     def simulator(self, *, threads: int | None = None) -> Simulator:
         """See `AbstractSystem`."""
@@ -149,11 +159,16 @@ class PlanarBox(AbstractSystem):
 
     def proposals(self) -> tuple[Sequence[Proposal], AbstractSystem, FloatArray]:
         """Return pushes from rest in the middle of the floor that was visited."""
-        found = pushes(self.recording, self.context)
-        system = PlanarBox(unmeasured(self.recording, found))
-        system.context = self.context
         start = np.zeros(self.initial.size)
         start[:2] = self.context.centre_m
+        if self.recording.nominal.pin is None:
+            found: Sequence[Proposal] = (by_force := pushes(self.recording, self.context))
+            recording = unmeasured(self.recording, by_force)
+        else:
+            found = by_pin = pin_pushes(self.recording, self.context)
+            recording = unmeasured_by_pin(self.recording, by_pin, start[:2]) if by_pin else self.recording
+        system = PlanarBox(recording)
+        system.context = self.context
         return found, system, start
 
     def write_model(self, effects: Effects, folder: Path) -> tuple[str, ...]:
@@ -166,26 +181,36 @@ class PlanarBox(AbstractSystem):
         hx, hy, hz = nominal.half_size_m
         mark = Shape("box", (0.12 * hx, 0.3 * hy, 0.01 * hz), (0.75 * hx, 0.0, hz))
         shape = "box" if nominal.outline is None else "prism"
-        return (DrawnBody(OBJECT, (Shape(shape, (hx, hy, hz), outline=nominal.outline), mark)),)
+        body = DrawnBody(OBJECT, (Shape(shape, (hx, hy, hz), outline=nominal.outline), mark))
+        if nominal.pin is None:
+            return (body,)
+        return (body, DrawnBody(PIN, (Shape("cylinder", (nominal.pin.radius_m, PIN_HEIGHTS * hz)),)))
 
     def poses(self, episode: int, channels: FloatArray) -> dict[str, FloatArray]:
         """See `AbstractSystem`."""
         half = channels[:, 2] / 2
         height = np.full(len(channels), self.recording.nominal.half_size_m[2])
         zero = np.zeros(len(channels))
-        return {
+        poses = {
             OBJECT: np.column_stack([channels[:, 0], channels[:, 1], height, np.cos(half), zero, zero, np.sin(half)])
         }
+        path = self.recording.episodes[episode].pin_m
+        if path is not None:
+            poses[PIN] = np.column_stack([path, PIN_HEIGHTS * height, zero + 1.0, zero, zero, zero])
+        return poses
 
     def believed(self) -> tuple[tuple[str, str], ...]:
         """See `AbstractSystem`."""
         nominal = self.recording.nominal
         size = " × ".join(number(2 * h) for h in nominal.half_size_m)
+        pin = nominal.pin
+        pushed = () if pin is None else (("pin", f"radius {pin.radius_m:.4g} m, friction {pin.friction:.3g}"),)
         borne = "under the whole base" if nominal.contact is Support.PATCH else "at the corners"
         return (
             ("object", f"{'box' if nominal.outline is None else 'plate'} of {size} m, {number(nominal.mass_kg)} kg"),
             ("friction", f"{nominal.friction:.3g}, {borne}"),
             ("gravity", f"{nominal.gravity_m_s2:.4g} m/s²"),
+            *pushed,
         )
 
     def command_arrows(self, episode: int, channels: FloatArray) -> tuple[FloatArray, FloatArray]:

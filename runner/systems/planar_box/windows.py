@@ -14,8 +14,8 @@ from mujoco import rollout
 from runner.effects.base import AbstractEffect
 from runner.effects.planar_box import ActuatorDelay, Motion, ObservationDelay, PlanarEffect
 from runner.physics import dry_friction
-from runner.physics.scene import push_columns
 from runner.recording import Recording
+from runner.systems.planar_box.commands import Commands
 from runner.systems.planar_box.motion import measured_columns, motion
 from runner.systems.windows import Windows
 
@@ -58,13 +58,10 @@ class WindowSimulator:
         threads = len(os.sched_getaffinity(0))
         self._data = [mujoco.MjData(self.model) for _ in range(threads)]
         self._pool = rollout.Rollout(nthread=threads if threads > 1 else 0)
-        self._commands, self._yaw = [], []
+        self._yaw = []
         n = self.steps_per_sample
-        for episode in self.recording.episodes:
-            columns = np.repeat(np.nan_to_num(push_columns(episode.force_n, episode.point_m)[:-1]), n, axis=0)
-            for effect in self.effects:
-                columns = effect.edit_command(columns, self.step_s)
-            self._commands.append(columns)
+        commands = Commands(self.recording, n, self.step_s)
+        self._commands = [commands.control(self.effects, e) for e in range(len(self.recording.episodes))]
         self._columns_seen = measured_columns(self.recording)
         for states in motion(self.recording):
             self._yaw.append(np.repeat(0.5 * (states[1:, 2] + states[:-1, 2]), n))
@@ -96,7 +93,7 @@ class WindowSimulator:
         control = np.zeros((count, columns, steps, dry_friction.USERDATA_SIZE))
         for w in range(count):
             span = slice(begin[w], begin[w] + steps)
-            control[w, :, :, : dry_friction.PUSH_SIZE] = self._commands[windows.episode[w]][span]
+            control[w] = self._commands[windows.episode[w]][span]
             if wrench is not None:
                 _add_wrench(control[w], wrench[w], self._yaw[windows.episode[w]][span])
         state = np.zeros((count, columns, mujoco.mj_stateSize(self.model, FULL)))
@@ -125,7 +122,7 @@ class WindowSimulator:
 
 
 def _add_wrench(control: np.ndarray, wrench: np.ndarray, yaw: np.ndarray) -> None:
-    """Add forces and moments (K, 3) to pushes (K, n, 22); the moment is a couple on an arm that turns with the body."""
+    """Add forces and moments (K, 3) to commands (K, n, ...); a moment is a couple on a turning arm."""
     control[:, :, :2] += wrench[:, None, :2]
     # the push moment about z is -sin S_xx + cos S_xy (see `runner.physics.dry_friction`)
     control[:, :, 3] -= wrench[:, 2:] * np.sin(yaw)
