@@ -341,7 +341,7 @@ def test_every_option_of_every_group_is_usable() -> None:
             assert set(names) == {p.stem for p in (CONF_FOLDER / group).glob("*.yaml")}
             for choice in (f"{group}=[{name}]" if group == "effect" else f"{group}={name}" for name in names):
                 try:
-                    built(command, _compose.without_hydra(composed_for(hydra, [choice])), {})
+                    built(command, _compose.without_hydra(composed_for(hydra, [choice])), dict)
                 except ConfigError as error:
                     said[choice] = str(error)
     assert said.keys() == NOT_IN_A_RUN.keys(), said

@@ -212,3 +212,16 @@ def test_the_vocabulary_is_that_of_what_pushes() -> None:
     assert found
     motions = [planned.simulator(threads=1).predict(i, [Run((), start)])[0] for i in range(len(found))]
     assert all(np.hypot(*(m[-1, :2] - start[:2])) > 0.001 for m in motions)
+
+
+def test_a_body_rests_before_its_pin_moves_and_some_time_after() -> None:
+    """What is measured then is noise; between, and just after the pin has stopped, it is not."""
+    lead = np.tile([0.0, -0.1], (50, 1))
+    path = np.vstack([lead, line((0.0, -0.1), (0.0, 0.05), 0.6, 0.5)])
+    system = PlanarBox(case(plate(HEX, around(HEX, 0.0065), 0.25), path))
+    (_, before), (_, after) = system.rests()
+    assert (before.start, after.stop) == (0, len(path))
+    assert 50 <= before.stop <= 53
+    assert after.start == pytest.approx(50 + (0.6 + 0.2) * RATE_HZ, abs=2)
+    still = PlanarBox(case(plate(HEX, around(HEX, 0.0065), 0.25), np.tile([0.0, -0.1], (50, 1))))
+    assert still.rests()[0] == (0, slice(0, 50))

@@ -77,7 +77,7 @@ def shown(name: str, overrides: Sequence[str]) -> str:
         _, overrides = take("out", overrides)  # says where, not what
     with composer(name, command) as hydra:
         composed = composed_for(hydra, overrides)
-        built(command, without_hydra(composed), hydra.groups())
+        built(command, without_hydra(composed), hydra.groups)
         return OmegaConf.to_yaml(OmegaConf.create(_untargeted(without_hydra(composed))))
 
 
@@ -103,7 +103,7 @@ def composed_for(hydra: Composer, overrides: Sequence[str]) -> DictConfig:
 def _once(
     name: str, command: Command[Any], hydra: Composer, composed: DictConfig, out: str | None, overrides: Sequence[str]
 ) -> int:
-    value = built(command, without_hydra(composed), hydra.groups())
+    value = built(command, without_hydra(composed), hydra.groups)
     settings = list(composed.hydra.overrides.task)
     if command.keeps is None:
         with going_on(_again(command, name, settings), lambda: None):

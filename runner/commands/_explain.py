@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -278,8 +278,13 @@ def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-def built(command: Command[Any], own: Any, groups: dict[str, tuple[str, ...]]) -> Any:
+def built(command: Command[Any], own: Any, groups: Callable[[], dict[str, tuple[str, ...]]]) -> Any:
     """Return the dataclass of a composed config.
+
+    Args:
+        command: Whose config it is.
+        own: The config, without Hydra's.
+        groups: Returns the config groups and their options; called where something is wrong alone, as it takes long.
 
     Raises:
         ConfigError: If a value is missing or out of its range.
@@ -287,4 +292,4 @@ def built(command: Command[Any], own: Any, groups: dict[str, tuple[str, ...]]) -
     try:
         return config.build(own, command.config)
     except (RunnerError, OmegaConfBaseException) as error:
-        raise explain_value(error, own, groups) from error
+        raise explain_value(error, own, groups()) from error

@@ -251,7 +251,7 @@ def _do(
         own_folder(job.results.parent, job.results.name)
         writer.write(job.results, swept.overrides, job.config)
         try:
-            value = built(command, swept.values, {})
+            value = built(command, swept.values, dict)
             job = replace(job, provenance=job_provenance(writer.name, command, value, job.config))
         except Exception as error:
             job = replace(job, provenance=job_provenance(writer.name, command, None, job.config))

@@ -144,7 +144,7 @@ def _config(place: Path) -> Reader:
         words = (folder / "words.txt").read_bytes().decode("utf-8", "replace").split("\n")
         with composer("run", command) as hydra:
             composed = composed_for(hydra, [f"hydra.searchpath=['file://{folder}']", *(w for w in words if w)])
-            built(command, without_hydra(composed), hydra.groups())
+            built(command, without_hydra(composed), hydra.groups)
 
     experiment = (
         "# @package _global_\ndefaults:\n  - override /forces: ramp\n  - override /effect: [wind]\n"

@@ -17,6 +17,9 @@ from runner.storage.numba_cache import fingerprint
 
 JOINTS = COLUMN["joints"]
 
+# taken when this is imported: the files may be others by the time that something is compiled
+SOURCES = fingerprint(engine_memory.__file__, *Path(__file__).parent.glob("*.py"))
+
 
 class FrictionOffsets(NamedTuple):
     """Where this build of MuJoCo keeps what the callback reads, bytes from the start of `mjModel` or `mjData`."""
@@ -84,7 +87,7 @@ def _measure() -> FrictionOffsets:
         userdata=of_data("userdata"),
         qfrc_applied=of_data("qfrc_applied"),
         qfrc_passive=of_data("qfrc_passive"),
-        sources=fingerprint(engine_memory.__file__, *Path(__file__).parent.glob("*.py")),
+        sources=SOURCES,
     )
 
 

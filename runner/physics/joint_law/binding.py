@@ -57,6 +57,9 @@ RIPPLE_SIN, RIPPLE_COS, RIPPLE_RATE = COLUMN["ripple_sin"], COLUMN["ripple_cos"]
 PUSH, PUSH_FROM, PUSH_UNTIL = COLUMN["push"], COLUMN["push_from"], COLUMN["push_until"]
 FRICTION_OF_DOF = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 
+# taken when this is imported: the files may be others by the time that something is compiled
+SOURCES = fingerprint(engine_memory.__file__, *Path(__file__).parent.glob("*.py"))
+
 _actuation = types.ExternalFunction("mj_fwdActuation", types.void(types.uint64, types.uint64))
 _inverse = types.ExternalFunction("mj_rne", types.void(types.uint64, types.uint64, types.int32, types.uint64))
 
@@ -138,7 +141,7 @@ def _measure() -> JointLawOffsets:
         efc_frictionloss=of_data("efc_frictionloss"),
         map_efc2iefc=of_data("map_efc2iefc"),
         iefc_frictionloss=of_data("iefc_frictionloss"),
-        sources=fingerprint(engine_memory.__file__, *Path(__file__).parent.glob("*.py")),
+        sources=SOURCES,
     )
 
 

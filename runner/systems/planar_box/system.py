@@ -26,7 +26,7 @@ from runner.systems.planar_box.model_file import write_model
 from runner.systems.planar_box.motion import measured_columns
 from runner.systems.planar_box.pin_proposals import pin_pushes, unmeasured_by_pin
 from runner.systems.planar_box.proposals import pushes, unmeasured
-from runner.systems.planar_box.rests import rest_segments
+from runner.systems.planar_box.rests import pin_rest_segments, rest_segments
 from runner.systems.planar_box.simulator import OBJECT, Simulator, context_of
 from runner.systems.planar_box.windows import planar
 from runner.systems.windows import Labels, Windows
@@ -118,7 +118,12 @@ class PlanarBox(AbstractSystem):
 
     def rests(self) -> list[tuple[int, slice]]:
         """See `AbstractSystem`."""
-        return [(e, s) for e, episode in enumerate(self.recording.episodes) for s in rest_segments(episode)]
+        pin = self.recording.nominal.pin
+        return [
+            (e, s)
+            for e, episode in enumerate(self.recording.episodes)
+            for s in (rest_segments(episode) if pin is None else pin_rest_segments(episode, pin.radius_m))
+        ]
 
     def simulator(self, *, threads: int | None = None) -> Simulator:
         """See `AbstractSystem`."""
