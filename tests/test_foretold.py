@@ -103,9 +103,9 @@ def test_an_effect_is_needed_where_a_plain_gap_is_left_without_it() -> None:
     assert needed(both, [both, *others], COUNT) == {"b"}
 
 
-def test_where_much_is_left_anyway_an_effect_is_needed_only_if_without_it_that_doubles() -> None:
-    """A machine's model leaves 500 squared noises: 300 more is nothing plain."""
+def test_where_much_is_left_anyway_an_effect_is_needed_only_if_many_times_that_is_left_without_it() -> None:
+    """A machine's model leaves 500 squared noises: 600 more is nothing plain."""
     both = contender("ab", 501.0 * COUNT)
-    others = [contender("", 9000.0 * COUNT), contender("a", 800.0 * COUNT), contender("b", 1100.0 * COUNT)]
+    others = [contender("", 9000.0 * COUNT), contender("a", 1100.0 * COUNT), contender("b", 6000.0 * COUNT)]
     assert needed(both, [both, *others], COUNT) == {"a"}
     assert needed(both, [both], COUNT) == set()  # what was not tried says nothing

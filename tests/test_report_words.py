@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,8 +17,10 @@ from runner.diagnosis.result import Abstention, Nearest
 from runner.effects.planar_box import EFFECTS
 from runner.effects.wording import plus_minus
 from runner.localise.likeness import Likeness
+from runner.recording.data import BelievedPin
 from runner.report import html, words
 from runner.report.terminal import summary
+from runner.systems.planar_box.system import PlanarBox
 from tests.report_case import changed, diagnosis, ranked, said
 
 
@@ -26,6 +28,12 @@ from tests.report_case import changed, diagnosis, ranked, said
 def found() -> Any:
     """A diagnosis that found the friction."""
     return diagnosis()
+
+
+def pinned(system: PlanarBox) -> PlanarBox:
+    """Return the same that a pin pushes."""
+    recording = system.recording
+    return PlanarBox(replace(recording, nominal=replace(recording.nominal, pin=BelievedPin(0.005, 0.2))))
 
 
 def printed(diagnosis: Any, width: int = 160) -> str:
@@ -137,9 +145,11 @@ def test_what_cannot_be_told_apart_is_said(found: Any) -> None:
 @pytest.mark.parametrize("variant", [k for kinds in EFFECTS.values() for k in kinds], ids=lambda k: k.__name__)
 def test_every_effect_has_its_words(found: Any, variant: Any) -> None:
     """No effect of the vocabulary is described by its parameters' names, and all its numbers are numbers."""
-    names = [f.name for f in fields(variant)]
+    names = [f.name for f in fields(variant) if f.name != "target"]
     values = dict.fromkeys(names, 1.25)
-    phrase = words.phrase(found.system, variant.name, values, dict.fromkeys(names, 0.05))
+    system = pinned(found.system) if variant.of_pin else found.system
+    word = next(c.name for c in (*system.vocabulary, *system.vocabulary.outside) if c.effect is variant)
+    phrase = words.phrase(system, word, values, dict.fromkeys(names, 0.05))
     assert "phrase" in vars(variant) or "phrase" in vars(variant.__base__)
     assert "±" in phrase.amount
     for text in (phrase.what, phrase.amount, phrase.remedy, phrase.check):

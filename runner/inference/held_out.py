@@ -38,6 +38,7 @@ INDEPENDENT_UNSEEN, INDEPENDENT_FITTED = 3.0, 1.0
 # `VISIBLE`: a plain gap has a cause, however many small errors could do the same. Each of several has to take off more
 # than the best of some thirty that are not there would (Foster & George 1994).
 DOUBT, STANDS_OUT, BESIDE_OTHERS = 1000.0, float(np.sqrt(2.0)), float(np.sqrt(2.0 * np.log(30.0)))
+MANY = 10.0  # times: an order of magnitude is what no other form of the same effect takes off
 FAINT = 1000.0  # the same against one that is nothing beside the unevenness of any surface
 # A gap of this share of the noise's variance is as likely none; log odds by which each e-fold changes that; and the gap
 # from which on the odds grow in proportion to it: what small errors of a simulator add up to has no heavy tail.
@@ -215,10 +216,11 @@ def doubted(contenders: Sequence[Contender], context: Scope, gap: float, count: 
 def needed(contender: Contender, contenders: Sequence[Contender], count: int) -> frozenset[Candidate]:
     """Return the effects of an explanation without which the best of the others leaves a plain gap that it closes.
 
-    Plain beside the noise, and beside what the explanation itself leaves.
+    Plain beside the noise, and many times what the explanation itself leaves: where the form of an effect is wrong,
+    another takes up some of that.
     """
     whole, out = contender.fit.explanation.candidates, []
-    plain = max(VISIBLE * count, contender.fit.total - count)
+    plain = max(VISIBLE * count, MANY * (contender.fit.total - count))
     for candidate in whole:
         rest = {c for c in whole if c != candidate}
         fewer = [c.fit.total for c in contenders if rest.issuperset(c.fit.explanation.candidates)]
