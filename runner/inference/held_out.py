@@ -15,6 +15,7 @@ import numpy as np
 
 from runner.effects.base import Scope
 from runner.effects.vocabulary import Candidate
+from runner.inference.breakaway import SHORTEST
 from runner.inference.contender import Contender
 from runner.inference.evidence import directions, evidence, normal_equations, sensitivities, together
 from runner.inference.foretold import LEAVES, PLAIN, astray, failing, usually_left
@@ -26,8 +27,7 @@ from runner.recording import Span
 LEADERS = 6  # so many at most are held against the episodes left out, and the nominal model,
 HOPELESS = 200.0  # behind in log odds by more than that: what is left out will not turn it
 RESTS = 0.5  # squared noises: start states that leave less have found where they belong
-GROWN = 0.125, 0.25, 0.5, 1.0  # of an episode: to what its start state is fitted, one after the other,
-SHORTEST = 10  # samples at least
+GROWN = 0.125, 0.25, 0.5, 1.0  # of an episode: to what its start state is fitted, one after the other
 ROUGHLY = 3  # steps of start states by which nothing is chosen
 CLOSE = 20.0  # and whatever is so near in log odds
 # errors of the model that what the best explanation leaves is the doing of: of the unseen episodes, and of the fitted
@@ -110,31 +110,30 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
         if (i < LEADERS and c.log_posterior > hopeless) or c is nominal or c.log_posterior > near
     ]
     before = unseen(nominal, fitter, held_out, None)
-    there_by = {id(c): before if c is nominal else unseen(c, fitter, held_out, before) for c in leaders}
-    whole_before, fits = before, {id(c.fit): there_by[id(c)] for c in leaders}
+    there_by = {id(c.fit): before if c is nominal else unseen(c, fitter, held_out, before) for c in leaders}
+    whole_before, fits = before, there_by
     off = astray(before, [t for t in there_by.values() if t is not before], fitter, len(nominal.fit.episodes))
     if off:
         kept = [k for k, e in enumerate(before.episodes) if e not in off]
-        before = before.of(kept)
-        there_by = {c: before if t is whole_before else t.of(kept) for c, t in there_by.items()}
+        there_by = {fit: t.of(kept) for fit, t in there_by.items()}
+        before = there_by[id(nominal.fit)]
         held_out = before.episodes
     every = directions(fitter.system)
     alone = sensitivities(fitter, before, every)
     best = next((c for c in leaders if c is not nominal), nominal)
-    around_best = alone if best is nominal else sensitivities(fitter, there_by[id(best)], every)
+    around_best = alone if best is nominal else sensitivities(fitter, there_by[id(best.fit)], every)
     weighed, loss = [], {}
     dispersion = finite[0].evidence.dispersion
     for c in leaders:
-        there = normal_equations(there_by[id(c)], *((alone,) if c is nominal else (around_best, alone)))
+        there = normal_equations(there_by[id(c.fit)], *((alone,) if c is nominal else (around_best, alone)))
         whole = evidence(together(c.around, there), fitter.system, dispersion=dispersion)
         weighed.append(replace(c, log_posterior=c.log_posterior + whole.log - c.evidence.log))
         loss[id(c.fit)] = evidence(there, fitter.system, c.evidence.covariance, dispersion=dispersion).loss
-    told = {id(c.fit): there_by[id(c)] for c in leaders}
-    weighed = _with_what_is_left(weighed, told, fitter)
+    weighed = _with_what_is_left(weighed, there_by, fitter)
     everything = (*nominal.fit.episodes, *held_out)
     whole_gap = fitter.measured.excess(nominal.fit.total + before.total, everything)
     against = [
-        further(told[id(c.fit)], before, fitter, whole_gap) if c.fit.x.size else odds_against_none(whole_gap)
+        further(there_by[id(c.fit)], before, fitter, whole_gap) if c.fit.x.size else odds_against_none(whole_gap)
         for c in weighed
     ]
     weighed = [replace(c, log_posterior=c.log_posterior - a) for c, a in zip(weighed, against, strict=True)]
@@ -142,14 +141,14 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     # those that were not weighed keep their distance to the first of the leaders, and don't pass the last of them
     moved = next(w for w in weighed if w.fit is leaders[0].fit).log_posterior - leaders[0].log_posterior
     last = min((w.log_posterior for w in weighed if w.fit is not nominal.fit), default=-np.inf)
-    others = [replace(c, log_posterior=min(c.log_posterior + moved, last)) for c in finite if id(c) not in there_by]
+    others = [replace(c, log_posterior=min(c.log_posterior + moved, last)) for c in finite if id(c.fit) not in there_by]
     contenders = sorted((*weighed, *others), key=lambda c: -c.log_posterior)
     top = weighed[0]
     fitted = fitter.measured.excess(top.evidence.loss, top.fit.episodes)
     there = fitter.measured.excess(loss[id(top.fit)], held_out)
-    gap_unseen, left = (fitter.measured.excess(f.total, held_out) for f in (before, told[id(top.fit)]))
+    gap_unseen, left = (fitter.measured.excess(f.total, held_out) for f in (before, there_by[id(top.fit)]))
     found = Search(tuple(contenders), found.nominal)
-    usual = usually_left(before, told[id(top.fit)], fitter)
+    usual = usually_left(before, there_by[id(top.fit)], fitter)
     left_fitted = fitter.measured.excess(top.fit.total, top.fit.episodes)
     return Confirmed(
         search=found,
@@ -281,11 +280,14 @@ def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nomina
     gains = nominal is not None and not (fitter.system.leaps and best.total < nominal.total)
     if gains and fitter.measured.excess(best.total, held_out) > RESTS:
         best = min(best, held.fit(NONE, held_out), key=lambda f: f.total)
-    starts = best.starts
-    if nominal is not None and usually_left(nominal, best, fitter) <= LEAVES:
-        # it holds in most: where it does not, the start may be what is wrong
-        for k in failing(nominal, best, fitter):
-            starts[k] = _grown_start(held, best.episodes[k], starts[k])
+    holds = nominal is not None and usually_left(nominal, best, fitter) <= LEAVES
+    # it holds in most: where it does not, the start may be what is wrong
+    off = failing(nominal, best, fitter) if nominal is not None and holds else []
+    if not off:
+        return fitter.fit(explanation, held_out, x=x, near=best, iterations=0)
+    starts = best.starts.copy()
+    for k in off:
+        starts[k] = _grown_start(held, best.episodes[k], starts[k])
     return fitter.fit(explanation, held_out, x=x, starts=starts, iterations=0)
 
 
@@ -295,13 +297,10 @@ def _grown_start(held: Fitter, episode: int, start: np.ndarray) -> np.ndarray:
     A mechanism that turns over forgets where it began: fitted to the whole at once, the start ends in a local minimum.
     """
     samples = len(held.measured.values[episode])
-    grown: np.ndarray | None = None
-    for share in GROWN:
-        part = held.parts([Span(episode, 0, max(round(share * samples), SHORTEST))])
-        begin = part.first_starts([0]) if grown is None else grown
-        grown = part.fit(NONE, [0], starts=begin).starts
-    if grown is None:
-        return start
+    parts = [held.parts([Span(episode, 0, max(round(share * samples), SHORTEST))]) for share in GROWN]
+    grown = parts[0].first_starts([0])
+    for part in parts:
+        grown = part.fit(NONE, [0], starts=grown).starts
     before, after = (held.loss(NONE, np.empty(0), s, [episode]) for s in (start[None], grown))
     return grown[0] if after < before else start
 

@@ -69,6 +69,10 @@ class Explanation:
         """Make the effects from a vector, in the order in which they act."""
         return tuple(effect for c, part in self.parts(context) for effect in c.make(x[part], context))
 
+    def without(self, candidate: Candidate) -> Explanation:
+        """Return the others."""
+        return Explanation(tuple(c for c in self.candidates if c != candidate))
+
     def __add__(self, other: Explanation) -> Explanation:
         return Explanation(self.candidates + other.candidates)
 

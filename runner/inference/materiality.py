@@ -15,12 +15,12 @@ import numpy as np
 
 from runner.effects.vocabulary import Candidate
 from runner.inference.contender import Contender
-from runner.inference.least_squares import Explanation, Fit, Fitter
+from runner.inference.least_squares import Fit, Fitter
 from runner.inference.probability import TEMPER, allowed_excess
 from runner.inference.warm_start import key_of
 from runner.systems.simulator import Run
 
-MATERIAL = 1.0  # noises, root mean square in the channel that it moves most: less is hidden in what the sensors add
+HIDDEN = 1.0  # noises, root mean square in the channel that it moves most: less is hidden in what the sensors add
 NEAR = 100.0  # log odds behind the likeliest: what is further has no share in what is told
 
 
@@ -31,10 +31,7 @@ def influence(fit: Fit, fitter: Fitter) -> dict[Candidate, float]:
     """
     context, explanation, channels = fitter.context, fit.explanation, len(fitter.system.channels)
     whole = explanation.make(fit.x, context)
-    fewer = []
-    for candidate, part in explanation.parts(context):
-        rest = Explanation(tuple(c for c in explanation.candidates if c != candidate))
-        fewer.append(rest.make(np.delete(fit.x, part), context))
+    fewer = [explanation.without(c).make(np.delete(fit.x, part), context) for c, part in explanation.parts(context)]
     squares, count = np.zeros((len(fewer), channels)), np.zeros(channels)
     for e, start in zip(fit.episodes, fit.starts, strict=True):
         rows = fitter.whitened(e, [Run(effects, start) for effects in (whole, *fewer)])
@@ -77,9 +74,8 @@ def _without_least(
         return None
     moved = influence(contender.fit, fitter)
     least = min(moved, key=lambda c: moved[c])
-    rest = Explanation(tuple(c for c in contender.fit.explanation.candidates if c != least))
-    fewer = known.get(key_of(rest))
-    if moved[least] >= MATERIAL or fewer is None:
+    fewer = known.get(key_of(contender.fit.explanation.without(least)))
+    if moved[least] >= HIDDEN or fewer is None:
         return None
     left = fitter.measured.excess(fewer.evidence.loss, fewer.fit.episodes)
     return fewer if left < allowed_excess(gap, fitter.system.unknown_share) else None

@@ -8,7 +8,7 @@ import numpy as np
 
 from runner.inference.contender import Contender
 from runner.inference.evidence import clip
-from runner.inference.least_squares import Explanation, Fit, Fitter
+from runner.inference.least_squares import Fit, Fitter
 from runner.inference.warm_start import key_of
 from runner.systems.base import AbstractSystem
 
@@ -96,7 +96,7 @@ def without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], e
     count = fitter.measured.count(episodes)
     out = []
     for candidate, part in whole.fit.explanation.parts(fitter.context):
-        rest = Explanation(tuple(c for c in whole.fit.explanation.candidates if c != candidate))
+        rest = whole.fit.explanation.without(candidate)
         x = np.delete(whole.fit.x, part)
         reached = before.get(key_of(rest), np.inf)
         if reached - whole.fit.total > WORTH * count:

@@ -27,7 +27,6 @@ KNOCKED = 3.0  # windows with so many times the median power, in all or in what 
 # Of what no cubic follows, the slowest so many terms: what a push that is in no log leaves of a window is there, and
 # its power hardly tells beside that of all the noise.
 SLOW_TERMS = 8
-SETTLED = 200  # samples, after which the filter's gain no longer changes
 MEMORIES_S = 0.006, 0.25  # the slow part lasts at least and at most so long
 
 
@@ -58,13 +57,10 @@ class NoiseModel:
 
         Of the settled Kalman filter of `whiten`: 1 where the noise is white.
         """
-        slow = self.share  # the variance of the slow part before the sample is seen
-        for _ in range(SETTLED):
-            total = slow + 1.0 - self.share
-            slow = self.memory**2 * slow * (1.0 - self.share) / np.maximum(total, 1e-12) + self.share * (
-                1.0 - self.memory**2
-            )
-        return np.sqrt(slow + 1.0 - self.share)
+        white, new = 1.0 - self.share, self.share * (1.0 - self.memory**2)
+        # the variance P of the slow part before the sample is seen: P = memory^2 P white / (P + white) + new
+        half = 0.5 * (white * (1.0 - self.memory**2) - new)
+        return np.sqrt(np.sqrt(half**2 + new * white) - half + white)
 
     def whiten(self, scaled: np.ndarray) -> np.ndarray:
         """Return the innovations (..., n, C) of residuals in units of the noise (..., n, C), of unit variance.

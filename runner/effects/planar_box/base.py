@@ -134,19 +134,14 @@ class PlanarEffect(AbstractEffect):
         return motion
 
 
-def late(columns: np.ndarray, delay_s: float, step_s: float) -> np.ndarray:
-    """Return a command (n, 12) that comes late by the next whole number of steps; `ahead` makes up for the rest.
+def late(rows: np.ndarray, delay_s: float, step_s: float, before: np.ndarray | float = 0.0) -> np.ndarray:
+    """Return a command (n, k) that comes late by the next whole number of steps; `ahead` makes up for the rest.
 
     A command that switches within a step can't be replaced by its mean: half a force may not overcome friction.
+    `before` is what was commanded until then, (k,): no force, or where a path begins.
     """
-    steps = min(whole_steps(delay_s, step_s), len(columns))
-    return np.vstack([np.zeros((steps, columns.shape[1])), columns[: len(columns) - steps]])
-
-
-def late_path(path: np.ndarray, delay_s: float, step_s: float) -> np.ndarray:
-    """Return a path (n, 2) that is gone along as late as `late` makes a command."""
-    steps = min(whole_steps(delay_s, step_s), len(path))
-    return np.vstack([np.repeat(path[:1], steps, axis=0), path[: len(path) - steps]])
+    steps = min(whole_steps(delay_s, step_s), len(rows))
+    return np.vstack([np.broadcast_to(before, (steps, rows.shape[1])), rows[: len(rows) - steps]])
 
 
 def ahead(motion: Motion, delay_s: float) -> Motion:

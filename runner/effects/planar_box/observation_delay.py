@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from runner.effects.base import Confounded, Parameter, Phrase, Vector
-from runner.effects.planar_box.base import Beliefs, Context, Motion, PlanarEffect, ahead, effect, late, late_path
+from runner.effects.planar_box.base import Beliefs, Context, Motion, PlanarEffect, ahead, effect, late
 from runner.effects.wording import Values, number
 from runner.errors import check_range
 
@@ -42,7 +42,7 @@ class ObservationDelay(PlanarEffect):
         return late(columns, self.delay_s, step_s)
 
     def edit_pin(self, path: np.ndarray, step_s: float) -> np.ndarray:
-        return late_path(path, self.delay_s, step_s)
+        return late(path, self.delay_s, step_s, before=path[0])
 
     def edit_measurement(self, motion: Motion) -> Motion:
         return ahead(motion, self.delay_s)
