@@ -156,7 +156,7 @@ def test_the_map_with_all_keys_works(tmp_path: Path, run_import: Import) -> None
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_maps_on_the_page_are_maps(number: int, tmp_path: Path) -> None:
     (tmp_path / "map.yaml").write_text(yaml.safe_dump(shown(number)))
-    assert map_file.read_map(tmp_path / "map.yaml").channels
+    assert map_file.read_map(tmp_path / "map.yaml", map_file.Map).channels
 
 
 @pytest.mark.parametrize(
