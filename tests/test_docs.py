@@ -232,6 +232,8 @@ def test_the_force_sequence_of_the_page_on_experiments_is_one(elsewhere: Path) -
 def test_the_tutorial_is_true(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its logs become the cases that it says. Golden verdicts hold the box's answer, the page on Python a lever's."""
     run_page("docs/tutorial.md")
+    for typed in (shlex.split(line)[1:] for line in shell("docs/tutorial.md") if "import tracker" in line):
+        assert main(typed) == 0, capsys.readouterr().err
     pushes, example = runner.read("pushes").data, runner.read("examples/cases/slippery_floor").data
     pd.testing.assert_frame_equal(pushes, example, check_dtype=False, rtol=1e-6, atol=1e-6)
     gaps = runner.read("gaps").data["x"].to_numpy()

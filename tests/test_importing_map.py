@@ -153,10 +153,12 @@ def test_the_map_with_all_keys_works(tmp_path: Path, run_import: Import) -> None
     assert np.concatenate([e.points_m for e in recording.episodes])[:, 0, 1] == pytest.approx((1 + t) / 1000)
 
 
-@pytest.mark.parametrize("number", [1, 2, 3])
-def test_maps_on_the_page_are_maps(number: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("number", "kind"), [(1, map_file.BoxMap), (2, map_file.Map), (3, map_file.Map), (4, map_file.Map)]
+)
+def test_maps_on_the_page_are_maps(number: int, kind: type, tmp_path: Path) -> None:
     (tmp_path / "map.yaml").write_text(yaml.safe_dump(shown(number)))
-    assert map_file.read_map(tmp_path / "map.yaml").channels
+    assert map_file.read_map(tmp_path / "map.yaml", kind).channels
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from runner.importing.guess.poses import guess_poses
+from runner.importing.guess.poses import guess_frame, guess_poses
 from runner.importing.signals import Part, Signal
 
 MODEL = """<mujoco><worldbody><body name="block"><freejoint/><geom size=".05"/></body></worldbody></mujoco>"""
@@ -26,16 +26,16 @@ def part(*names: str) -> Part:
     ],
 )
 def test_the_unit_behind_the_axis_is_understood(names: tuple[str, ...], unit: str) -> None:
-    """And nothing is said to be assumed."""
-    poses, notes = guess_poses(part(*names), mujoco.MjModel.from_xml_string(MODEL))
-    (pose,) = poses
+    """Behind the axis, in brackets or not."""
+    (pose,) = guess_poses(part(*names), mujoco.MjModel.from_xml_string(MODEL))
     assert list(pose.signals.values()) == list(names)
-    assert {c["unit"] for c in pose.channels().values()} == {unit}
-    assert not notes
+    assert {c["unit"] for c in pose.channels("z").values()} == {unit}
 
 
 def test_without_a_unit_it_is_assumed_and_said() -> None:
     """Metres."""
-    poses, notes = guess_poses(part("pos_x", "pos_y", "pos_z"), mujoco.MjModel.from_xml_string(MODEL))
-    assert {c["unit"] for c in poses[0].channels().values()} == {"m"}
-    assert any("taken in m" in note for note in notes)
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    log = part("pos_x", "pos_y", "pos_z")
+    (pose,), _ = guess_frame(log, guess_poses(log, model), model, None)
+    assert {c["unit"] for c in pose.channels("z").values()} == {"m"}
+    assert "assumed" in pose.why

@@ -126,7 +126,7 @@ def test_forces_in_space_are_nan_where_not_measured(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording.episodes[0].point_m, np.tile([0.25, 0.25, 0.0], (61, 1)))
     assert np.isnan(recording.episodes[1].force_n).all()
     assert np.isnan(recording.episodes[1].point_m).all()
-    assert "'fx' is not measured (NaN) in 61 of 122 rows" in recording.notes
+    assert "'fx', 'fy', 'fz', 'px', 'py' are not measured (NaN) in 61 of 122 rows" in recording.notes
 
 
 def test_samples_in_space_may_be_missing(tmp_path: Path) -> None:
@@ -140,7 +140,8 @@ def test_samples_in_space_may_be_missing(tmp_path: Path) -> None:
     pose, full = recording.episodes[0].pose, spatial().episodes[0].pose
     assert np.isnan(pose[20:30]).all()
     np.testing.assert_array_equal(pose[30:], full[30:])
-    assert "'qw' is not measured (NaN) in 10 of 122 rows" in recording.notes
+    lacking = "'x', 'y', 'z', 'qw', 'qx', 'qy', 'qz' are not measured (NaN) in 10 of 122 rows"
+    assert lacking in recording.notes
 
 
 def test_a_planar_pose_may_be_lost_and_velocities_not_there(tmp_path: Path) -> None:
@@ -152,9 +153,10 @@ def test_a_planar_pose_may_be_lost_and_velocities_not_there(tmp_path: Path) -> N
     assert np.isnan(recording.episodes[0].pose[20:25]).all()
     assert np.isfinite(np.delete(recording.episodes[0].pose, slice(20, 25), axis=0)).all()
     assert all(np.isnan(e.twist).all() for e in recording.episodes)
-    assert {"'x' is not measured (NaN) in 5 of 363 rows", "'wz' is not measured (NaN) in 363 of 363 rows"} <= {
-        *recording.notes
-    }
+    assert {
+        "'x', 'y', 'yaw' are not measured (NaN) in 5 of 363 rows",
+        "'vx', 'vy', 'wz' are not measured (NaN) in 363 of 363 rows",
+    } <= {*recording.notes}
     write_case(recording, tmp_path / "again")
     again = read_case(tmp_path / "again")
     for one, other in zip(recording.episodes, again.episodes, strict=True):

@@ -80,7 +80,7 @@ def test_a_start_that_is_stuck_is_sought_anew_where_another_explanation_leaves_l
     fitter = Fitter(elastic, elastic.simulator(threads=1), measure(elastic))
     right = {"explanation": Explanation(elastic.vocabulary.by_name["compliance[slide]"]), "episodes": range(2)}
     best = fitter.fit(x=np.array([1.0 / STIFFNESS]), **right)
-    aside = fitter.fit(x=best.x, starts=best.starts + [[0.0, 8e-6], [0.0, 0.0]], iterations=0, **right)
+    aside = fitter.fit(x=best.x, starts=best.starts + np.array([[0.0, 8e-6], [0.0, 0.0]]), iterations=0, **right)
     assert aside.loss[0] > best.loss[0] + STUCK
     first = contend(fitter, aside)
     other = replace(first, fit=best)

@@ -28,7 +28,7 @@ from runner.api.gap import gap
 from runner.api.tables import GAP
 from runner.commands import Command, Job
 from runner.diagnosis.corrected import corrected_file
-from runner.effects.wording import listed
+from runner.effects.wording import listed, number
 from runner.errors import ConfigError, check_range
 from runner.progress import progress
 from runner.recording import find_cases
@@ -121,23 +121,22 @@ def _print(system: AbstractSystem, found: Gap, console: Console) -> None:
             rows = [at[starts, channel.name, horizon] for horizon in horizons]
             mark = "" if rows[0]["stated"] else "~"
             if alone:
-                cells = [f"{mark}{_noises(row['noises_expected'])}" for row in rows]
+                cells = [_noises(row["noises_expected"]) for row in rows]
             else:
-                cells = [f"{row['rms'] * factor:.3g} = {mark}{_noises(row['noises'])}" for row in rows]
-            noise = f"{mark}{rows[0]['noise'] * factor:.3g}"
+                cells = [f"{number(row['rms'] * factor)} = {_noises(row['noises'])}" for row in rows]
+            noise = f"{mark}{number(rows[0]['noise'] * factor)}"
             last = c == len(system.channels) - 1
             table.add_row(Text(f" {channel.name}, {unit}"), noise, *cells, end_section=last)
     _print_whole(table, console)
     for term, meaning in LEGEND:
         console.print(Padding(Text.assemble((term, "italic"), f": {meaning}"), (0, 0, 0, 1)))
     if not found.table["stated"].to_numpy().all():
-        console.print(Padding(Text("~: the noise is not stated but estimated."), (0, 0, 0, 1)))
+        console.print(Padding(Text("~: not stated but estimated; what is in noises rests on it."), (0, 0, 0, 1)))
 
 
 def _noises(value: float) -> str:
     """Return a multiple of the noise with three digits, of large ones only how large they are."""
-    decimals = 2 if value < 10 else 1 if value < 100 else 0
-    return f"{value:.{decimals}f}" if value < 1e5 else f"{value:.0e}"
+    return number(value) if value < 1e5 else f"{value:.0e}"
 
 
 def _print_whole(table: Table, console: Console) -> None:
@@ -153,7 +152,7 @@ def _in_short(found: Gap, episodes: int) -> str:
     where = "over the whole episode" if episodes == 1 else f"over all {episodes} episodes"
     if not over:
         return f"{where} the model misses nothing but the noise."
-    named = [f"{r['channel']} by {r['noises']:.3g} times the noise" for r in over]
+    named = [f"{r['channel']} by {number(r['noises'])} times the noise" for r in over]
     rest = ", the others by no more than it" if len(over) < len(rows) else ""
     return f"{where} the model misses {listed(named)}{rest}."
 

@@ -23,15 +23,19 @@ from rich.console import Console
 from runner.commands import Command, Job
 from runner.commands._print import print_table
 from runner.errors import ConfigError, check_range
-from runner.importing.build import build
+from runner.importing.box import SUFFIXES, believed, plan_box
+from runner.importing.build import Built, build
 from runner.importing.case import check_out, model_name, write_case
 from runner.importing.clocks import ClockReport
-from runner.importing.map_file import FILE, read_map
-from runner.importing.propose import propose
+from runner.importing.entries import plan
+from runner.importing.map_file import FILE, BoxMap, Map, read_map
+from runner.importing.propose import Proposal, propose, propose_box
 from runner.importing.readers import read_log
-from runner.importing.signals import ReadOptions
+from runner.importing.signals import Log, ReadOptions
 from runner.recording.model_form_mjcf import read_mjcf
 from runner.storage.writing import write_text
+
+UNKNOWN_RATE_HZ = 1.0  # until the clock of the log has told; nothing of a proposal rests on it
 
 
 @dataclass(frozen=True)
@@ -73,9 +77,7 @@ def _propose(config: ImportConfig, console: Console) -> None:
         raise ConfigError(
             f"propose: '{config.propose}' is there already; go on with map={config.propose}, or name another."
         )
-    spec = read_mjcf(config.model)
-    log = read_log(config.logs, ReadOptions(rate_hz=config.rate_hz))
-    proposal = propose(log, spec.compile(), rate_hz=config.rate_hz)
+    proposal, log = _proposal(config)
     heading, rows = ("signal", "is", "unit", "why"), proposal.table
     signals = len(log.parts[0].signals)
     print_table(console, f"{log.format}: {signals} signals, {len(log.parts)} part(s)", (heading, rows))
@@ -94,17 +96,39 @@ def _propose(config: ImportConfig, console: Console) -> None:
     console.print(f"  {command}", highlight=False, markup=False, soft_wrap=True)
 
 
+def _proposal(config: ImportConfig) -> tuple[Proposal, Log]:
+    options = ReadOptions(rate_hz=config.rate_hz)
+    if config.model.suffix in SUFFIXES:
+        nominal, _ = believed(config.model, UNKNOWN_RATE_HZ if config.rate_hz is None else config.rate_hz)
+        log = read_log(config.logs, options)
+        return propose_box(log, nominal, rate_hz=config.rate_hz), log
+    model = read_mjcf(config.model).compile()
+    log = read_log(config.logs, options)
+    return propose(log, model, rate_hz=config.rate_hz), log
+
+
+def _built(config: ImportConfig, map_file: Path) -> Built:
+    """Return the case that the map makes of the log, of a mechanism or of a box."""
+    box = config.model.suffix in SUFFIXES
+    wanted = read_map(map_file, BoxMap) if box else read_map(map_file, Map)
+    if config.rate_hz is not None:
+        raise ConfigError(f"rate_hz: stands in the map, as `log: {{rate_hz: {config.rate_hz:g}}}` in {map_file}.")
+    model = None if box else read_mjcf(config.model).compile()
+    if isinstance(wanted, BoxMap):
+        planned = plan_box(map_file, wanted, config.model)
+    else:
+        assert model is not None
+        planned = plan(map_file, wanted, model, model_name(config.model))
+    log = read_log(config.logs, ReadOptions(decimal=wanted.log.decimal, rate_hz=wanted.log.rate_hz))
+    return build(log, map_file, wanted, planned, model)
+
+
 def _import(config: ImportConfig, map_file: Path, console: Console) -> None:
     """Write the case, and say how its clocks ran and what was done."""
     if config.out is None:
         raise ConfigError("out: a folder for the case is needed, as in out=CASE.")
     check_out(config.out)
-    wanted = read_map(map_file)
-    if config.rate_hz is not None:
-        raise ConfigError(f"rate_hz: stands in the map, as `log: {{rate_hz: {config.rate_hz:g}}}` in {map_file}.")
-    model = read_mjcf(config.model).compile()
-    log = read_log(config.logs, ReadOptions(decimal=wanted.log.decimal, rate_hz=wanted.log.rate_hz))
-    built = build(log, map_file, wanted, model, model_name(config.model))
+    built = _built(config, map_file)
     read = write_case(built, config.out, model=config.model, log=config.logs, map_file=map_file)
     print_table(console, "Clocks", _clocks(built.clocks), right=(2, 3, 4, 5, 6, 7))
     conversions = [

@@ -11,10 +11,11 @@ import numpy as np
 import pandas as pd
 
 from runner.errors import RecordingError, nearest
+from runner.importing.box import with_whole_turns
 from runner.importing.clocks import ClockReport, clock_of, nanoseconds, report
-from runner.importing.entries import Entry, Plan, Role, plan
+from runner.importing.entries import Entry, Plan, Role
 from runner.importing.episodes import Cut, Series, cut, pauses
-from runner.importing.map_file import ALL, EVEN, By, Map
+from runner.importing.map_file import ALL, EVEN, NEAREST, BoxMap, By, Map
 from runner.importing.plausible import check_plausible
 from runner.importing.rows import Rows, Told, rows
 from runner.importing.signals import Clock, Integers, Log, Part, Signal
@@ -37,22 +38,21 @@ class Built:
     notes: tuple[str, ...]
 
 
-def build(log: Log, path: Path, wanted: Map, model: mujoco.MjModel, model_name: str) -> Built:
+def build(log: Log, path: Path, wanted: Map | BoxMap, planned: Plan, model: mujoco.MjModel | None) -> Built:
     """Return the case that a map makes of a log.
 
     Args:
         log: What was read.
         path: The map, for messages.
         wanted: What it says.
-        model: The compiled MJCF.
-        model_name: How the MJCF is called in the case.
+        planned: What that makes.
+        model: The compiled MJCF; None: a box that is pushed, which is checked as a whole when the case is read.
 
     Raises:
         RecordingError: Naming the map's key, the signal, and what is there or allowed.
     """
-    planned = plan(path, wanted, model, model_name)
-    if wanted.rows.at not in (ALL, EVEN, *wanted.commands, *wanted.channels):
-        names = (ALL, EVEN, *wanted.commands, *wanted.channels)
+    names = (ALL, EVEN, NEAREST, *wanted.commands, *wanted.channels)
+    if wanted.rows.at not in names:
         raise RecordingError(f"{path}: rows.at: unknown '{wanted.rows.at}'. {nearest(wanted.rows.at, names)}")
     told = Told()
     cuts: list[Cut] = []
@@ -65,13 +65,17 @@ def build(log: Log, path: Path, wanted: Map, model: mujoco.MjModel, model_name: 
             raise RecordingError(f"no episode is left: {'; '.join(told.sentences())}.")
         table = _table(made, planned, told)
         stopped = [note for one in cuts if wanted.episodes.by is By.PART and (note := pauses(one)) is not None]
-        notes = [*log.notes, *told.sentences(), *stopped[:1], *check_plausible(table, planned, model)]
+        notes = [*log.notes, *told.sentences(), *stopped[:1], *_odd(table, planned, model)]
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
     return Built(planned, table, clocks, tuple(notes))
 
 
-def _episodes(part: Part, entries: Sequence[Entry], wanted: Map, told: Told) -> list[Cut]:
+def _odd(table: pd.DataFrame, planned: Plan, model: mujoco.MjModel | None) -> list[str]:
+    return [] if model is None or planned.mapping is None else check_plausible(table, planned, planned.mapping, model)
+
+
+def _episodes(part: Part, entries: Sequence[Entry], wanted: Map | BoxMap, told: Told) -> list[Cut]:
     """Return the episodes of a part, with stamps on one origin."""
     signals = [part.signal(entry.key, entry.signal) for entry in entries]
     chosen = [clock_of(e.key, part, s, wanted.clock, e.clock)[1] for e, s in zip(entries, signals, strict=True)]
@@ -88,7 +92,7 @@ def _episodes(part: Part, entries: Sequence[Entry], wanted: Map, told: Told) -> 
     return cut(part, series, wanted.episodes, lambda _: times)
 
 
-def _optional_clock(part: Part, counter: Signal | None, wanted: Map) -> Clock | None:
+def _optional_clock(part: Part, counter: Signal | None, wanted: Map | BoxMap) -> Clock | None:
     """Return the clock of the signal that counts episodes, if every sample of it has a time."""
     if counter is None:
         return None
@@ -99,7 +103,7 @@ def _optional_clock(part: Part, counter: Signal | None, wanted: Map) -> Clock | 
     return clock if bool(np.isfinite(clock.stamps).all()) else None
 
 
-def _reports(cuts: Sequence[Cut], log: Log, wanted: Map) -> tuple[ClockReport, ...]:
+def _reports(cuts: Sequence[Cut], log: Log, wanted: Map | BoxMap) -> tuple[ClockReport, ...]:
     """Return how the clock of each stream ran; of a table whose columns have samples of their own, of each of those."""
     runs: dict[str, dict[tuple[str, tuple[int, ...]], tuple[str, list[Integers]]]] = {}
     part = log.parts[0]
@@ -149,6 +153,8 @@ def _table(made: Sequence[Rows], planned: Plan, told: Told) -> pd.DataFrame:
         number = numbers[k] if rising else k
         frames.append(pd.DataFrame({"episode": np.full(len(r.t_s), number, dtype=np.int64), "t": r.t_s, **r.columns}))
     table = pd.concat(frames, ignore_index=True)
+    if planned.mapping is None:
+        return with_whole_turns(table)
     for group in planned.mapping.orientations:
         q = table[list(group.columns)].to_numpy()
         length = np.linalg.norm(q, axis=1)

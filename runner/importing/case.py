@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import yaml
 
 from runner.errors import ConfigError, RecordingError, WriteError
 from runner.importing.build import Built
-from runner.recording.case import TABLES
+from runner.recording.case import TABLES, read_case
 from runner.recording.model_form import read_model_case
 from runner.recording.model_form_mjcf import referenced_files
 from runner.recording.nominal import FILE
@@ -73,10 +74,14 @@ def write_case(built: Built, out: Path, *, model: Path, log: Sequence[Path], map
 
 def _make(built: Built, folder: Path, *, model: Path, log: Sequence[Path], map_file: Path) -> tuple[str, ...]:
     """Write all files of a case into a new folder and read it."""
-    copy_model(model, folder)
     write_parquet(folder / TABLES[0], built.table)
     write_yaml(folder / FILE, dict(built.plan.nominal))
-    recording = read_model_case(folder)
+    if built.plan.mapping is None:
+        _copy_outline(model, built.plan.nominal, folder)
+        recording = read_case(folder)
+    else:
+        copy_model(model, folder)
+        recording = read_model_case(folder)
     write_yaml(
         folder / RECORD,
         {
@@ -88,6 +93,14 @@ def _make(built: Built, folder: Path, *, model: Path, log: Sequence[Path], map_f
         },
     )
     return recording.notes
+
+
+def _copy_outline(model: Path, nominal: Mapping[str, Any], folder: Path) -> None:
+    """Copy the table that the outline of a box is taken from."""
+    outline = nominal.get("outline")
+    if isinstance(outline, str):
+        name = Path(outline.partition("#")[0]).name
+        shutil.copyfile(model.parent / name, folder / name)
 
 
 def _put(made: Path, out: Path) -> None:

@@ -61,11 +61,11 @@ class Entry:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be made: the columns, the case's `nominal.yaml`, and what it says of the model."""
+    """What is to be made: the columns, the case's `nominal.yaml`, and what it says of the model; of a box, None."""
 
     entries: tuple[Entry, ...]
     nominal: Mapping[str, Any]
-    mapping: ModelMapping
+    mapping: ModelMapping | None
 
 
 def plan(path: Path, wanted: Map, model: mujoco.MjModel, model_name: str) -> Plan:
@@ -85,7 +85,7 @@ def plan(path: Path, wanted: Map, model: mujoco.MjModel, model_name: str) -> Pla
     entries: list[Entry] = []
     try:
         for name, command in wanted.commands.items():
-            entries.append(_entry(f"commands.{name}", name, command, mapping.units.get(name, ""), Role.COMMAND))
+            entries.append(entry_of(f"commands.{name}", name, command, mapping.units.get(name, ""), Role.COMMAND))
         for name, channel in wanted.channels.items():
             entries += _channel(name, channel, wanted.up, mapping.units.get(name, ""))
         entries += _forces(wanted)
@@ -127,7 +127,8 @@ def _force(number: int, has_point: bool) -> dict[str, list[str]]:
     return columns | ({"point": [f"point{number}_{a}" for a in "xyz"]} if has_point else {})
 
 
-def _entry(key: str, column: str, of: Converted, si_unit: str, role: Role, sign: float = 1.0) -> Entry:
+def entry_of(key: str, column: str, of: Converted, si_unit: str, role: Role, sign: float = 1.0) -> Entry:
+    """Return the entry of a column that is one signal, with its conversion to SI."""
     if of.signal is None:
         raise RecordingError(f"{key}: missing 'signal'.")
     unit = si_unit if of.unit is None else of.unit
@@ -164,7 +165,7 @@ def _channel(name: str, channel: ChannelKeys, up: Up, si_unit: str) -> list[Entr
     if channel.quantity != "orientation":
         turned = up is Up.Y and channel.body is not None and channel.axis in Z_UP_AXIS
         sign = Z_UP_AXIS[str(channel.axis)][1] if turned else 1.0
-        return [_entry(key, name, channel, si_unit, Role.CHANNEL, sign)]
+        return [entry_of(key, name, channel, si_unit, Role.CHANNEL, sign)]
     assert channel.signals is not None
     order = "wxyz" if channel.order is Order.WXYZ else "xyzw"
     by_part = dict(zip(order, channel.signals, strict=True))
@@ -198,4 +199,4 @@ def _forces(wanted: Map) -> list[Entry]:
     return out
 
 
-__all__ = ["Entry", "Plan", "Role", "plan", "size_of"]
+__all__ = ["Entry", "Plan", "Role", "entry_of", "plan", "size_of"]

@@ -3,7 +3,7 @@
 log: {decimal: ".", rate_hz: null, sparse: false}
 clock: {name: header_stamp, unit: s}             # which clock; its unit where the log does not tell
 episodes: {by: part}                             # part | column (signal: NAME) | gap (longer_than_s: 1) | restart
-rows: {at: all}                                  # all | even (rate_hz: 100) | the name of a command or channel
+rows: {at: all}                                  # all | even or nearest (rate_hz: 100) | a command or channel
 up: z                                            # or y: which axis of the log's world points up
 commands:
   u_elbow: {signal: "/command/data[1]", actuator: elbow, unit: deg, scale: 1, offset: 0}
@@ -23,7 +23,7 @@ import re
 from collections.abc import Mapping
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_validator
 
@@ -34,7 +34,7 @@ from runner.storage.checked import dotted, must, refusal, refused
 
 FILE = "map.yaml"
 TO_FILL = "TODO"  # stands in a proposed map where somebody has to decide
-ALL, EVEN = "all", "even"
+ALL, EVEN, NEAREST = "all", "even", "nearest"
 COLUMN = re.compile(r"[A-Za-z_]\w*")
 TAKEN = ("episode", "t")
 
@@ -133,8 +133,8 @@ class RowKeys(_Section):
 
     @model_validator(mode="after")
     def _complete(self) -> RowKeys:
-        if (self.rate_hz is not None) != (self.at == EVEN):
-            raise refused("`at: even` needs `rate_hz`, the rows per second; others have none.")
+        if (self.rate_hz is not None) != (self.at in (EVEN, NEAREST)):
+            raise refused("`at: even` and `at: nearest` need `rate_hz`, the rows per second; others have none.")
         return self
 
 
@@ -188,23 +188,42 @@ class ForceKeys(_Section):
     clock: _Text | None = None
 
 
-class Map(_Section):
-    """What stands in `map.yaml`."""
+class AnyMap(_Section):
+    """What the map of every log says."""
 
     log: LogKeys = LogKeys()
     clock: ClockKeys | None = None
     episodes: EpisodeKeys = EpisodeKeys()
     rows: RowKeys = RowKeys()
+    noise: dict[str, _Positive | None] = {}
+
+
+class Map(AnyMap):
+    """What stands in `map.yaml` of a mechanism."""
+
     up: Up = Up.Z
     commands: dict[str, CommandKeys] = {}
     channels: dict[str, ChannelKeys]
     forces: list[ForceKeys] = []
-    noise: dict[str, _Positive | None] = {}
     start: _Text = "free"
 
 
-def read_map(path: Path) -> Map:
+class BoxMap(AnyMap):
+    """What stands in `map.yaml` of a box that is pushed over a floor: columns of the case, each from its signal."""
+
+    commands: dict[str, Converted] = {}
+    channels: dict[str, Converted]
+
+
+M = TypeVar("M", Map, BoxMap)
+
+
+def read_map(path: Path, kind: type[M]) -> M:
     """Return what a map says, checked by itself; whether signals and elements are there is seen when it is used.
+
+    Args:
+        path: The map.
+        kind: Of what it is the map.
 
     Raises:
         RecordingError: Naming the file, the key, the value and what is allowed.
@@ -216,12 +235,12 @@ def read_map(path: Path) -> Map:
     if left is not None:
         raise RecordingError(f"{path}: {dotted(left)}: is left open ({TO_FILL}); fill it in.")
     try:
-        found = Map.model_validate({str(k): v for k, v in content.items() if v is not None})
-        for kind, entries in (("commands", found.commands), ("channels", found.channels)):
+        found = kind.model_validate({str(k): v for k, v in content.items() if v is not None})
+        for group, entries in (("commands", found.commands), ("channels", found.channels)):
             for name in entries:
-                _check_column(f"{kind}.{name}", name, found.commands if kind == "channels" else {})
+                _check_column(f"{group}.{name}", name, found.commands if group == "channels" else {})
     except ValidationError as error:
-        raise RecordingError(f"{path}: {_refused(error)}") from None
+        raise RecordingError(f"{path}: {_refused(error, kind)}") from None
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
     return found
@@ -243,15 +262,15 @@ def _left_open(content: Any, place: tuple[str | int, ...]) -> tuple[str | int, .
     return next((found for k, v in items if (found := _left_open(v, (*place, k))) is not None), None)
 
 
-def _refused(error: ValidationError) -> str:
+def _refused(error: ValidationError, kind: type[BaseModel]) -> str:
     """Return what is wrong: a key that is not known before one that is missing, as it may be meant for it."""
     sections: dict[str, type[BaseModel]] = {
-        "log": LogKeys, "clock": ClockKeys, "episodes": EpisodeKeys, "rows": RowKeys, "commands": CommandKeys,
-        "channels": ChannelKeys, "forces": ForceKeys,
+        "log": LogKeys, "clock": ClockKeys, "episodes": EpisodeKeys, "rows": RowKeys, "forces": ForceKeys,
     }  # fmt: skip
+    sections |= {"commands": CommandKeys, "channels": ChannelKeys} if kind is Map else {}
     unknown = [e["loc"] for e in error.errors() if e["type"] == "extra_forbidden"]
     for place in unknown[:1]:
-        valid = Map if len(place) == 1 else sections.get(str(place[0]), Map)
+        valid = kind if len(place) == 1 else sections.get(str(place[0]), Converted)
         return f"unknown key '{dotted(place)}'. {nearest(str(place[-1]), valid.model_fields)}"
     missing = [e["loc"] for e in error.errors() if e["type"] == "missing"]
     if missing:

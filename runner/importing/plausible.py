@@ -15,12 +15,12 @@ from runner.errors import RecordingError
 from runner.importing.entries import Entry, Plan
 from runner.importing.units import allowed
 from runner.numerics.arrays import FloatArray
-from runner.recording.model_form_mapping import ChannelSource
+from runner.recording.model_form_mapping import ChannelSource, ModelMapping
 
 FAR = 2.0  # widths of the range beyond it: in another unit
 OUTSIDE = 0.1  # widths of the range beyond it: worth a note
 STILL = 0.01  # of the range: a joint that moves less may be in another unit, worth a note
-LONGEST_M = 100.0  # of a slide without a range
+LONGEST_M = 100.0  # of a slide without a range, and how far a body is from where the world begins
 MOST_TURNS = 50  # of a hinge without a range
 WRONG_RATE = 15.0  # times the slope of the position, or a share of it as small: rad/s and deg/s differ by 57
 ODD_RATE = 1.5
@@ -46,7 +46,7 @@ def coarse_step(values: FloatArray) -> float | None:
     return float(np.percentile(steps, 5)) if len(steps) and np.median(third) <= tiny else None
 
 
-def check_plausible(table: pd.DataFrame, planned: Plan, model: mujoco.MjModel) -> list[str]:
+def check_plausible(table: pd.DataFrame, planned: Plan, mapping: ModelMapping, model: mujoco.MjModel) -> list[str]:
     """Return what is odd.
 
     Raises:
@@ -55,20 +55,22 @@ def check_plausible(table: pd.DataFrame, planned: Plan, model: mujoco.MjModel) -
     """
     entries = {e.column: e for e in planned.entries}
     notes: list[str] = []
-    for source in planned.mapping.sources:
+    for source in mapping.sources:
+        if source.kind == "body" and source.quantity == "position":
+            _check_place(table, source, entries[source.name])
         if source.kind == "joint" and source.quantity == "position":
             notes += _position(table, source, entries[source.name], model)
-    for name, command in planned.mapping.commands.items():
+    for name, command in mapping.commands.items():
         if command.limits is not None:
             notes += _within(table[name].to_numpy(), command.limits, entries[name], f"actuator '{command.actuator}'")
-    return notes + _rates(table, planned, entries) + _coarse(table, planned)
+    return notes + _rates(table, mapping, entries) + _coarse(table, mapping)
 
 
-def _coarse(table: pd.DataFrame, planned: Plan) -> list[str]:
+def _coarse(table: pd.DataFrame, mapping: ModelMapping) -> list[str]:
     """Say which channels are recorded too coarsely for their noise to show, and have none stated."""
     found = {}
-    for source in planned.mapping.sources:
-        if source.name not in planned.mapping.noise and source.quantity != "orientation":
+    for source in mapping.sources:
+        if source.name not in mapping.noise and source.quantity != "orientation":
             step = coarse_step(table[source.name].to_numpy())
             if step is not None:
                 found[source.name] = step / np.sqrt(12)
@@ -109,6 +111,14 @@ def _position(table: pd.DataFrame, source: ChannelSource, entry: Entry, model: m
     return []
 
 
+def _check_place(table: pd.DataFrame, source: ChannelSource, entry: Entry) -> None:
+    largest = float(np.nanmax(np.abs(table[source.name].to_numpy()), initial=0.0))
+    if largest > LONGEST_M:
+        raise RecordingError(
+            f"{entry.key}: goes up to {largest:.4g} m, allowed for a body: {LONGEST_M:g} m; is its unit {entry.unit}?"
+        )
+
+
 def _within(values: FloatArray, limits: tuple[float, float], entry: Entry, whose: str) -> list[str]:
     low, high = limits
     width = high - low
@@ -138,11 +148,11 @@ def _fitting(entry: Entry, least: float, largest: float, limits: tuple[float, fl
     return " or ".join(found)
 
 
-def _rates(table: pd.DataFrame, planned: Plan, entries: Mapping[str, Entry]) -> list[str]:
+def _rates(table: pd.DataFrame, mapping: ModelMapping, entries: Mapping[str, Entry]) -> list[str]:
     """Hold each velocity against the slope of its position."""
     notes = []
-    positions = {s.target: s for s in planned.mapping.sources if s.kind == "joint" and s.quantity == "position"}
-    for source in planned.mapping.sources:
+    positions = {s.target: s for s in mapping.sources if s.kind == "joint" and s.quantity == "position"}
+    for source in mapping.sources:
         if source.kind != "joint" or source.quantity != "velocity" or source.target not in positions:
             continue
         ratio, correlation = _slope_ratio(table, positions[source.target].name, source.name)

@@ -11,22 +11,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import mujoco
-import numpy as np
 import yaml
 
-from runner.importing.guess.clock import ClockGuess, guess_clock
+from runner.importing.box import COMMANDED, NOISE
+from runner.importing.guess.box import box_elements, match_box
+from runner.importing.guess.clock import ClockGuess, clock_times, even_rate_hz, guess_clock
+from runner.importing.guess.counter import guess_episodes
 from runner.importing.guess.elements import Element, elements_of, match
-from runner.importing.guess.poses import Pose, guess_poses, guess_up
+from runner.importing.guess.poses import Pose, guess_frame, guess_poses
 from runner.importing.guess.unit import guess_unit
-from runner.importing.map_file import COLUMN, TAKEN, TO_FILL
+from runner.importing.map_file import ALL, COLUMN, NEAREST, TAKEN, TO_FILL
 from runner.importing.plausible import coarse_step
 from runner.importing.signals import Log, Part, Signal
 from runner.importing.units import allowed
+from runner.recording import Form, Nominal
+from runner.recording.table import REQUIRED
 
-COUNTERS = ("episode", "episode_index", "episode_id", "run", "trial", "toss", "push", "demo", "rollout")
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-GAP_STEPS, GAP_S = 50.0, 0.5  # a clock that leaps further has begun another run
-BY_CLOCK = {"gap": "where it leaps", "restart": "where it goes back"}
 SHOWN = 8  # names that are listed of what is not used
 
 
@@ -57,6 +57,8 @@ class _Draft:
     missing: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     used: list[Signal] = field(default_factory=list)
+    rate_hz: float | None = None
+    box: bool = False
 
 
 def propose(log: Log, model: mujoco.MjModel, *, rate_hz: float | None = None) -> Proposal:
@@ -68,24 +70,57 @@ def propose(log: Log, model: mujoco.MjModel, *, rate_hz: float | None = None) ->
         rate_hz: Of samples without a time, where it was given.
     """
     part = log.parts[0]
-    draft = _Draft()
+    draft = _Draft(rate_hz=rate_hz)
     elements = elements_of(model)
     clock = guess_clock(part)
     found = match(list(part.signals.values()), elements, besides=clock.names)
     for element, signal, why in found.pairs:
         _add(draft, element, signal, why, log)
     draft.notes += found.notes
-    poses, notes = guess_poses(part, model)
-    draft.notes += notes
+    poses, up = guess_frame(part, guess_poses(part, model), model, clock_times(part, clock))
     for pose in poses:
-        _add_pose(draft, pose, part)
+        _add_pose(draft, pose, part, up.axis)
     _lacking(draft, elements)
-    up = guess_up(part, poses, model)
     if up.note:
         draft.notes.append(up.note)
-    episodes = _episodes(log, clock)
-    if episodes["by"] in ("gap", "restart"):
-        draft.notes.append(f"several runs in one file: the clock parts episodes {BY_CLOCK[str(episodes['by'])]}")
+    return _finished(draft, log, clock, {"rows": {"at": ALL}, "up": up.axis})
+
+
+def propose_box(log: Log, nominal: Nominal, *, rate_hz: float | None = None) -> Proposal:
+    """Return a map for a log of a box that is pushed over a floor.
+
+    Args:
+        log: What was read.
+        nominal: What is believed of the box.
+        rate_hz: Of samples without a time, where it was given.
+    """
+    part = log.parts[0]
+    draft = _Draft(rate_hz=rate_hz, box=True)
+    clock = guess_clock(part, empty_is_lost=True)
+    elements = box_elements(nominal)
+    found = match_box(list(part.signals.values()), elements, besides=clock.names)
+    for element, signal, why in found.pairs:
+        _add(draft, element, signal, why, log)
+    draft.notes += found.notes
+    named = {*draft.commands, *draft.channels}
+    for column in REQUIRED[Form.PLANAR]:
+        if column in elements and column not in named and not (nominal.pin is not None and column in COMMANDED):
+            group = draft.commands if column in COMMANDED else draft.channels
+            group[column] = {"signal": TO_FILL, "unit": elements[column].si_unit}
+            draft.why[column] = "nothing was recognised"
+            draft.missing.append(f"the signal of '{column}', {elements[column].si_unit}")
+    times = clock_times(part, clock)
+    rate = nominal.rate_hz if times is None else even_rate_hz(times)
+    return _finished(draft, log, clock, {"rows": {"at": NEAREST, "rate_hz": float(f"{rate:.6g}")}})
+
+
+def _finished(draft: _Draft, log: Log, clock: ClockGuess, head: dict[str, object]) -> Proposal:
+    """Return the proposal once everything but clock and episodes is in the draft."""
+    part = log.parts[0]
+    used = {u.name for u in draft.used} | clock.names
+    episodes, said = guess_episodes(log, clock, used)
+    if said:
+        draft.notes.append(said)
     if draft.noise:
         names = _listed(list(draft.noise))
         draft.notes.append(f"recorded in steps so coarse that noise does not show; stated by rounding: {names}")
@@ -96,19 +131,13 @@ def propose(log: Log, model: mujoco.MjModel, *, rate_hz: float | None = None) ->
         for entry in (*draft.commands.values(), *draft.channels.values()):
             if entry.get("signal") == name:
                 entry["clock"] = own
-    known = {u.name for u in draft.used} | clock.names | {str(episodes.get("signal"))}
-    unused = [s for s in part.signals if s not in known]
+    unused = [s for s in part.signals if s not in used | {str(episodes.get("signal"))}]
     if unused:
         more = f" and {len(unused) - SHOWN} more" if len(unused) > SHOWN else ""
         draft.notes.append(f"not used: {', '.join(unused[:SHOWN])}{more}")
-    head: dict[str, object] = {}
-    logged = {k: v for k, v in {"rate_hz": rate_hz, "sparse": clock.sparse or None}.items() if v is not None}
-    if logged:
-        head["log"] = logged
-    if keys.clock is not None:
-        head["clock"] = keys.clock
-    head |= {"episodes": episodes, "rows": {"at": "all"}, "up": up.axis}
-    return Proposal(_text(draft, head), draft.table, draft.missing, draft.notes)
+    logged = {k: v for k, v in {"rate_hz": draft.rate_hz, "sparse": clock.sparse or None}.items() if v is not None}
+    above = ({"log": logged} if logged else {}) | ({"clock": keys.clock} if keys.clock is not None else {})
+    return Proposal(_text(draft, above | {"episodes": episodes} | head), draft.table, draft.missing, draft.notes)
 
 
 def _add(draft: _Draft, element: Element, signal: Signal, why: str, log: Log) -> None:
@@ -125,14 +154,15 @@ def _add(draft: _Draft, element: Element, signal: Signal, why: str, log: Log) ->
     step = None if element.is_command or unit.name == TO_FILL else coarse_step(signal.values)
     if step is not None:
         size = allowed(element.si_unit)[unit.name] if unit.name else 1.0
-        draft.noise[column] = float(f"{step * size / math.sqrt(12):.3g}")
+        name = NOISE.get(column, column) if draft.box else column
+        draft.noise[name] = max(float(f"{step * size / math.sqrt(12):.3g}"), draft.noise.get(name, 0.0))
     draft.table.append((signal.name, element.words, unit.name or "SI", draft.why[column]))
     if unit.name == TO_FILL:
         draft.missing.append(f"the unit of '{signal.name}' ({unit.why})")
 
 
-def _add_pose(draft: _Draft, pose: Pose, part: Part) -> None:
-    for column, entry in pose.channels().items():
+def _add_pose(draft: _Draft, pose: Pose, part: Part, up: str) -> None:
+    for column, entry in pose.channels(up).items():
         name = _free(column, {*draft.commands, *draft.channels})
         draft.channels[name] = entry
         draft.why[name] = pose.why
@@ -141,6 +171,8 @@ def _add_pose(draft: _Draft, pose: Pose, part: Part) -> None:
         draft.table.append(
             (", ".join(names), f"body {pose.body}, {entry['quantity']}", entry.get("unit", "-"), pose.why)
         )
+        if entry.get("unit") == TO_FILL:
+            draft.missing.append(f"the unit of '{entry['signal']}' ({pose.why})")
         if entry.get("order") == TO_FILL:
             draft.missing.append(f"the order of the quaternion {', '.join(names)}: xyzw or wxyz")
 
@@ -165,30 +197,6 @@ def _lacking(draft: _Draft, elements: Sequence[Element]) -> None:
 
 def _listed(names: Sequence[str]) -> str:
     return ", ".join(map(repr, names[:SHOWN])) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
-
-
-def _episodes(log: Log, clock: ClockGuess) -> dict[str, object]:
-    """Return where episodes begin: at parts, unless a signal of a single part counts them, or its clock jumps."""
-    if len(log.parts) > 1:
-        return {"by": "part"}
-    for name in COUNTERS:
-        signal = log.parts[0].signals.get(name)
-        if (
-            signal is not None
-            and len(signal)
-            and not (signal.values % 1).any()
-            and signal.values.max() > signal.values.min()
-        ):
-            return {"by": "column", "signal": name}
-    times = log.parts[0].signals.get(clock.name or "")
-    if times is None or clock.unit not in SECONDS:
-        return {"by": "part"}
-    steps = np.diff(times.values[np.isfinite(times.values)]) * SECONDS[clock.unit]
-    usual = float(np.median(steps)) if len(steps) else 0.0
-    if (steps < -usual).any() and usual > 0:
-        return {"by": "restart"}
-    gaps = steps[steps > max(GAP_STEPS * usual, GAP_S)]
-    return {"by": "gap", "longer_than_s": float(f"{gaps.min() / 2:.2g}")} if len(gaps) else {"by": "part"}
 
 
 def _free(wanted: str, taken: set[str]) -> str:
@@ -218,7 +226,8 @@ def _text(draft: _Draft, head: Mapping[str, object]) -> str:
 
     rounding = "here step / sqrt(12) of coarse ones; " if draft.noise else ""
     lines.append(f"noise: {_flow(draft.noise)}  # standard deviations in SI; {rounding}what is missing is estimated")
-    return "\n".join([*lines, "start: free  # or rest: every episode starts at rest", ""])
+    start = [] if draft.box else ["start: free  # or rest: every episode starts at rest"]
+    return "\n".join([*lines, *start, ""])
 
 
 def _flow(value: object) -> str:

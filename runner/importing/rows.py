@@ -1,7 +1,7 @@
 """One episode as rows of a table: series put in order, then on common times.
 
 Commands are held until their next sample. Channels keep their own samples where rows stand at all times of all series,
-and are interpolated where the map puts rows elsewhere, but not over gaps.
+or go to the nearest of even rows, or are interpolated where the map puts rows elsewhere, but not over gaps.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ from runner.errors import RecordingError
 from runner.importing.clocks import NS
 from runner.importing.entries import Role
 from runner.importing.episodes import Cut, Series
-from runner.importing.map_file import ALL, EVEN, RowKeys
+from runner.importing.map_file import ALL, EVEN, NEAREST, RowKeys
 from runner.importing.signals import Integers
 from runner.numerics.arrays import FloatArray
 
 GAP_STEPS = 2.5  # of a channel's own median steps: over longer gaps nothing is interpolated
 HELD_STEPS = 5.0  # a command that is held for more of its own steps is worth a note
+EVENLY = 0.02  # of a row: stamps that are rounded to milliseconds move by as much, which need not be said
 NEAR = 0.1  # rows nearer than this share of the usual step are worth a note
 FEWEST = 3  # samples of an episode
 
@@ -98,7 +99,8 @@ def rows(episode: Cut, keys: RowKeys, told: Told) -> Rows | None:
         told.add("{n} episodes are left out: a command comes after the last measurement", 1)
         return None
     first, last = int(samples[np.searchsorted(samples, known)]), int(samples[-1])
-    kept = times[(times >= first) & (times <= last)]
+    beyond = NS / keys.rate_hz / 2 if keys.at == NEAREST and keys.rate_hz is not None else 0.0
+    kept = times[(times >= first) & (times <= last + beyond)]
     late = (first - int(samples[0])) / NS
     told.add("{n} episodes begin later, when every command has come once: by up to {largest} s", late > 0, late)
     if len(kept) < FEWEST:
@@ -115,18 +117,19 @@ def rows(episode: Cut, keys: RowKeys, told: Told) -> Rows | None:
         if one.entry.role is Role.COMMAND:
             columns[one.entry.column] = _held(one, kept, told)
         else:
-            columns[one.entry.column] = _own(one, kept) if keys.at == ALL else _interpolated(one, kept, told)
+            columns[one.entry.column] = CHANNELS.get(keys.at, _interpolated)(one, kept, told)
     return Rows(episode.number, (kept - kept[0]) / NS, columns)
 
 
 def _times(series: list[Series], keys: RowKeys) -> Integers:
     if keys.at == ALL:
         return np.unique(np.concatenate([one.t_ns for one in series]))
-    if keys.at == EVEN:
+    if keys.at in (EVEN, NEAREST):
         assert keys.rate_hz is not None
         measured = [one.t_ns for one in series if one.entry.role is Role.CHANNEL and len(one.t_ns)]
         first, last = min(t[0] for t in measured), max(t[-1] for t in measured)
-        count = int((last - first) / NS * keys.rate_hz + 1e-6) + 1
+        beyond = 0.5 if keys.at == NEAREST else 1e-6  # the last sample may be nearest to a row after it
+        count = int((last - first) / NS * keys.rate_hz + beyond) + 1
         return first + np.round(np.arange(count) * NS / keys.rate_hz).astype(np.int64)
     (own,) = [one for one in series if one.entry.column == keys.at]
     return own.t_ns if len(own.t_ns) else np.zeros(1, dtype=np.int64)
@@ -148,7 +151,23 @@ def _held(one: Series, times: Integers, told: Told) -> FloatArray:
     return one.values[at]
 
 
-def _own(one: Series, times: Integers) -> FloatArray:
+def _nearest(one: Series, times: Integers, told: Told) -> FloatArray:
+    """Return in each row the sample that is nearest to it, NaN where none is within half a row."""
+    out = np.full(len(times), np.nan)
+    step = float(times[1] - times[0])
+    at = np.round((one.t_ns - times[0]) / step).astype(np.int64)
+    off = np.abs(one.t_ns - times[0] - at * step)
+    inside = np.flatnonzero((at >= 0) & (at < len(times)) & (2 * off <= step))
+    inside = inside[np.argsort(-off[inside], kind="stable")]  # of two at one row the nearer one comes last and stays
+    out[at[inside]] = one.values[inside]
+    moved = float(off[inside].max(initial=0.0)) / NS
+    told.add(
+        f"'{one.entry.column}': samples moved to even rows by up to {{largest}} s", moved > EVENLY * step / NS, moved
+    )
+    return out
+
+
+def _own(one: Series, times: Integers, told: Told) -> FloatArray:
     """Return the samples at their own times, NaN between them."""
     out = np.full(len(times), np.nan)
     at = np.searchsorted(times, one.t_ns)
@@ -173,3 +192,6 @@ def _interpolated(one: Series, times: Integers, told: Told) -> FloatArray:
     told.add(f"'{one.entry.column}': not measured near {{n}} rows, NaN there", int(lost.sum()))
     out[lost] = np.nan
     return out
+
+
+CHANNELS = {ALL: _own, NEAREST: _nearest}  # how channels come to the rows; interpolated to all others

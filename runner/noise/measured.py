@@ -116,7 +116,7 @@ def measure(system: AbstractSystem, *, scatter: np.ndarray | None = None) -> Mea
     sigma, noise_model = _noise(rests, _step_s(system), groups, stated, white, _rounding_noise(values, groups))
     spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
     valid = tuple(_inliers(v, sigma * noise_model.innovation()) for v in values)
-    return Measured(spans, values, _at_least(sigma, scatter), noise_model, valid, np.isfinite(stated), scatter)
+    return Measured(spans, values, _at_least(sigma, scatter), noise_model, valid, system.owner_states_noise(), scatter)
 
 
 def _at_least(sigma: np.ndarray, scatter: np.ndarray | None) -> np.ndarray:

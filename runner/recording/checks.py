@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -45,8 +46,25 @@ def _check_measured(table: Table, form: Form) -> None:
         lacking = np.isnan(table[name])
         if lacking.all() and name in POSE[form]:
             raise table.error(f"column '{name}' is NaN in all {len(table)} rows; it must be measured somewhere.")
-        if lacking.any():
-            table.notes.append(f"'{name}' is not measured (NaN) in {lacking.sum()} of {len(table)} rows")
+    names = (*POSE[form], *TWIST[form])
+    table.notes.extend(lacking_notes(names, table.stack(names)))
+
+
+def lacking_notes(names: Sequence[str], values: FloatArray) -> list[str]:
+    """Return notes on what is not measured everywhere, one for all channels of a stream, which lack as many.
+
+    Args:
+        names: Of the channels, (C,).
+        values: (T, C), NaN where not measured.
+    """
+    lost: dict[int, list[str]] = {}
+    for name, n in zip(names, np.isnan(values).sum(axis=0), strict=True):
+        if n:
+            lost.setdefault(int(n), []).append(f"'{name}'")
+    return [
+        f"{', '.join(those)} {'is' if len(those) == 1 else 'are'} not measured (NaN) in {n} of {len(values)} rows"
+        for n, those in lost.items()
+    ]
 
 
 def _check_measured_in_space(table: Table) -> None:
@@ -58,9 +76,9 @@ def _check_measured_in_space(table: Table) -> None:
             f"{table.stack(QUATERNION)[np.argmax(torn)].tolist()}.",
             int(np.argmax(torn)),
         )
-    lacking = [name for name in OPTIONAL[Form.SPATIAL] if name in table and np.isnan(table[name]).any()]
-    for name in lacking:
-        table.notes.append(f"'{name}' is not measured (NaN) in {np.isnan(table[name]).sum()} of {len(table)} rows")
+    names = [name for name in OPTIONAL[Form.SPATIAL] if name in table]
+    if names:
+        table.notes.extend(lacking_notes(names, table.stack(names)))
     if "fx" not in table:
         table.notes.append("no force columns: 'fx', 'fy', 'fz' are NaN, not measured")
 

@@ -19,7 +19,7 @@ import numpy as np
 from runner.errors import RecordingError, nearest
 from runner.numerics.arrays import FloatArray
 from runner.recording.case import table_file
-from runner.recording.checks import episode_spans, rising_steps
+from runner.recording.checks import episode_spans, lacking_notes, rising_steps
 from runner.recording.data import frozen_array
 from runner.recording.model_form_mapping import ChannelSource, ModelMapping, read_mapping
 from runner.recording.model_form_mjcf import read_mjcf
@@ -192,7 +192,7 @@ def read_model_case(path: str | Path) -> MechanismRecording:
     lacking = [s.name for c, s in enumerate(mapping.sources) if c not in kept]
     if lacking:
         raise table.error(f"channel '{lacking[0]}' is NaN in all {len(table)} rows; take it out of {FILE}.")
-    notes += _lacking(values, mapping)
+    notes += lacking_notes([s.name for s in mapping.sources], values)
     notes += note_channels(table, spans, mapping)
     commands = table.stack(mapping.commands) if mapping.commands else np.zeros((len(table), 0))
     forces = _triples(table, [f.force for f in mapping.forces])
@@ -265,18 +265,6 @@ def _check_commands(table: Table, mapping: ModelMapping) -> None:
                 f"'{command.actuator}' is {command.limits[0]:.4g} to {command.limits[1]:.4g} rad: "
                 "probably in degrees, allowed: rad."
             )
-
-
-def _lacking(values: FloatArray, mapping: ModelMapping) -> list[str]:
-    """Return notes on what is not measured everywhere, one for all channels of a stream."""
-    lost: dict[int, list[str]] = {}
-    for source, n in zip(mapping.sources, np.isnan(values).sum(axis=0), strict=True):
-        if n:
-            lost.setdefault(int(n), []).append(f"'{source.name}'")
-    return [
-        f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} not measured (NaN) in {n} of {len(values)} rows"
-        for n, names in lost.items()
-    ]
 
 
 def _check_angles(table: Table, mapping: ModelMapping, model: mujoco.MjModel) -> list[str]:

@@ -110,7 +110,7 @@ def read_nominal(path: str | Path) -> Nominal:
     path = path / FILE if path.is_dir() else path
     content = load_mapping(path, REQUIRED)
     try:
-        return _nominal(content, path)
+        return nominal_of(content, path)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
 
@@ -168,7 +168,16 @@ def load_mapping(path: Path, needed: Iterable[str]) -> Mapping:
     return content
 
 
-def _nominal(content: Mapping, path: Path) -> Nominal:
+def nominal_of(content: Mapping, path: Path) -> Nominal:
+    """Return what the content of a `nominal.yaml` says, checked; its messages do not name the file.
+
+    Args:
+        content: Of the file.
+        path: The file, beside which a table of outlines lies.
+
+    Raises:
+        RecordingError: As `read_nominal` does.
+    """
     try:
         believed = _Believed.model_validate({str(key): value for key, value in content.items() if value is not None})
     except ValidationError as error:

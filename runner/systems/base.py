@@ -22,7 +22,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from runner.effects.base import Effects
 from runner.effects.vocabulary import Vocabulary
@@ -117,6 +119,10 @@ class AbstractSystem(ABC):
     @abstractmethod
     def stated_noise(self) -> FloatArray:
         """Return the standard deviation that the owner states for each channel, NaN where there is none, (C,)."""
+
+    def owner_states_noise(self) -> NDArray[np.bool_]:
+        """Return for which channels the owner states a noise, (C,); `stated_noise` may have a rough level beside."""
+        return np.isfinite(self.stated_noise())
 
     @abstractmethod
     def rests(self) -> list[tuple[int, slice]]:

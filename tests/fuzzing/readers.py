@@ -22,7 +22,8 @@ from runner.commands._stored import stored_run
 from runner.commands._sweep import combinations, explain_sweep
 from runner.commands._trust import check_kept
 from runner.importing.build import build
-from runner.importing.map_file import read_map
+from runner.importing.entries import plan
+from runner.importing.map_file import Map, read_map
 from runner.importing.propose import propose
 from runner.importing.readers import read_log
 from runner.importing.signals import ReadOptions
@@ -180,7 +181,8 @@ def _map(place: Path) -> Reader:
     log = read_log(logs, ReadOptions())
 
     def read(folder: Path) -> None:
-        build(log, folder / "map.yaml", read_map(folder / "map.yaml"), compiled, "arm.xml")
+        wanted = read_map(folder / "map.yaml", Map)
+        build(log, folder / "map.yaml", wanted, plan(folder / "map.yaml", wanted, compiled, "arm.xml"), compiled)
 
     return Reader({"map.yaml": yaml.safe_dump(keys, sort_keys=False).encode()}, ("map.yaml",), read)
 

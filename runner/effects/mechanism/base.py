@@ -95,6 +95,10 @@ class MechanismEffect(AbstractEffect):
         """The joints that `edit_spec` adds, each with the one whose position and speed it starts with."""
         return {}
 
+    def swings_rad_s(self, model: mujoco.MjModel) -> float:
+        """Return the natural frequency of a spring that `edit_spec` has put into a model; 0: there is none."""
+        return 0.0
+
     def edit_spec(self, spec: mujoco.MjSpec) -> None:
         """Add the elements that the effect needs. Names of joints, bodies and actuators must go on meaning the same."""
 

@@ -13,7 +13,7 @@ import numpy as np
 from runner.effects.base import Parameter, Phrase, Vector
 from runner.effects.mechanism import parts
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
-from runner.effects.mechanism.drive import UNKNOWN_ARMATURE, add_drive, couple, fit_to_step, settle
+from runner.effects.mechanism.drive import UNKNOWN_ARMATURE, add_drive, couple, fit_to_step, natural_rad_s, settle
 from runner.effects.wording import Values
 from runner.errors import check_range
 
@@ -46,6 +46,9 @@ class Compliance(MechanismEffect):
     @property
     def follows(self) -> Mapping[str, str]:
         return {self.target + parts.DRIVE: self.target} if math.isfinite(self.stiffness) else {}
+
+    def swings_rad_s(self, model: mujoco.MjModel) -> float:
+        return natural_rad_s(model, self.target, self.stiffness) if math.isfinite(self.stiffness) else 0.0
 
     def edit_spec(self, spec: mujoco.MjSpec) -> None:
         if not math.isfinite(self.stiffness):

@@ -8,14 +8,20 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from runner.importing.guess.names import words_of
+from runner.importing.map_file import TO_FILL
 from runner.importing.readers.arrow import HEADER_STAMP
 from runner.importing.signals import Part, Signal
+from runner.importing.units import UNITS
+from runner.numerics.arrays import FloatArray
 
 NAMED = frozenset(["t", "time", "timestamp", "stamp", "elapsed", "clock", "timestamps", "times"])
 RECORDER = ("log_time", "publish_time", "log_tick")  # set where it was written down, not where it was measured
 SUFFIXES = {"s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "us": "us", "ns": "ns", "nsec": "ns"}
 EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # since 1970: 2001 to 2286
 STEPS = (("s", 0.9), ("ms", 900.0), ("us", 9e5), ("ns", np.inf))  # the largest usual step of a unit
+EVENLY, MOSTLY = 0.05, 0.7  # of the usual step: most steps of a clock are so near; lost rows make some longer
+ONE_STEP = 1.5  # usual steps: what is longer has lost a row
+FEWEST = 10  # samples that show how a clock runs
 EMPTY = 0.05  # share of empty cells from which an empty cell means that there is no sample
 
 
@@ -52,6 +58,7 @@ class ClockGuess:
         if self.name is None:
             if not used or any(len(s.clocks) != 1 for s in used):
                 out.missing.append("clock: no signal looks like a time; name one, or give rate_hz=HZ if there is none")
+                out.clock = {"name": TO_FILL, "unit": "s"}
             return out
         out.clock = {"name": self.name} | ({"unit": self.unit} if self.unit else {})
         for signal in used:
@@ -67,13 +74,36 @@ class ClockGuess:
         return out
 
 
-def guess_clock(part: Part) -> ClockGuess:
-    """Return the clock of a part."""
+def clock_times(part: Part, clock: ClockGuess) -> FloatArray | None:
+    """Return the times of a clock that is a signal, s, (T,), NaN where it has none; None: it is no signal."""
+    times = part.signals.get(clock.name or "")
+    size = UNITS["s"].get(clock.unit or "")
+    return None if times is None or size is None else times.values * size
+
+
+def even_rate_hz(times_s: FloatArray) -> float:
+    """Return the rate of a clock that is even but for lost samples and new starts, Hz.
+
+    Stamps are rounded, to whole milliseconds as a rule: the mean of many steps tells what one does not.
+    """
+    steps = np.diff(times_s[np.isfinite(times_s)])
+    usual = float(np.median(steps[steps > 0]))
+    even = steps[(steps > 0) & (steps < ONE_STEP * usual)]
+    return len(even) / float(even.sum())
+
+
+def guess_clock(part: Part, *, empty_is_lost: bool = False) -> ClockGuess:
+    """Return the clock of a part.
+
+    Args:
+        part: Of the log.
+        empty_is_lost: An empty cell is a sample that was lost, and no sign of streams of other rates in one table.
+    """
     signals = list(part.signals.values())
     known = {name for s in signals for name in s.clocks}
     times = [s for s in signals if _is_time(s)]
     names = frozenset(s.name for s in times)
-    sparse = any(not s.clocks and np.isnan(s.values).mean() > EMPTY for s in signals)
+    sparse = not empty_is_lost and any(not s.clocks and np.isnan(s.values).mean() > EMPTY for s in signals)
     notes = ["empty cells: taken for times at which a signal has no sample (sparse)"] if sparse else []
     if known:
         ordered = sorted(
@@ -81,10 +111,40 @@ def guess_clock(part: Part) -> ClockGuess:
         )
         return ClockGuess(ordered[0], None, names, sparse, notes)
     if not times:
-        return ClockGuess(None, None, names, sparse, notes)
+        return _by_running(signals, sparse, notes)
     best = max(times, key=lambda s: (len(s), -len(words_of(s.name))))
     unit, why = _unit(best)
     return ClockGuess(best.name, unit, names, sparse, [*notes, f"'{best.name}' is the clock, in {unit} ({why})"])
+
+
+def _by_running(signals: Sequence[Signal], sparse: bool, notes: list[str]) -> ClockGuess:
+    """Return a clock that no name tells: what rises in even steps, first what ends in a unit of time."""
+    running = [s for s in signals if _runs(s)]
+    suffixed = [s for s in running if words_of(s.name)[-1:] and words_of(s.name)[-1] in SUFFIXES]
+    found = suffixed or [s for s in running if not _counts(s)]
+    if len(found) != 1:
+        return ClockGuess(None, None, frozenset(), sparse, notes)
+    (best,) = found
+    unit, why = _unit(best)
+    said = f"'{best.name}' is taken for the clock, as it rises in even steps, in {unit} ({why})"
+    return ClockGuess(best.name, unit, frozenset([best.name]), sparse, [*notes, said])
+
+
+def _runs(signal: Signal) -> bool:
+    """Whether a signal rises in even steps but where it begins anew."""
+    values = signal.values
+    if len(values) < FEWEST or not np.isfinite(values).all():
+        return False
+    steps = np.diff(values)
+    usual = float(np.median(steps))
+    whole = 0.0 if (values % 1).any() else 1.0  # numbers without a fraction are rounded to one
+    near = np.abs(steps - usual) <= max(EVENLY * usual, whole)
+    return usual > 0 and bool(np.mean(near) >= MOSTLY)
+
+
+def _counts(signal: Signal) -> bool:
+    """Whether a signal counts samples: without a word on how many there are in a second it is no time."""
+    return bool(np.median(np.diff(signal.values)) == 1.0)
 
 
 def _is_time(signal: Signal) -> bool:
@@ -97,7 +157,7 @@ def _is_time(signal: Signal) -> bool:
 
 def _unit(signal: Signal) -> tuple[str, str]:
     last = words_of(signal.name)[-1]
-    if last in SUFFIXES and len(words_of(signal.name)) > 1:
+    if last in SUFFIXES and (len(words_of(signal.name)) > 1 or last != "s"):
         return SUFFIXES[last], "by its name"
     values = signal.values[np.isfinite(signal.values)]
     for unit, size in EPOCHS.items():

@@ -12,6 +12,7 @@ from runner.importing.signals import Signal
 from runner.recording.model_form_mapping import AT_JOINT, HINGE, SCALAR_JOINTS, is_servo
 
 QUANTITIES = ("command", "position", "velocity", "force")  # in this order in a map
+BOX = "box"
 COUNTERS = frozenset(["index", "frame_index", "episode_index", "task_index", "episode", "step", "seq"])
 
 
@@ -20,9 +21,9 @@ class Element:
     """Something of a model that a signal may be.
 
     Args:
-        kind: actuator | joint.
+        kind: actuator | joint | box.
         target: Its name.
-        quantity: command | position | velocity | force.
+        quantity: command | position | velocity | force; of a box command | measured.
         names: Words that it may be called by: of its own name, and of its joint's.
         si_unit: Of its numbers; "": the model does not tell.
         limits: Range that the numbers should be in, if the model has one.
@@ -45,17 +46,23 @@ class Element:
     @property
     def column(self) -> str:
         """Name of its column."""
+        if self.kind == BOX:
+            return self.target
         return {"command": "u", "position": "q", "velocity": "dq", "force": "tau"}[self.quantity] + f"_{self.target}"
 
     @property
     def keys(self) -> dict[str, str]:
         """What stands in the map."""
+        if self.kind == BOX:
+            return {}
         own = {self.kind: self.target}
         return own if self.is_command else own | {"quantity": self.quantity}
 
     @property
     def words(self) -> str:
         """What is said to the user."""
+        if self.kind == BOX:
+            return f"{self.target} of the box"
         return f"{self.quantity} of {self.kind} {self.target}" if not self.is_command else f"command of {self.target}"
 
 

@@ -1,24 +1,31 @@
-"""Positions and orientations of bodies: groups x, y, z and quaternions, and which axis of the log's world points up."""
+"""Positions and orientations of bodies: groups x, y, z and quaternions, their unit, and which axis points up."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
+from runner.importing.entries import Z_UP_AXIS
+from runner.importing.guess.fall import Fall, falls
 from runner.importing.guess.names import contains, own_words, words_of
 from runner.importing.map_file import TO_FILL
 from runner.importing.signals import Part
+from runner.importing.units import UNITS
+from runner.numerics.arrays import FloatArray
 
 # what they are of, their axis, and a unit of length behind it
-GROUPED = re.compile(r"(.*?)[/_.\[]?(q?[xyzw]|[0-3])\]?(?:[_. ]*[\[(]?(mm|cm|m)[\])]?)?$")
-PLACES = frozenset(["position", "translation", "point", "pos"])
+GROUPED = re.compile(r"(.*?)[/_.\[]?(q?[xyzw]|[0-3])\]?(?:[_. ]*[\[(]?(mm|cm|m)[\])]?)?$", re.IGNORECASE)
+PLACES = frozenset(
+    ["position", "translation", "point", "pos", "t", "p", "trans", "tvec", "location", "centre", "center"]
+)
 TURNS = frozenset(["orientation", "rotation", "quaternion", "quat"])
 IDENTITY = 0.95  # of the scalar of a quaternion that is hardly turned
 FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+MUCH_M = 10.0  # positions beyond it are hardly in m
 NEARER, APART_M = 0.3, 0.05  # y points up where that puts a body so much nearer to where the model has it
 
 
@@ -33,14 +40,14 @@ class Pose:
     why: str
     unit: str | None = None  # None: its name tells of none
 
-    def channels(self) -> dict[str, dict]:
-        """Return the channels of the map."""
+    def channels(self, up: str) -> dict[str, dict]:
+        """Return the channels of the map, called by the axes that the case has, in which z points up."""
         if self.turned:
             names = list(self.signals.values())
             own = {"signals": names, "order": self.order, "body": self.body, "quantity": "orientation"}
             return {f"quat_{self.body}": own}
         return {
-            f"{axis}_{self.body}": {
+            f"{Z_UP_AXIS[axis][0] if up == 'y' else axis}_{self.body}": {
                 "signal": name, "body": self.body, "quantity": "position", "axis": axis, "unit": self.unit or "m",
             }
             for axis, name in self.signals.items()
@@ -55,8 +62,8 @@ class UpGuess:
     note: str
 
 
-def guess_poses(part: Part, model: mujoco.MjModel) -> tuple[list[Pose], list[str]]:
-    """Return the poses in a part, and what is to be said of them."""
+def guess_poses(part: Part, model: mujoco.MjModel) -> list[Pose]:
+    """Return the poses in a part."""
     bodies = [model.body(i).name for i in range(1, model.nbody)]
     free = [model.body(int(model.jnt_bodyid[j])).name for j in range(model.njnt) if int(model.jnt_type[j]) == FREE]
     groups: dict[tuple[str, str | None], dict[str, str]] = {}
@@ -64,14 +71,14 @@ def guess_poses(part: Part, model: mujoco.MjModel) -> tuple[list[Pose], list[str
         found = GROUPED.match(name)
         if found:
             # x and qx are of two groups
-            base = found[1] + "q" * found[2].startswith("q")
-            groups.setdefault((base, found[3]), {})[found[2].lstrip("q")] = name
-    poses, notes = [], []
+            axis, unit = found[2].lower(), (found[3] or "").lower() or None
+            groups.setdefault((found[1] + "q" * axis.startswith("q"), unit), {})[axis.lstrip("q")] = name
+    poses = []
     for (base, unit), members in groups.items():
         words = words_of(base)
         turned = bool(set(words) & TURNS) or {"w", "x", "y", "z"} == set(members)
-        placed = (bool(set(words) & PLACES) or not base) and not turned
         named = [b for b in bodies if any(contains(words, w) for w in own_words(b))]
+        placed = (bool(set(words) & PLACES) or not base or _is_all(words, named)) and not turned
         body = max(named, key=len) if named else free[0] if len(free) == 1 else None
         if body is None or not (turned or placed):
             continue
@@ -81,13 +88,16 @@ def guess_poses(part: Part, model: mujoco.MjModel) -> tuple[list[Pose], list[str
             ordered = dict(sorted(members.items(), key=lambda m: "xyzw".find(m[0])))
             poses.append(Pose(body, ordered, True, order, f"{why}; {said}"))
         elif placed and {"x", "y", "z"} == set(members):
-            said = f"{why}; unit {'by its name' if unit else 'assumed'}"
+            said = f"{why}; unit by its name" if unit else why
             poses.append(Pose(body, {a: members[a] for a in "xyz"}, False, "", said, unit))
         elif placed and {"0", "1", "2"} == set(members):
             poses.append(Pose(body, dict(zip("xyz", (members[k] for k in "012"), strict=True)), False, "", why, unit))
-    if any(p.unit is None and not p.turned for p in poses):
-        notes.append("positions of bodies are taken in m, in the model's world; scale and offset are for another one")
-    return poses, notes
+    return poses
+
+
+def _is_all(words: Sequence[str], names: Sequence[str]) -> bool:
+    """Whether words are the name of a body and nothing else."""
+    return any(tuple(words) in own_words(name) for name in names)
 
 
 def _order(part: Part, members: Mapping[str, str]) -> tuple[str, str]:
@@ -105,23 +115,66 @@ def _order(part: Part, members: Mapping[str, str]) -> tuple[str, str]:
     return TO_FILL, "the numbers do not tell which is the scalar"
 
 
-def guess_up(part: Part, poses: list[Pose], model: mujoco.MjModel) -> UpGuess:
+def guess_frame(
+    part: Part, poses: Sequence[Pose], model: mujoco.MjModel, times_s: FloatArray | None
+) -> tuple[list[Pose], UpGuess]:
+    """Return poses with their units, and which axis points up: by how bodies fall, else by where the model has them.
+
+    Args:
+        part: Of the log.
+        poses: Found by their names.
+        model: The compiled MJCF.
+        times_s: Of the samples, where the clock tells them.
+    """
+    places = {k: _places(part, p) for k, p in enumerate(poses) if not p.turned}
+    gravity = -float(model.opt.gravity[2])
+    fallen = {
+        k: found
+        for k, v in places.items()
+        if times_s is not None and len(v) == len(times_s) and (found := falls(times_s, v, gravity)) is not None
+    }
+    out = [_with_unit(p, places[k], fallen.get(k)) if k in places else p for k, p in enumerate(poses)]
+    for k, fall in fallen.items():
+        if fall.unit != out[k].unit:
+            said = f"'{poses[k].body}' falls as if its positions were in {fall.unit}; z is assumed to point up"
+            return out, UpGuess("z", said)
+        said = f"'{poses[k].body}' falls along {fall.up} with {fall.acceleration_m_s2:.3g} m/s2"
+        return out, UpGuess(fall.up, f"{said}, so {fall.up} points up and its positions are in {fall.unit}")
+    return out, _by_start(out, places, model)
+
+
+def _places(part: Part, pose: Pose) -> FloatArray:
+    return np.stack([part.signals[name].values for name in pose.signals.values()], axis=1)
+
+
+def _with_unit(pose: Pose, places: FloatArray, fall: Fall | None) -> Pose:
+    """Return a pose with its unit: by its name, by how it falls, or m, where that can be."""
+    if pose.unit is not None:
+        return pose
+    if fall is not None:
+        return replace(pose, unit=fall.unit, why=f"{pose.why}; unit by how it falls")
+    largest = float(np.nanmax(np.abs(places), initial=0.0))
+    if largest > MUCH_M:
+        return replace(pose, unit=TO_FILL, why=f"{pose.why}; goes up to {largest:.4g}: in which unit?")
+    return replace(pose, unit="m", why=f"{pose.why}; unit assumed")
+
+
+def _by_start(poses: Sequence[Pose], places: Mapping[int, FloatArray], model: mujoco.MjModel) -> UpGuess:
     """Return which axis points up: the one that puts bodies where the model has them."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    for pose in poses:
-        if pose.turned:
-            continue
-        values = np.stack([part.signals[name].values for name in pose.signals.values()], axis=1)
+    for k, values in places.items():
+        size = UNITS["m"].get(poses[k].unit or "")
         known = values[np.isfinite(values).all(axis=1)]
-        if not len(known):
+        if size is None or not len(known):
             continue
-        x, y, z = known[0]
-        believed = data.body(pose.body).xpos
-        as_z = float(np.linalg.norm(known[0] - believed))
+        x, y, z = known[0] * size
+        believed = data.body(poses[k].body).xpos
+        as_z = float(np.linalg.norm(np.array([x, y, z]) - believed))
         as_y = float(np.linalg.norm(np.array([x, -z, y]) - believed))
         if as_y < NEARER * as_z and as_z - as_y > APART_M:
+            body = poses[k].body
             return UpGuess(
-                "y", f"'{pose.body}' starts {as_y:.3g} m from where the model has it if y points up, else {as_z:.3g} m"
+                "y", f"'{body}' starts {as_y:.3g} m from where the model has it if y points up, else {as_z:.3g} m"
             )
     return UpGuess("z", "z is assumed to point up" if poses else "")

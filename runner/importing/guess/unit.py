@@ -35,7 +35,7 @@ def guess_unit(signal: Signal, element: Element, log: Log) -> UnitGuess:
         element: What it is taken for.
         log: All parts, for the sizes.
     """
-    named = _by_name(signal.name, element)
+    named = unit_by_name(signal.name, element.si_unit)
     if named is not None:
         return named
     values = np.concatenate([p.signals[signal.name].values for p in log.parts if signal.name in p.signals])
@@ -56,14 +56,14 @@ def guess_unit(signal: Signal, element: Element, log: Log) -> UnitGuess:
     return UnitGuess(element.si_unit, f"{goes}, assumed")
 
 
-def _by_name(name: str, element: Element) -> UnitGuess | None:
+def unit_by_name(name: str, si_unit: str) -> UnitGuess | None:
     """Return the unit that stands at the end of a name, or in brackets: `q_deg`, `angle [deg]`, `speed(rpm)`."""
     pieces = [p for p in re.split(r"[\[\]()/_.\s]+", name) if p]
     candidates = [*re.findall(r"[\[(]\s*([A-Za-z/°%]+)\s*[\])]", name), *(pieces[-1:])]
     joined = "/".join(pieces[-2:])  # deg_s, rad_s
     for text in [joined, *candidates]:
         unit = spelled(text)
-        if unit in allowed(element.si_unit) and (len(unit) > 1 or f"[{text}]" in name or name.endswith(f"_{text}")):
+        if unit in allowed(si_unit) and (len(unit) > 1 or f"[{text}]" in name or name.endswith(f"_{text}")):
             return UnitGuess(unit, "unit by its name")
     if any(p.lower() in COARSE for p in pieces):
         return UnitGuess(TO_FILL, "counts of an encoder: unit: turn with scale and offset, or rad")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from runner.effects.base import Effects
 from runner.numerics.arrays import FloatArray
@@ -127,6 +128,10 @@ class MechanismSystem(AbstractSystem):
         return np.array(
             [self.recording.mapping.noise.get(c.name, r) for c, r in zip(self.channels, rough, strict=True)]
         )
+
+    def owner_states_noise(self) -> NDArray[np.bool_]:
+        """See `AbstractSystem`."""
+        return np.array([c.name in self.recording.mapping.noise for c in self.channels])
 
     def rests(self) -> list[tuple[int, slice]]:
         """See `AbstractSystem`."""

@@ -1,0 +1,90 @@
+"""Which signals of a log are the pose of a box that is pushed over a floor, its velocity, the force, and where it acts.
+
+The unit that a name ends in says what may be meant, its words what is: `push_x_mm` is a place and `push_x_N` a force.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Sequence
+
+from runner.importing.box import COMMANDED, MEASURED
+from runner.importing.guess.elements import BOX, Element, Matches
+from runner.importing.guess.names import words_of
+from runner.importing.guess.unit import unit_by_name
+from runner.importing.signals import Signal
+from runner.importing.units import UNITS, spelled
+from runner.recording import Nominal
+from runner.recording.table import POINT
+from runner.recording.table import UNITS as SI_UNITS
+
+WIDER = 1.1  # of the box: a force that acts on its skin is measured a little outside of it
+TURNS = 2  # that a box is pushed round at most: what goes further is in degrees
+COMPACT = re.compile(r"(f|v|w|p|pos|force|vel|tip)([xyz])$")
+PUSH = frozenset(["push", "load", "thrust", "pull", "pushed", "press"])
+STRONG = frozenset(["f", "force", "forces"])
+PLACE = frozenset(["p", "point", "contact", "at", "application", "applied", "hit", "cop", "lever", "where"])
+TOUCH = frozenset(["tip", "pin", "pusher", "probe", "finger"])
+TURNING = frozenset(["omega", "yawrate"])
+SPEED = TURNING | {"v", "vel", "velocity", "speed", "rate", "w", "spin"}
+TURN = TURNING | {"yaw", "theta", "heading", "angle", "rot", "rotation", "psi", "phi", "orientation"}
+BODY_AXES = {"u": "x", "v": "y", "x": "x", "y": "y", "z": "z"}
+FAMILIES = ("m", "rad", "N", "m/s", "rad/s")
+
+
+def box_elements(nominal: Nominal) -> dict[str, Element]:
+    """Return what signals may be, by column of the case."""
+    sizes = dict(zip(POINT, nominal.half_size_m, strict=True))
+    out = {}
+    for column in (*COMMANDED, *MEASURED):
+        limits = (-WIDER * sizes[column], WIDER * sizes[column]) if column in sizes else None
+        limits = (-2 * math.pi * TURNS, 2 * math.pi * TURNS) if column == "yaw" else limits
+        quantity = "command" if column in COMMANDED else "measured"
+        out[column] = Element(BOX, column, quantity, (), SI_UNITS[column], limits)
+    return out
+
+
+def match_box(signals: Sequence[Signal], elements: dict[str, Element], *, besides: Collection[str]) -> Matches:
+    """Return which signals are which columns, the plainest name first; what is no other's is left out."""
+    matches = Matches()
+    free = [s for s in signals if s.name not in besides]
+    for signal in sorted(free, key=lambda s: len(words_of(s.name))):
+        column = column_of(signal.name)
+        element = elements.get(column or "")
+        if element is None:
+            continue
+        if matches.has(element):
+            matches.notes.append(f"'{signal.name}' may be {column} as well")
+        else:
+            matches.pairs.append((element, signal, "by its name"))
+    order = {name: k for k, name in enumerate(elements)}
+    matches.pairs.sort(key=lambda pair: order[pair[0].target])
+    return matches
+
+
+def column_of(name: str) -> str | None:
+    """Return the column of a case that a signal is by its name; None: nothing says so."""
+    family = next((si for si in FAMILIES if unit_by_name(name, si) is not None), None)
+    words: set[str] = set()
+    for word in words_of(name):
+        compact = COMPACT.match(word)
+        words |= set(compact.groups()) if compact else {word}
+    words -= {w for w in words if any(spelled(w) in units for units in UNITS.values()) and w not in BODY_AXES}
+    placed = bool(words & (PLACE | PUSH | STRONG)) and (family == "m" or (family is None and not words & STRONG))
+    if placed and (words & PLACE or family == "m"):
+        return _axis("p", words, BODY_AXES)
+    if family == "N" or (family is None and words & (STRONG | PUSH)):
+        return _axis("f", words - {"v"}, BODY_AXES)
+    if family in ("rad", "rad/s") or (family is None and words & TURN) or (family is None and words & {"w"}):
+        return "wz" if family == "rad/s" or words & SPEED else "yaw"
+    if words & TOUCH:
+        return _axis("tip_", words, BODY_AXES)
+    quick = family == "m/s" or (family is None and bool(words & SPEED))
+    return _axis("v" if quick else "", words - {"v"}, {"x": "x", "y": "y"})
+
+
+def _axis(prefix: str, words: Collection[str], axes: dict[str, str]) -> str | None:
+    """Return a column of the axis that is named; of two letters that may be one, the later in the alphabet."""
+    named = sorted(set(words) & set(axes))
+    return prefix + axes[named[-1]] if named else None

@@ -1,0 +1,71 @@
+"""Unit and upward axis of a log's positions by how a body falls: nothing else moves at 9.81 m/s2 all the time.
+
+Over short windows of a flight the second derivative of the position is gravity. Its size in the log's numbers tells
+their unit, its direction which axis points down.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from runner.importing.units import UNITS
+from runner.numerics.arrays import FloatArray
+
+WINDOW_S, FEWEST = 0.1, 5  # as short as an impact allows; samples that tell a curvature from noise
+EVEN = 0.1  # of a step: how unevenly a window may be sampled
+NEAR = 0.15  # of gravity: how far off a window in flight may be, by noise, spin of a marker, drag
+WINDOWS = 5  # that agree, and
+SHARE = 0.05  # of all: an accident of pushes and impacts is rarer
+
+
+@dataclass(frozen=True)
+class Fall:
+    """How a body falls: the unit of its positions, the axis that points up, and the acceleration, m/s2."""
+
+    unit: str
+    up: str
+    acceleration_m_s2: float
+
+
+def falls(times_s: FloatArray, places: FloatArray, gravity_m_s2: float) -> Fall | None:
+    """Return unit and upward axis (y or z) of positions, or None where nothing falls.
+
+    Args:
+        times_s: (T,), s.
+        places: In the log's unit, (T, 3), NaN where not measured.
+        gravity_m_s2: That is believed.
+    """
+    if not np.isfinite(gravity_m_s2) or gravity_m_s2 <= 0:
+        return None
+    curved = _accelerations(times_s, places)
+    best: tuple[int, Fall] | None = None
+    for unit in ("m", "cm", "mm", "in"):
+        for axis, up in ((1, "y"), (2, "z")):
+            expected = np.zeros(3)
+            expected[axis] = -gravity_m_s2
+            si = curved * UNITS["m"][unit]
+            near = np.linalg.norm(si - expected, axis=1) < NEAR * gravity_m_s2
+            count = int(near.sum())
+            if count >= max(WINDOWS, SHARE * len(curved)) and (best is None or count > best[0]):
+                best = count, Fall(unit, up, -float(np.median(si[near, axis])))
+    return None if best is None else best[1]
+
+
+def _accelerations(times_s: FloatArray, places: FloatArray) -> FloatArray:
+    """Return second derivatives over windows that follow each other, (W, 3), in the log's unit per s2."""
+    steps = np.diff(times_s)
+    rising = steps[steps > 0]
+    if not len(rising):
+        return np.empty((0, 3))
+    step = float(np.median(rising))
+    count = max(FEWEST, round(WINDOW_S / step))
+    if len(times_s) < count:
+        return np.empty((0, 3))
+    windows = np.lib.stride_tricks.sliding_window_view(places, count, axis=0)  # (W, 3, count)
+    even = np.lib.stride_tricks.sliding_window_view(np.abs(steps - step) < EVEN * step, count - 1).all(axis=1)
+    whole = even & np.isfinite(windows).all(axis=(1, 2))
+    at = (np.arange(count) - (count - 1) / 2) * step
+    square = at**2 - np.mean(at**2)  # orthogonal to a line, so that its share is the curvature alone
+    return 2 * windows[whole] @ square / float(square @ square)

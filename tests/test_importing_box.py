@@ -1,0 +1,129 @@
+"""Logs of a box that is pushed over a floor: from columns of somebody's tracker to a case."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from runner.__main__ import main
+from runner.importing.guess.box import column_of
+from runner.recording import read_case
+
+BELIEVED = "half_size: [0.08, 0.05, 0.03]\nmass: 1.2\nfriction: 0.3\ngravity: 9.81\n"
+RATE_HZ, SAMPLES, PUSHES = 30.0, 60, 3
+
+
+def tracker() -> pd.DataFrame:
+    """Three pushes as a tracker writes them: millimetres, degrees between -180 and 180, whole milliseconds."""
+    t = np.arange(SAMPLES) / RATE_HZ
+    pushes = []
+    for number in range(PUSHES):
+        pushed = (t > 0.2) & (t < 0.5)
+        way = 0.05 * np.clip(t - 0.2, 0, 0.5) ** 2 * (1 + 0.1 * number)
+        turned = np.radians(170) + 20 * way
+        pushes.append(
+            pd.DataFrame(
+                {
+                    "trial_no": 7 + number,
+                    "cam_ms": np.round(1000 * t) + 5000 * number,
+                    "box_x_mm": 1000 * way,
+                    "box_y_mm": -500 * way,
+                    "theta_deg": (np.degrees(turned) + 180) % 360 - 180,
+                    "push_x_N": 5.0 * pushed,
+                    "push_y_N": -2.5 * pushed,
+                    "contact_u_mm": -80.0,
+                    "contact_v_mm": 10.0 * number,
+                }
+            )
+        )
+    return pd.concat(pushes, ignore_index=True)
+
+
+def imported(log: pd.DataFrame, folder: Path) -> str:
+    """Import a log as it is proposed, and return the map."""
+    log.to_csv(folder / "pushes.csv", index=False)
+    (folder / "box.yaml").write_text(BELIEVED)
+    arguments = ["import", str(folder / "pushes.csv"), f"model={folder / 'box.yaml'}"]
+    assert main([*arguments, f"propose={folder / 'map.yaml'}"]) == 0
+    assert main([*arguments, f"map={folder / 'map.yaml'}", f"out={folder / 'case'}"]) == 0
+    return (folder / "map.yaml").read_text()
+
+
+@pytest.mark.parametrize("lost", ["cells", "rows"])
+def test_a_tracker_s_log_is_a_case_without_editing(lost: str, tmp_path: Path) -> None:
+    """Units, episodes, turns and lost samples: the case holds the motion, NaN where it was lost, and every force."""
+    log = tracker()
+    gone = np.zeros(len(log), dtype=bool)
+    gone[[20, 21, 80, 130]] = True
+    whole = log.copy()
+    if lost == "cells":
+        log.loc[gone, ["box_x_mm", "box_y_mm", "theta_deg"]] = np.nan
+    else:
+        log = log.loc[~gone]
+    text = yaml.safe_load(imported(log, tmp_path))
+    assert text["episodes"] == {"by": "column", "signal": "trial_no"}
+    assert text["clock"] == {"name": "cam_ms", "unit": "ms"}
+    assert text["rows"]["rate_hz"] == pytest.approx(RATE_HZ, rel=1e-3)
+    case = read_case(tmp_path / "case")
+    assert [e.index for e in case.episodes] == [7, 8, 9]
+    assert [len(e) for e in case.episodes] == [SAMPLES] * PUSHES
+    pose = np.concatenate([e.pose for e in case.episodes])
+    assert np.array_equal(np.isnan(pose).all(axis=1), gone)
+    np.testing.assert_allclose(pose[~gone, 0], whole["box_x_mm"][~gone] / 1000, atol=1e-12)
+    assert np.nanmax(np.abs(np.diff(pose[:, 2]))) < 0.3  # no jumps by a full turn
+    np.testing.assert_allclose(np.cos(pose[~gone, 2]), np.cos(np.radians(whole["theta_deg"][~gone])), atol=1e-12)
+    force = np.concatenate([e.force_n for e in case.episodes])
+    np.testing.assert_allclose(force[:, 0], whole["push_x_N"])
+    assert {float(p) for e in case.episodes for p in e.point_m[:, 0]} == {-0.08}
+
+
+def test_what_is_not_recognised_waits_to_be_filled_in(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A column whose name says nothing is left open, and the import refuses the map until it is filled in."""
+    log = tracker().rename(columns={"theta_deg": "third"})
+    log.to_csv(tmp_path / "pushes.csv", index=False)
+    (tmp_path / "box.yaml").write_text(BELIEVED)
+    arguments = ["import", str(tmp_path / "pushes.csv"), f"model={tmp_path / 'box.yaml'}"]
+    assert main([*arguments, f"propose={tmp_path / 'map.yaml'}"]) == 0
+    assert "the signal of 'yaw', rad" in capsys.readouterr().out
+    assert main([*arguments, f"map={tmp_path / 'map.yaml'}", f"out={tmp_path / 'case'}"]) == 2
+    assert "channels.yaw.signal: is left open" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("  x: {", "  q: {", "channels.q: unknown column"),
+        ("at: nearest, rate_hz", "at: all, rate_hz", "need `rate_hz`"),
+        ("unit: deg", "unit: mm", "'mm' is none of what is measured in rad"),
+    ],
+)
+def test_a_wrong_map_is_one_line(
+    old: str, new: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Naming the key and what is allowed."""
+    text = imported(tracker(), tmp_path)
+    assert old in text
+    (tmp_path / "map.yaml").write_text(text.replace(old, new))
+    capsys.readouterr()
+    command = f"import {tmp_path / 'pushes.csv'} model={tmp_path / 'box.yaml'} map={tmp_path / 'map.yaml'}"
+    assert main([*command.split(), f"out={tmp_path / 'other'}"]) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "column"),
+    [
+        ("X [mm]", "x"), ("box_y_mm", "y"), ("pos_x", "x"), ("heading [deg]", "yaw"), ("rot_deg", "yaw"), ("vx", "vx"),
+        ("vel_y_mm_s", "vy"), ("yaw_rate_deg_s", "wz"), ("Fx", "fx"), ("force_y", "fy"), ("push_x_N", "fx"),
+        ("push_x_mm", "px"), ("contact_v_mm", "py"), ("at_x", "px"), ("force_point_y_mm", "py"), ("tip_x", "tip_x"),
+        ("battery", None), ("current_A", None),
+    ],
+)  # fmt: skip
+def test_names_say_what_is_meant(name: str, column: str | None) -> None:
+    """By the unit that they end in first, then by their words."""
+    assert column_of(name) == column

@@ -1,0 +1,88 @@
+"""What an import tells from numbers alone: episodes by what counts them, clocks by how they run, units by a fall."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from runner.importing.guess.clock import clock_times, guess_clock
+from runner.importing.guess.counter import guess_episodes
+from runner.importing.guess.fall import falls
+from runner.importing.signals import Log, Part, Signal
+
+RUNS, SAMPLES = 4, 50
+
+
+def log_of(**columns: np.ndarray) -> Log:
+    """A table of such columns."""
+    signals = {name: Signal(name, "table", np.asarray(values, dtype=float)) for name, values in columns.items()}
+    return Log("table", [Part("log.csv", signals)])
+
+
+def episodes_of(log: Log) -> dict[str, object]:
+    """What is proposed."""
+    clock = guess_clock(log.parts[0])
+    return guess_episodes(log, clock, clock.names)[0]
+
+
+number, sample = np.divmod(np.arange(RUNS * SAMPLES), SAMPLES)
+
+
+@pytest.mark.parametrize("name", ["test", "throw", "trial_no", "Versuch"])
+@pytest.mark.parametrize("pause_s", [0.01, 30.0, -0.49])
+def test_whatever_counts_the_episodes_is_found(name: str, pause_s: float) -> None:
+    """Whether the clock runs on, leaps or starts anew where it steps; speed settings and flags are no counters."""
+    t = 0.01 * np.arange(RUNS * SAMPLES) + number * (pause_s - 0.01)
+    columns = {"time": t, "gear": sample // 25, "flag": sample % 2, name: 3 + number}
+    assert episodes_of(log_of(**columns)) == {"by": "column", "signal": name}
+
+
+def test_a_counter_that_the_clock_confirms_comes_first() -> None:
+    """Numbers in any order are numbers of tests where the clock goes back; stages that rise on are less sure."""
+    t = 0.01 * sample
+    stage = np.arange(RUNS * SAMPLES) // 70
+    assert episodes_of(log_of(time=t, stage=stage, test=np.array([4, 1, 9, 2])[number])) == {
+        "by": "column", "signal": "test",
+    }  # fmt: skip
+
+
+def test_what_counts_samples_or_comes_again_counts_no_episodes() -> None:
+    """Then the clock says where they begin."""
+    t = 0.01 * sample
+    frame, side = np.arange(RUNS * SAMPLES), number % 2
+    assert episodes_of(log_of(time=t, frame=frame, side=side)) == {"by": "restart"}
+
+
+@pytest.mark.parametrize(("name", "size", "unit"), [("clk_ms", 1e3, "ms"), ("x0", 1e3, "ms"), ("sec", 1.0, "s")])
+def test_a_clock_is_known_by_how_it_runs(name: str, size: float, unit: str) -> None:
+    """Even steps, new starts and lost rows in it; numbers of frames are none."""
+    t = np.delete(0.02 * sample, [7, 60, 61])
+    rest = {"frame": np.arange(len(t)), "angle": np.sin(3 * t)}
+    log = log_of(**{name: size * t}, **rest)
+    clock = guess_clock(log.parts[0])
+    assert (clock.name, clock.unit) == (name, unit)
+    times = clock_times(log.parts[0], clock)
+    assert times is not None
+    np.testing.assert_allclose(times, t)
+    assert guess_clock(log_of(**rest).parts[0]).name is None
+
+
+@pytest.mark.parametrize(("unit", "size"), [("m", 1.0), ("mm", 1e3), ("cm", 1e2), ("in", 1 / 0.0254)])
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_a_fall_tells_unit_and_axis(unit: str, size: float, up: str) -> None:
+    """A throw of 0.4 s, with noise of a millimetre, then rest."""
+    t = np.arange(120) / 120
+    height = np.maximum(0.3 + 1.0 * t - 0.5 * 9.81 * t**2, 0.05)
+    places = np.stack([0.8 * t, *((height, 0.2 * t) if up == "y" else (0.2 * t, height))], axis=1)
+    places += 1e-3 * np.random.default_rng(0).standard_normal(places.shape)
+    found = falls(t, size * places, 9.81)
+    assert found is not None
+    assert (found.unit, found.up) == (unit, up)
+    assert found.acceleration_m_s2 == pytest.approx(9.81, rel=0.05)
+
+
+def test_what_does_not_fall_tells_nothing() -> None:
+    """A body that is carried about."""
+    t = np.arange(600) / 120
+    places = np.stack([np.sin(t), np.cos(2 * t), 0.1 * t], axis=1)
+    assert falls(t, 1000 * places, 9.81) is None
