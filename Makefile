@@ -10,11 +10,22 @@ FULL := .venv/.with-extras
 SITE := .venv/.with-docs
 FITS := import sys; raise SystemExit(not (3, 11) <= sys.version_info < (3, 13))
 ARGS ?=
+COMMA := ,
 # tests fill all cores by themselves: threads of linear algebra beside them only wait for each other (a fifth of the time)
 ONE_BLAS_THREAD := OPENBLAS_NUM_THREADS=1
 
-# nothing is compiled to bytecode beforehand: Python does it for what it imports, which is a part
-INSTALL = $(BIN)/pip install --quiet --no-compile --constraint constraints.txt
+# uv installs what pip does in a fraction of the time. It is told of the places that pip is told of by variables; where
+# it finds no way, pip does the same by whatever else it is set to. Nothing is compiled to bytecode beforehand: Python
+# does it for what it imports, which is a part.
+ifdef PIP_INDEX_URL
+export UV_DEFAULT_INDEX ?= $(PIP_INDEX_URL)
+endif
+ifdef PIP_FIND_LINKS
+export UV_FIND_LINKS ?= $(PIP_FIND_LINKS)
+endif
+PINNED := --quiet --constraint constraints.txt
+install = { $(BIN)/uv pip install --python $(BIN)/python $(PINNED) $(1) 2>/dev/null || \
+	$(BIN)/pip install --no-compile $(PINNED) $(1); }
 
 .PHONY: run test check compiled golden fuzz faults soak venv reference site wheel clean
 
@@ -62,8 +73,9 @@ $(STAMP): pyproject.toml constraints.txt
 		if $$python -c '$(FITS)' 2>/dev/null; then \
 			echo "Building .venv with $$($$python --version) from constraints.txt ..." && \
 			$$python -m venv --clear .venv && \
-			$(INSTALL) setuptools hatchling editables && \
-			$(INSTALL) --no-build-isolation --editable . && \
+			{ $(BIN)/pip install --no-compile $(PINNED) uv || echo "without uv: pip takes longer" >&2; } && \
+			$(call install,setuptools hatchling editables) && \
+			$(call install,--no-build-isolation --editable .) && \
 			$(BIN)/pip check --quiet && touch $(STAMP) && exit 0; \
 			exit 1; \
 		fi; \
@@ -72,11 +84,11 @@ $(STAMP): pyproject.toml constraints.txt
 	exit 1
 
 $(FULL): $(STAMP)
-	@$(INSTALL) --no-build-isolation --editable '.[test,cluster,import]'
+	@$(call install,--no-build-isolation --editable '.[test$(COMMA)cluster$(COMMA)import]')
 	@$(BIN)/pip check --quiet && touch $(FULL)
 
 $(SITE): $(STAMP)
-	@$(INSTALL) --no-build-isolation --editable '.[docs]'
+	@$(call install,--no-build-isolation --editable '.[docs]')
 	@touch $(SITE)
 
 clean:

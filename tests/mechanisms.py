@@ -115,6 +115,7 @@ def scope(xml: str, target: str | None = None) -> Scope:
         reach=dict.fromkeys(joints, 0.6),
         force=dict.fromkeys(joints, 2.0),
         command={model.actuator(a).name: 5.0 for a in range(model.nu)},
+        demand={model.actuator(a).name: 5.0 for a in range(model.nu)},
         signal={f"q_{joint}": 0.3 for joint in joints},
         length_s=5.0,
         step_s=0.01,

@@ -304,16 +304,6 @@ def _assert_same_sweeps(one: Path, other: Path) -> None:
         assert (one / file).read_bytes() == (other / file).read_bytes(), file
 
 
-def test_sweep_over_processes_is_the_same(cli: Cli, demo_files: Path, tmp_path: Path) -> None:
-    """The joblib launcher, in two processes, leaves the same files as the basic one."""
-    launcher = ["hydra/launcher=joblib", "hydra.launcher.n_jobs=2"]
-    done = _process(demo_files, "demo", "-m", "pull.force_n=1,-1,2", "out=two", *launcher)
-    assert done.returncode == 1
-    assert "3 runs in two, 1 of them failed" in done.stdout
-    assert cli("demo", "-m", "pull.force_n=1,-1,2", "out=one")[0] == 1
-    _assert_same_sweeps(tmp_path / "one", tmp_path / "two")
-
-
 @pytest.mark.parametrize("name", commands.names())
 def test_own_commands_say_what_they_are(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Every command of the package has a line in the help, a help of its own, and refuses a key it has not."""

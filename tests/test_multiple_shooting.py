@@ -91,14 +91,14 @@ def test_measured_parts_keep_what_hangs() -> None:
 def test_a_look_at_pieces_finds_what_acts_late() -> None:
     """A slack tether that stiffens far from the start: the nominal model is metres off, and the look comes near it."""
     tether = fx.Tether(6.0, 0.3, -0.2, 0.8)
-    recording = pushed(random_pushes(4, 5.0), [(tether,)] * 4)
+    recording = pushed(random_pushes(3, 5.0), [(tether,)] * 3)
     fitter = fitter_of(recording)
-    nominal = fitter.fit(NONE, range(4))
-    assert nominal.total > 10 * fitter.measured.count(range(4))
+    nominal = fitter.fit(NONE, range(3))
+    assert nominal.total > 10 * fitter.measured.count(range(3))
     seen = look(fitter, nominal)
     assert seen is not None
     seed = seen.beginning.seeds[(Candidate(fx.Tether),)]
-    assert seed.total < 2 * fitter.measured.count(range(4))
+    assert seed.total < 2 * fitter.measured.count(range(3))
     found = seed.explanation.make(seed.x, fitter.context)[0].report()
     for key, true in tether.report().items():
         assert found[key] == pytest.approx(true, rel=0.2, abs=0.1), key

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -36,9 +37,10 @@ def pushed_square(push: int, force_valid: bool) -> pd.DataFrame:
     )
 
 
-@pytest.fixture
-def made(tmp_path: Path) -> Path:
-    """Return a folder of cases that the example's script has made of tables like the real ones."""
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder of cases that the example's script has made of tables like the real ones; not to be changed."""
+    tmp_path = tmp_path_factory.mktemp("plates")
     folder = tmp_path / "pushes"
     folder.mkdir()
     numbers = range(6)
@@ -53,6 +55,12 @@ def made(tmp_path: Path) -> Path:
         command = [sys.executable, str(MAKER), str(folder), str(tmp_path / way), "--driven-by", way]
         subprocess.run(command, check=True, capture_output=True)
     return tmp_path
+
+
+@pytest.fixture
+def case(made: Path, tmp_path: Path) -> Path:
+    """Return one of the cases, to be changed."""
+    return shutil.copytree(made / "path" / "square" / "fitted", tmp_path / "case")
 
 
 def test_the_example_makes_cases_of_pushes(made: Path) -> None:
@@ -107,9 +115,8 @@ def test_what_is_written_is_read_back(made: Path, tmp_path: Path) -> None:
         ({"radius": 0.005, "friction": 0.2}, ["x"], "missing column 'x'"),
     ],
 )
-def test_what_can_not_be_a_pin_is_refused(made: Path, pin: object, drop: list[str], words: str) -> None:
+def test_what_can_not_be_a_pin_is_refused(case: Path, pin: object, drop: list[str], words: str) -> None:
     """In one line that says what was wrong and what is allowed."""
-    case = made / "path" / "square" / "fitted"
     content = yaml.safe_load((case / "nominal.yaml").read_text()) | {"pin": pin}
     (case / "nominal.yaml").write_text(yaml.safe_dump(content))
     table = pd.read_parquet(case / "recording.parquet").drop(columns=drop)
@@ -119,9 +126,8 @@ def test_what_can_not_be_a_pin_is_refused(made: Path, pin: object, drop: list[st
     assert words in str(refused.value)
 
 
-def test_a_path_must_be_whole_and_a_force_need_not_be(made: Path) -> None:
+def test_a_path_must_be_whole_and_a_force_need_not_be(case: Path) -> None:
     """NaN in the path is refused; without force columns the force was not measured; without `pin` the path is extra."""
-    case = made / "path" / "square" / "fitted"
     table = pd.read_parquet(case / "recording.parquet")
     table.drop(columns=["fx", "fy", "px", "py"]).to_parquet(case / "recording.parquet", index=False)
     assert np.isnan(read_case(case).episodes[0].force_n[:, :2]).all()

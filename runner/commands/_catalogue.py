@@ -174,6 +174,7 @@ def _scope(xml: str, joints: dict[str, float], signal: dict[str, float]) -> mech
         reach=joints,
         force=joints,
         command=joints,
+        demand=joints,
         signal=signal,
         length_s=5.0,
         step_s=0.01,

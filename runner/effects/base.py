@@ -24,6 +24,7 @@ import numpy as np
 from runner.effects.wording import Values, listed
 
 Vector = Sequence[float] | np.ndarray
+SIZES = np.geomspace(0.15, 4.0, 14)  # in prior widths: where a motion that jumps is looked at
 
 
 class Scope(Protocol):
@@ -115,6 +116,16 @@ class AbstractEffect(ABC):
     def starts(cls, context: Any) -> np.ndarray:
         """Return vectors to start a fit from, (K, p); empty: zero will do, the effect is smooth there."""
         return np.empty((0, len(cls.parameters(context))))
+
+    @classmethod
+    def scan(cls, context: Any) -> np.ndarray:
+        """Return values of the first parameter, (K,), ascending, that are looked at before a fit begins; empty: none.
+
+        Where the motion jumps or resonates with that value, what is left has many valleys, each narrower than a linear
+        model could tell: the fit begins at the value that leaves least.
+        """
+        scale = cls.parameters(context)[0].scale if cls.discontinuous else 0.0
+        return SIZES * scale if scale else np.empty(0)
 
     @classmethod
     def sizes(cls, context: Any) -> np.ndarray:

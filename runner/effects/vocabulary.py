@@ -71,6 +71,10 @@ class Candidate:
         """Return vectors to start a fit from, (K, p); empty: zero will do."""
         return self.effect.starts(context.at(self.target))
 
+    def scan(self, context: Scope) -> np.ndarray:
+        """Return values of the first parameter, (K,), that are looked at before a fit begins; empty: none."""
+        return self.effect.scan(context.at(self.target))
+
     def sizes(self, context: Scope) -> np.ndarray:
         """Return vectors that tell what the effect does, (K, p), beside its derivatives; empty: those tell."""
         return self.effect.sizes(context.at(self.target))

@@ -94,11 +94,15 @@ def memory(fit: Fit, fitter: Fitter) -> float:
 
 
 def are_confounded(a: Fit, b: Fit) -> bool:
-    """Whether two explanations differ only by effects that such recordings can't tell apart."""
+    """Whether two explanations differ only by effects that such recordings can't tell apart.
+
+    What acts on all of a kind alike may be one with what acts on the whole: all commands late, or all measurements.
+    """
 
     def plain(fit: Fit) -> list[tuple[str, str]]:
         return sorted(
-            (min((c.effect.name, *(o.name for o in c.effect.confounded))), c.key[1]) for c in fit.explanation.candidates
+            (min((c.effect.name, *(o.name for o in c.effect.confounded))), c.target or "" if not c.targets else "")
+            for c in fit.explanation.candidates
         )
 
     return plain(a) == plain(b)

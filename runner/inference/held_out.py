@@ -27,6 +27,7 @@ from runner.recording import Span
 LEADERS = 6  # so many at most are held against the episodes left out, and the nominal model,
 HOPELESS = 200.0  # behind in log odds by more than that: what is left out will not turn it
 RESTS = 0.5  # squared noises: start states that leave less have found where they belong
+STUCK = 4.0  # units of the loss by which another explanation leaves less of an episode: two in log likelihood
 GROWN = 0.125, 0.25, 0.5, 1.0  # of an episode: to what its start state is fitted, one after the other
 ROUGHLY = 3  # steps of start states by which nothing is chosen
 CLOSE = 20.0  # and whatever is so near in log odds
@@ -111,6 +112,8 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     ]
     before = unseen(nominal, fitter, held_out, None)
     there_by = {id(c.fit): before if c is nominal else unseen(c, fitter, held_out, before) for c in leaders}
+    there_by = _unstuck(leaders, there_by, fitter)
+    before = there_by[id(nominal.fit)]
     whole_before, fits = before, there_by
     off = astray(before, [t for t in there_by.values() if t is not before], fitter, len(nominal.fit.episodes))
     if off:
@@ -289,6 +292,29 @@ def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nomina
     for k in off:
         starts[k] = _grown_start(held, best.episodes[k], starts[k])
     return fitter.fit(explanation, held_out, x=x, starts=starts, iterations=0)
+
+
+def _unstuck(leaders: Sequence[Contender], there: Mapping[int, Fit], fitter: Fitter) -> dict[int, Fit]:
+    """Return unseen episodes, by the identity of each leader's fit, with starts sought anew where others leave less.
+
+    What is about to rest is held by friction or just not: a descent from the start that suits another explanation may
+    end on the wrong side of that, some tens of log units behind. Where much is left, `unseen` has looked already.
+    """
+    least, out = np.min([t.loss for t in there.values()], axis=0), dict(there)
+    for c in leaders:
+        fit = there[id(c.fit)]
+        behind = [
+            k
+            for k, e in enumerate(fit.episodes)
+            if fit.loss[k] > least[k] + STUCK and fitter.measured.excess(float(fit.loss[k]), [e]) < RESTS
+        ]
+        held = replace(fitter, held=c.fit.explanation.make(c.fit.x, fitter.context))
+        found = {k: held.fit(NONE, [fit.episodes[k]]) for k in behind}
+        better = {k: f.starts[0] for k, f in found.items() if f.total < fit.loss[k]}
+        if better:
+            starts = np.array([better.get(k, start) for k, start in enumerate(fit.starts)])
+            out[id(c.fit)] = fitter.fit(c.fit.explanation, fit.episodes, x=c.fit.x, starts=starts, iterations=0)
+    return out
 
 
 def _grown_start(held: Fitter, episode: int, start: np.ndarray) -> np.ndarray:

@@ -10,9 +10,10 @@ import numpy as np
 from runner.effects.vocabulary import Candidate
 from runner.inference.least_squares import Explanation, Fit, Fitter
 
-# Sizes, in prior widths, at which an effect that makes the motion jump is tried; and how far, and how often, its fit is
-# taken over the edges of its hollow, once it has explained such a share.
-SIZES, OVER, CLIMBS, PART = np.geomspace(0.15, 4.0, 14), (0.85, 1.1, 1.3), 3, 0.2
+# How far, and how often, the fit of an effect that makes the motion jump is taken over the edges of its hollow, once it
+# has explained such a share.
+OVER, CLIMBS, PART = (0.85, 1.1, 1.3), 3, 0.2
+FINER = 14  # values between the neighbours of the one that leaves least
 CLIMBED, CLIMB_STEPS = 0.02, 5  # share that a climb has to take off to be followed by another; steps of its fits
 Key = tuple[Candidate, ...]
 
@@ -46,8 +47,8 @@ def where_to_begin(
     """Return where to begin a fit: from what is near, or from the seed where that leaves less."""
     if seed is None:
         new = explanation.candidates[-1]
-        if new.effect.discontinuous:
-            return {"x": _sized(fitter, explanation, x, near), "near": near}
+        if len(new.scan(fitter.context)):
+            return {"x": _scanned(fitter, explanation, x, near), "near": near}
         if len(new.starts(fitter.context)):
             # the amplitude that a linear model promises may overshoot; none of it is the fit that is near
             amplitude = len(x) - len(new.parameters(fitter.context))
@@ -61,16 +62,16 @@ def where_to_begin(
     return {"x": seeded, "starts": seed.starts} if by[1] < by[0] else {"x": x, "near": near}
 
 
-def _sized(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit) -> np.ndarray:
+def _scanned(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit) -> np.ndarray:
     """Return the parameters with the size of the last effect that leaves least at the start states of a fit nearby."""
     place = _size_of_last(explanation, fitter)
 
     def left(size: float) -> float:
         return fitter.loss(explanation, _with(x, place, size), near.starts, near.episodes)
 
-    sizes = SIZES * explanation.candidates[-1].parameters(fitter.context)[0].scale
+    sizes = explanation.candidates[-1].scan(fitter.context)
     i = int(np.argmin([left(s) for s in sizes]))
-    finer = np.linspace(sizes[max(i - 1, 0)], sizes[min(i + 1, len(sizes) - 1)], len(sizes))
+    finer = np.linspace(sizes[max(i - 1, 0)], sizes[min(i + 1, len(sizes) - 1)], FINER)
     return _with(x, place, min((x[place], *finer), key=left))
 
 

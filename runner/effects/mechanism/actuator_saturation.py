@@ -10,12 +10,12 @@ import numpy as np
 
 from runner.effects.base import Parameter, Phrase, Vector
 from runner.effects.mechanism import parts
-from runner.effects.mechanism.actuator_gain import LINEAR_BIASES
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
 from runner.effects.wording import Values, number
 from runner.errors import check_range
 
-PEAK = 3.0  # largest force over the typical (root mean square) one, at most
+# Of the largest force that is asked for: limits that a fit may begin at, and those that are looked at before it.
+SHOWN, LOOKED_AT = np.array([0.9, 0.7, 0.4]), np.geomspace(0.15, 0.98, 20)
 
 
 @effect
@@ -56,10 +56,13 @@ class ActuatorSaturation(MechanismEffect):
     @classmethod
     def starts(cls, context: Scope) -> np.ndarray:
         """Return limits below what is likely reached; where there is a believed one, one above it, too."""
-        full, largest = _full(context), _largest(context)
-        shares = [1.0 - part * min(largest / full, 1.0) for part in (0.9, 0.7, 0.4)]
-        higher = [] if _believed(context.model, context.target) is None else [-0.5]
-        return np.array([[min(share, 0.97)] for share in shares + higher])
+        higher = [] if _believed(context.model, context.target) is None else [[-0.5]]
+        return np.array([*_shares(context, SHOWN)[:, None], *higher])
+
+    @classmethod
+    def scan(cls, context: Scope) -> np.ndarray:
+        """A limit acts at the peaks of a force alone, which are as high as they are by chance."""
+        return _shares(context, LOOKED_AT)
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
@@ -81,16 +84,15 @@ def _believed(model: mujoco.MjModel, actuator: str | None) -> float | None:
     return float(abs(model.actuator_forcerange[number_of_actuator]).max())
 
 
+def _shares(scope: Scope, parts_of_largest: np.ndarray) -> np.ndarray:
+    """Return which shares are cut off where the limit is such parts of the largest force, ascending."""
+    reached = min(_largest(scope) / _full(scope), 1.0)
+    return np.minimum(1.0 - np.sort(parts_of_largest)[::-1] * reached, 0.97)
+
+
 def _largest(scope: Scope) -> float:
-    """Return a guess of the largest force that was asked of the target actuator, before its gear."""
-    model, actuator = scope.model, scope.model.actuator(scope.target).id
-    if int(model.actuator_biastype[actuator]) == LINEAR_BIASES[0]:
-        largest = abs(float(model.actuator_gainprm[actuator, 0])) * scope.command.get(scope.target or "", 0.0)
-    else:
-        joint = parts.joint_of_actuator(model, scope.target)
-        gear = abs(float(model.actuator_gear[actuator, 0]))
-        largest = PEAK * parts.typical_force(scope.at(joint)) / max(gear, 1e-9) if joint else 0.0
-    return max(largest, 1e-6)
+    """Return the largest force that was asked of the target actuator, before its gear; more than 0."""
+    return max(scope.demand.get(str(scope.target), 0.0), 1e-6)
 
 
 def _full(scope: Scope) -> float:

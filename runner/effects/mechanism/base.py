@@ -63,6 +63,7 @@ class Scope:
         reach: Half the range that each joint visited, rad or m.
         force: Typical force or torque that moved each joint, N or N m: from inverse dynamics of the recorded motion.
         command: Largest size of each actuator's command, in its unit.
+        demand: Largest force that each actuator is asked for, before its gear and any limit, N or N m.
         signal: Standard deviation of each channel over the recording, in its unit.
         length_s: Of the longest episode.
         step_s: Usual time from one sample to the next.
@@ -74,6 +75,7 @@ class Scope:
     reach: Mapping[str, float]
     force: Mapping[str, float]
     command: Mapping[str, float]
+    demand: Mapping[str, float]
     signal: Mapping[str, float]
     length_s: float
     step_s: float
@@ -92,6 +94,10 @@ class MechanismEffect(AbstractEffect):
     def follows(self) -> Mapping[str, str]:
         """The joints that `edit_spec` adds, each with the one whose position and speed it starts with."""
         return {}
+
+    def swings_rad_s(self, model: mujoco.MjModel) -> float:
+        """Return the natural frequency of a spring that `edit_spec` has put into a model; 0: there is none."""
+        return 0.0
 
     def edit_spec(self, spec: mujoco.MjSpec) -> None:
         """Add the elements that the effect needs. Names of joints, bodies and actuators must go on meaning the same."""

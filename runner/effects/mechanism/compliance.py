@@ -13,12 +13,14 @@ import numpy as np
 from runner.effects.base import Parameter, Phrase, Vector
 from runner.effects.mechanism import parts
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
-from runner.effects.mechanism.drive import add_drive, couple, fit_to_step, settle
+from runner.effects.mechanism.drive import UNKNOWN_ARMATURE, add_drive, couple, fit_to_step, natural_rad_s, settle
 from runner.effects.wording import Values
 from runner.errors import check_range
 
 DAMPING_RATIO = 0.05  # of the link against the drive, as of metal gears and belts
 FRICTION_SHARE = 0.6  # of the joint's friction that sits at the drive
+SOFTEST = 3.0  # usual gives: softer couplings are looked for from there
+SHOWN = 6  # of the values that are looked at before a fit: so many are in the linear model
 RIGID = 1e15  # N m/rad or N/m, beyond any machine: stiffer is not told from no elasticity at all
 
 
@@ -44,6 +46,9 @@ class Compliance(MechanismEffect):
     @property
     def follows(self) -> Mapping[str, str]:
         return {self.target + parts.DRIVE: self.target} if math.isfinite(self.stiffness) else {}
+
+    def swings_rad_s(self, model: mujoco.MjModel) -> float:
+        return natural_rad_s(model, self.target, self.stiffness) if math.isfinite(self.stiffness) else 0.0
 
     def edit_spec(self, spec: mujoco.MjSpec) -> None:
         if not math.isfinite(self.stiffness):
@@ -77,8 +82,23 @@ class Compliance(MechanismEffect):
 
     @classmethod
     def starts(cls, context: Scope) -> np.ndarray:
-        scale = cls.parameters(context)[0].scale
-        return np.array([[0.3 * scale], [scale], [3.0 * scale]])
+        gives = cls.scan(context)
+        return gives[:: math.ceil(len(gives) / SHOWN)][:, None]
+
+    @classmethod
+    def scan(cls, context: Scope) -> np.ndarray:
+        """From what swings as fast as samples can show to what gives as much as the joint has moved.
+
+        The valley about the true value is as wide as the resonance: twice its damping ratio, in frequency.
+        """
+        model, softest = context.model, SOFTEST * cls.parameters(context)[0].scale
+        joint = parts.dof_of(model, context.target)
+        armature, whole = float(model.dof_armature[joint]), float(model.dof_M0[joint])
+        drive = armature or UNKNOWN_ARMATURE * whole
+        inertia = drive * max(whole - armature, 0.0) / whole
+        stiffest = inertia * (math.pi / context.step_s) ** 2
+        count = math.log(max(stiffest * softest, 1.0)) / (2.0 * math.log1p(2.0 * DAMPING_RATIO))
+        return softest * (1.0 + 2.0 * DAMPING_RATIO) ** (-2.0 * np.arange(math.ceil(count), -1, -1))
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:

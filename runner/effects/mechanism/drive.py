@@ -151,8 +151,7 @@ def _numbers(model: mujoco.MjModel, joint: str, coupling: Coupling) -> _Numbers:
     rigid, stiffness = _flanks(coupling), coupling.stiffness
     if stiffness == 0.0:
         return rigid
-    link, drive = (float(model.dof_M0[int(model.joint(j).dofadr[0])]) for j in (joint, joint + DRIVE))
-    inertia, step = link * drive / (link + drive), float(model.opt.timestep)
+    inertia, step = _relative_inertia(model, joint), float(model.opt.timestep)
     if stiffness * step**2 <= FASTEST**2 * inertia:
         damping = 2.0 * coupling.damping_ratio * math.sqrt(stiffness * inertia)
         return rigid._replace(stiffness=stiffness, damping=damping, limited=False)
@@ -164,6 +163,17 @@ def _numbers(model: mujoco.MjModel, joint: str, coupling: Coupling) -> _Numbers:
     rate = min(stiffness / weight, (FASTEST / step) ** 2)
     damping = 2.0 * SLUGGISH * math.sqrt(rate * (1.0 + inertia / weight))
     return rigid._replace(solref=[-rate * d, -damping * d], solimp=[d, d, 0.001, 0.5, 2.0])
+
+
+def natural_rad_s(model: mujoco.MjModel, joint: str, stiffness: float) -> float:
+    """Return the natural frequency of link against drive on a spring of that stiffness, rad/s."""
+    return math.sqrt(stiffness / _relative_inertia(model, joint))
+
+
+def _relative_inertia(model: mujoco.MjModel, joint: str) -> float:
+    """Return the inertia of link against drive, kg m² or kg."""
+    link, drive = (float(model.dof_M0[int(model.joint(j).dofadr[0])]) for j in (joint, joint + DRIVE))
+    return link * drive / (link + drive)
 
 
 def _flanks(coupling: Coupling) -> _Numbers:

@@ -21,6 +21,7 @@ from runner.systems.windows import Windows
 
 LOOKS = 200  # states of the recording that speeds, ranges and forces are taken from
 APART_S = 0.02  # at least so far apart
+ASKED = 4000  # samples, at most, at which is looked how much force the commands ask for: that peaks where they jump
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,7 @@ def scope_of(recording: MechanismRecording, models: Models, initial: MechanismSt
         reach={n: float(reach[d]) for n, d in zip(names, dofs, strict=True)},
         force={n: float(force[d]) for n, d in zip(names, dofs, strict=True)},
         command={n: float(np.abs(commands[:, k]).max()) for k, n in enumerate(targets)},
+        demand=_demand(recording, models, initial, signals),
         signal={s.name: float(spread[k]) for k, s in enumerate(recording.mapping.sources)},
         length_s=max(float(e.t_s[-1] - e.t_s[0]) for e in recording.episodes),
         step_s=recording.step_s,
@@ -124,6 +126,31 @@ def _motion(
     reach = 0.5 * (np.quantile(place, 0.99, axis=0) - np.quantile(place, 0.01, axis=0))
     force = np.array(forces) if forces else np.zeros((1, coordinates.nv))
     return _rms(np.concatenate(speeds)), reach, _rms(force)
+
+
+def _demand(
+    recording: MechanismRecording, models: Models, initial: MechanismStart, signals: RawSignals
+) -> dict[str, float]:
+    """Return the largest force that each commanded actuator is asked for where the recording was, without any limit."""
+    targets = [c.actuator for c in recording.mapping.commands.values()]
+    if not targets:
+        return {}
+    every = max(1, sum(len(e) for e in recording.episodes) // ASKED)
+    model = models.edited(())
+    model.actuator_forcelimited[:] = 0
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    data, numbers = mujoco.MjData(model), [model.actuator(name).id for name in targets]
+    largest = np.zeros(len(targets))
+    for e, episode in enumerate(recording.episodes):
+        first = np.arange(0, len(episode), every)
+        states = initial.guess_windows(signals, Windows(np.full(len(first), e), first, 1), smooth=True)
+        position, rate = np.split(states, [initial.coordinates.nv], axis=1)
+        for q, v, command in zip(position, rate, episode.commands[first], strict=True):
+            data.qpos[:], data.qvel[:] = initial.coordinates.moved(models.qpos0, q), v
+            data.ctrl[numbers] = command
+            mujoco.mj_forward(model, data)
+            largest = np.fmax(largest, np.abs(data.actuator_force[numbers]))
+    return dict(zip(targets, largest.tolist(), strict=True))
 
 
 def _rms(values: FloatArray) -> FloatArray:

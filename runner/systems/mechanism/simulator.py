@@ -23,7 +23,7 @@ from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import is_servo
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.mechanism.commands import Commands
-from runner.systems.mechanism.models import Compiled, Models
+from runner.systems.mechanism.models import Compiled, Models, mechanical
 from runner.systems.mechanism.observer import Observer, States
 from runner.systems.mechanism.readings import Readings, on_readings
 from runner.systems.simulator import AbstractSimulator, Run
@@ -34,6 +34,7 @@ CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_A
 BYTES_AT_ONCE = 60e6  # of states and commands
 HUGE = 1e8  # a coordinate or velocity beyond has diverged
 SHORTEST_STEP_S = 0.0002  # harder contacts than that resolves are as hard as it resolves
+PER_STEP_RAD = 0.05  # by which a spring that effects have added may swing in a step, as an angle of its phase
 ADDED_JOINTS_S = 0.001  # the longest step of a model with joints that effects have added: light, and often in contact
 
 
@@ -159,12 +160,16 @@ class MechanismSimulator(AbstractSimulator):
         return out
 
     def _step(self, compiled: Compiled, effects: Effects) -> float:
-        """Return the step of a model: a whole part of the usual one where effects have added joints or hard contacts.
+        """Return the step of a model: a whole part of the usual one where effects have added what asks for less.
 
-        MuJoCo softens contacts whose time constant is below two steps.
+        MuJoCo softens contacts whose time constant is below two steps, and takes the damping of a spring at the end of
+        a step, so that the spring rings longer and slower, by a share of the order of what it swings in a step.
         """
         added = compiled.model.nv > self.models.believed_coordinates.nv
         longest_s = ADDED_JOINTS_S if added else np.inf
+        fastest_rad_s = max((e.swings_rad_s(compiled.model) for e in mechanical(effects)), default=0.0)
+        if fastest_rad_s > 0.0:
+            longest_s = min(longest_s, max(PER_STEP_RAD / fastest_rad_s, SHORTEST_STEP_S))
         contact_s = self.models.contact_time_s(effects)
         if contact_s < self.models.contact_time_s(()):
             longest_s = min(longest_s, max(0.5 * contact_s, SHORTEST_STEP_S))
