@@ -92,7 +92,7 @@ def test_what_does_not_fall_tells_nothing() -> None:
 @pytest.mark.parametrize(("unit", "size"), [("rad/s", 1.0), ("deg/s", 180 / np.pi), ("rpm", 30 / np.pi)])
 def test_the_slope_of_the_position_tells_the_unit_of_a_velocity(unit: str, size: float) -> None:
     """Over two runs, noise on both; what does not go along with the slope tells nothing."""
-    t = np.tile(np.arange(200) * 0.01, 2)
+    t = np.asarray(np.tile(np.arange(200) * 0.01, 2), dtype=np.float64)
     rng = np.random.default_rng(0)
     position = np.sin(3 * t) + 1e-3 * rng.standard_normal(len(t))
     velocity = size * (3 * np.cos(3 * t) + 0.05 * rng.standard_normal(len(t)))
