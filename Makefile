@@ -1,7 +1,7 @@
 # `make run` and `make test` need python3 (3.11 or 3.12) and nothing else: both first build .venv from the pins in
 # constraints.txt when it is missing or older than them. `make run` installs what it needs, `make test` the rest.
 
-export MUJOCO_GL ?= disable
+export MUJOCO_GL := disable
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
 BIN := .venv/bin

@@ -3,7 +3,7 @@
     python -m benchmarks.soak [runs=10000] [minutes=60] [every=500]
 
 The runs are those of `runner run`, each with frames, `.rrd` and summary, into folders that are taken away again, one
-after another in this process; some are in turn noisy, late, with another estimator, refused, or swept. The recording is
+after another in this process; some are in turn noisy, late, with another estimator, or refused. The recording is
 a box that is pushed about for so many minutes in episodes of half a minute, sampled 240 times a second. Memory is the
 resident set of this process after a collection of garbage; handles are open files, and threads.
 """

@@ -19,7 +19,8 @@ from runner.errors import RunnerError
 from runner.processes.interruption import INTERRUPTED, exit_code, interruptible, leave
 from runner.processes.interruption import line as interrupted
 
-os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn; else GLFW warns where there is no display
+# no command draws by OpenGL: what is asked for here is loaded when MuJoCo is imported, which fails where it is missing
+os.environ["MUJOCO_GL"] = "disable"
 
 LONGEST = 2000  # characters of a line for a user
 STACK = ("runner", "mujoco", "dm-control", "hydra-core", "rerun-sdk", "numpy", "pandas")

@@ -131,6 +131,14 @@ def test_memory_that_does_not_suffice(monkeypatch: pytest.MonkeyPatch, capsys: p
     assert refused(capsys, *BRIEF).startswith("The memory does not suffice for this: Unable to allocate 35.8 GiB")
 
 
+def test_a_graphics_library_that_is_not_there() -> None:
+    """Nothing is drawn by OpenGL: what MuJoCo was to draw with is not loaded, whether it is there or not."""
+    code = "import runner.__main__, mujoco"
+    env = {**os.environ, "MUJOCO_GL": "none-such", "PYTHONPATH": str(Path(__file__).parents[1])}
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="there is no /dev/full")
 @pytest.mark.parametrize("command", [["--version"], ["table", "r"]])
 def test_a_full_device_behind_stdout(command: list[str]) -> None:

@@ -63,8 +63,7 @@ def _machine() -> Iterator[tuple[str, str]]:
     if sys.platform == "linux":
         pages, size = os.sysconf("SC_PHYS_PAGES"), os.sysconf("SC_PAGE_SIZE")
         yield "memory", f"{pages * size / GIB:.1f} GiB"
-    gl = os.environ.get("MUJOCO_GL", "not set")
-    yield "graphics", f"MUJOCO_GL is {gl}; nothing here needs any, reports and logs are drawn without"
+    yield "graphics", "none needed: reports and logs are drawn without, MUJOCO_GL has no say"
     yield "display", "there is one" if has_display() else "none: `runner view PATH --web` serves the viewer"
     yield "Rerun viewer", viewer() or "not found: install rerun-sdk"
     yield "results", _disk(RESULTS)

@@ -6,6 +6,7 @@ import re
 import shutil
 from abc import ABC, abstractmethod
 from pathlib import Path
+from unittest.mock import patch
 
 import pyarrow.parquet as pq
 
@@ -131,7 +132,10 @@ class Case(Scenario):
 
 
 class Diagnosis(Scenario):
-    """What a diagnosis leaves, over what one of another recording left; found anew each time, as it holds threads."""
+    """What a diagnosis leaves, over what one of another recording left.
+
+    It is found and its page drawn once, neither of which writes: each fault is that of writing it anew.
+    """
 
     def prepare(self) -> None:
         from runner.recording import write_case
@@ -141,17 +145,26 @@ class Diagnosis(Scenario):
             write_case(made(episodes=2, seconds=1.0, seed=seed)[0], self.apart / name)
 
     def before(self) -> None:
+        from runner.diagnosis.pipeline import diagnose
+        from runner.report.html import render
+        from runner.systems.case import open_case
+        from tests.faults.kept import keep
+
+        for name in ("old", "new"):
+            found = diagnose(open_case(self.apart / name), threads=1)
+            keep((found, render(found)), self.apart / f"{name}.found")
         self._write("old")
 
     def _write(self, name: str) -> None:
+        import runner.report.html
         from runner.api.case import read
-        from runner.diagnosis.pipeline import diagnose
         from runner.outputs.one import write_all
-        from runner.systems.case import open_case
+        from tests.faults.kept import kept
 
         belongs = {"recording_hash": read(self.apart / name).recording_hash}
-        found = diagnose(open_case(self.apart / name), threads=1)
-        write_all(found, self.folder / "d", report=True, provenance=belongs)
+        found, page = kept(self.apart / f"{name}.found")
+        with patch.object(runner.report.html, "render", return_value=page):
+            write_all(found, self.folder / "d", report=True, provenance=belongs)
 
     def act(self) -> int:
         self._write("new")
@@ -195,8 +208,10 @@ def whole(folder: Path) -> None:
 
 def warm() -> None:
     """Import and compose what commands do, but for Rerun: each fault is a fork, which had to do so again."""
+    import runner.api.case
     import runner.commands.table
-    import runner.outputs.one  # noqa: F401
+    import runner.outputs.one
+    import runner.report.html  # noqa: F401
     from runner.commands._execute import shown
 
     shown("run", [])

@@ -70,7 +70,9 @@ class PlanarBox(AbstractSystem):
     dates_disturbances = False  # a box is touched by all that pushes it: its commands are that
     errors_overdisperse = False  # the odds of boxes were calibrated without
     worth_another = 0.5
-    searched_s = cut_from = float("inf")
+    # so much tells what there is to tell; a search costs as many simulations as it is long, an hour's took many hours
+    searched_s = 120.0
+    cut_from = float("inf")
     plan_view = (0, 1)
     force_views = MappingProxyType({"along_n": "along the motion [N]", "left_n": "left of the motion [N]"})
     recording: Recording
