@@ -120,7 +120,8 @@ def test_a_wrong_map_is_one_line(
     [
         ("X [mm]", "x"), ("box_y_mm", "y"), ("pos_x", "x"), ("heading [deg]", "yaw"), ("rot_deg", "yaw"), ("vx", "vx"),
         ("vel_y_mm_s", "vy"), ("yaw_rate_deg_s", "wz"), ("Fx", "fx"), ("force_y", "fy"), ("push_x_N", "fx"),
-        ("push_x_mm", "px"), ("contact_v_mm", "py"), ("at_x", "px"), ("force_point_y_mm", "py"), ("tip_x", "tip_x"),
+        ("push_x_mm", "px"), ("contact_v_mm", "py"), ("u [mm]", "px"), ("v [mm]", "py"), ("v [mm/s]", None),
+        ("at_x", "px"), ("force_point_y_mm", "py"), ("tip_x", "tip_x"),
         ("battery", None), ("current_A", None),
     ],
 )  # fmt: skip

@@ -8,6 +8,7 @@ import pytest
 from runner.importing.guess.clock import clock_times, guess_clock
 from runner.importing.guess.counter import guess_episodes
 from runner.importing.guess.fall import falls
+from runner.importing.guess.unit import unit_by_slope
 from runner.importing.signals import Log, Part, Signal
 
 RUNS, SAMPLES = 4, 50
@@ -86,3 +87,16 @@ def test_what_does_not_fall_tells_nothing() -> None:
     t = np.arange(600) / 120
     places = np.stack([np.sin(t), np.cos(2 * t), 0.1 * t], axis=1)
     assert falls(t, 1000 * places, 9.81) is None
+
+
+@pytest.mark.parametrize(("unit", "size"), [("rad/s", 1.0), ("deg/s", 180 / np.pi), ("rpm", 30 / np.pi)])
+def test_the_slope_of_the_position_tells_the_unit_of_a_velocity(unit: str, size: float) -> None:
+    """Over two runs, noise on both; what does not go along with the slope tells nothing."""
+    t = np.asarray(np.tile(np.arange(200) * 0.01, 2), dtype=np.float64)
+    rng = np.random.default_rng(0)
+    position = np.sin(3 * t) + 1e-3 * rng.standard_normal(len(t))
+    velocity = size * (3 * np.cos(3 * t) + 0.05 * rng.standard_normal(len(t)))
+    found = unit_by_slope(t, position, velocity, "rad/s")
+    assert found is not None
+    assert found.name == unit
+    assert unit_by_slope(t, position, size * np.cos(8 * t), "rad/s") is None

@@ -105,6 +105,19 @@ def _print(system: AbstractSystem, found: Gap, console: Console) -> None:
     console.print(Text(f"{recording.path}: {_in_short(found, len(recording.episodes))}", style="bold"))
     for note in recording.notes:
         console.print(Text(f"Note: {note}."), soft_wrap=True)
+    table = _table(system, found, " = ")
+    if console.measure(table, options=console.options.update(max_width=1000)).maximum > console.width:
+        table = _table(system, found, "=")  # narrower by what is not needed
+    _print_whole(table, console)
+    for term, meaning in LEGEND:
+        console.print(Padding(Text.assemble((term, "italic"), f": {meaning}"), (0, 0, 0, 1)))
+    if not found.table["stated"].to_numpy().all():
+        said = "~: not stated but estimated; what is in noises rests on it."
+        console.print(Padding(Text(said), (0, 0, 0, 1)))
+
+
+def _table(system: AbstractSystem, found: Gap, equals: str) -> Table:
+    """Return the gap of each channel: from fitted and measured starts, and what the noise alone would make of it."""
     horizons = list(dict.fromkeys(found.table["horizon"]))
     table = Table(
         title="RMS = in noises", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False,
@@ -123,15 +136,11 @@ def _print(system: AbstractSystem, found: Gap, console: Console) -> None:
             if alone:
                 cells = [_noises(row["noises_expected"]) for row in rows]
             else:
-                cells = [f"{number(row['rms'] * factor)} = {_noises(row['noises'])}" for row in rows]
+                cells = [f"{number(row['rms'] * factor)}{equals}{_noises(row['noises'])}" for row in rows]
             noise = f"{mark}{number(rows[0]['noise'] * factor)}"
             last = c == len(system.channels) - 1
             table.add_row(Text(f" {channel.name}, {unit}"), noise, *cells, end_section=last)
-    _print_whole(table, console)
-    for term, meaning in LEGEND:
-        console.print(Padding(Text.assemble((term, "italic"), f": {meaning}"), (0, 0, 0, 1)))
-    if not found.table["stated"].to_numpy().all():
-        console.print(Padding(Text("~: not stated but estimated; what is in noises rests on it."), (0, 0, 0, 1)))
+    return table
 
 
 def _noises(value: float) -> str:

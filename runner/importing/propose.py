@@ -19,11 +19,12 @@ from runner.importing.guess.clock import ClockGuess, clock_times, even_rate_hz, 
 from runner.importing.guess.counter import guess_episodes
 from runner.importing.guess.elements import Element, elements_of, match
 from runner.importing.guess.poses import Pose, guess_frame, guess_poses
-from runner.importing.guess.unit import guess_unit
+from runner.importing.guess.unit import UnitGuess, guess_unit, unit_by_name, unit_by_slope
 from runner.importing.map_file import ALL, COLUMN, NEAREST, TAKEN, TO_FILL
 from runner.importing.plausible import coarse_step
 from runner.importing.signals import Log, Part, Signal
-from runner.importing.units import allowed
+from runner.importing.units import UNITS, allowed
+from runner.numerics.arrays import FloatArray
 from runner.recording import Form, Nominal
 from runner.recording.table import REQUIRED
 
@@ -74,10 +75,11 @@ def propose(log: Log, model: mujoco.MjModel, *, rate_hz: float | None = None) ->
     elements = elements_of(model)
     clock = guess_clock(part)
     found = match(list(part.signals.values()), elements, besides=clock.names)
+    times = clock_times(part, clock)
     for element, signal, why in found.pairs:
-        _add(draft, element, signal, why, log)
+        _add(draft, element, signal, why, log, _by_slope(draft, part, element, signal, times))
     draft.notes += found.notes
-    poses, up = guess_frame(part, guess_poses(part, model), model, clock_times(part, clock))
+    poses, up = guess_frame(part, guess_poses(part, model), model, times)
     for pose in poses:
         _add_pose(draft, pose, part, up.axis)
     _lacking(draft, elements)
@@ -140,11 +142,28 @@ def _finished(draft: _Draft, log: Log, clock: ClockGuess, head: dict[str, object
     return Proposal(_text(draft, above | {"episodes": episodes} | head), draft.table, draft.missing, draft.notes)
 
 
-def _add(draft: _Draft, element: Element, signal: Signal, why: str, log: Log) -> None:
+def _by_slope(
+    draft: _Draft, part: Part, element: Element, signal: Signal, times_s: FloatArray | None
+) -> UnitGuess | None:
+    """Return the unit of a velocity by the slope of the position of its joint, which stands in the draft already."""
+    if element.kind != "joint" or element.quantity != "velocity" or times_s is None:
+        return None
+    same = {"joint": element.target, "quantity": "position"}
+    position = next((c for c in draft.channels.values() if same.items() <= c.items()), None)
+    size = None if position is None else UNITS[element.si_unit.removesuffix("/s")].get(position.get("unit", ""))
+    values = None if position is None else part.signals[position["signal"]].values
+    if size is None or values is None or not len(values) == len(signal) == len(times_s):
+        return None
+    return unit_by_slope(times_s, values * size, signal.values, element.si_unit)
+
+
+def _add(
+    draft: _Draft, element: Element, signal: Signal, why: str, log: Log, by_slope: UnitGuess | None = None
+) -> None:
     """Add a command or a channel of one number."""
     group = draft.commands if element.is_command else draft.channels
     column = _free(element.column, {*draft.commands, *draft.channels})
-    unit = guess_unit(signal, element, log)
+    unit = unit_by_name(signal.name, element.si_unit) or by_slope or guess_unit(signal, element, log)
     entry: dict = {"signal": signal.name, **element.keys}
     if unit.name is not None:
         entry["unit"] = unit.name

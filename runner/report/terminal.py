@@ -44,19 +44,22 @@ def ranking(diagnosis: Diagnosis) -> Table:
     table.add_column("probability", justify="right")
     table.add_column("how much", overflow="fold")
     table.add_column("gap closed", justify="right")
-    table.add_column("can't be told from", overflow="fold")
     said = state(diagnosis)
-    for ranked in said.order[:SHOWN]:
+    shown = said.order[:SHOWN]
+    twins = any(words.equals(ranked) for ranked in shown)
+    if twins:  # an empty column would fold the others
+        table.add_column("can't be told from", overflow="fold")
+    for ranked in shown:
         closed = said.closed_by(ranked)
         table.add_row(
             words.title(ranked.effects or (NONE,)),
             probability(ranked.probability),
             "\n".join(words.amounts(diagnosis.system, ranked)),
             "" if closed is None else percent(closed),
-            ", ".join(words.title(e) for e in words.equals(ranked)),
+            *([", ".join(words.title(e) for e in words.equals(ranked))] if twins else []),
         )
     if rest := said.order[SHOWN:]:
-        table.add_row(f"{len(rest)} others", probability(sum(r.probability for r in rest)), "", "", "", style="dim")
+        table.add_row(f"{len(rest)} others", probability(sum(r.probability for r in rest)), style="dim")
     return table
 
 

@@ -72,7 +72,8 @@ def column_of(name: str) -> str | None:
         words |= set(compact.groups()) if compact else {word}
     words -= {w for w in words if any(spelled(w) in units for units in UNITS.values()) and w not in BODY_AXES}
     placed = bool(words & (PLACE | PUSH | STRONG)) and (family == "m" or (family is None and not words & STRONG))
-    if placed and (words & PLACE or family == "m"):
+    own_axes = family == "m" and bool(words) and words <= {"u", "v"}  # lengths along axes that are not the world's
+    if own_axes or (placed and (words & PLACE or family == "m")):
         return _axis("p", words, BODY_AXES)
     if family == "N" or (family is None and words & (STRONG | PUSH)):
         return _axis("f", words - {"v"}, BODY_AXES)

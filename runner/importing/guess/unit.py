@@ -11,12 +11,16 @@ from runner.importing.guess.elements import Element
 from runner.importing.map_file import TO_FILL
 from runner.importing.signals import Log, Signal
 from runner.importing.units import allowed, spelled
+from runner.numerics.arrays import FloatArray
 
 SLACK = 0.1  # widths of the range
 COARSE = ("ticks", "tick", "counts", "count", "steps", "raw")
 COMMON = {"rad": ("rad", "deg"), "m": ("m", "mm"), "N m": ("N m",), "N": ("N",)}  # tried in this order
 MUCH_RAD = 20.0  # a hinge without a range that goes further is in degrees, or turns round and round
 MUCH_M = 10.0
+REACH = 5  # samples to either side, over which a slope is told
+EVENLY = 0.1  # of a span: where a clock leaps there is no slope
+ALIKE, NEAR = 0.9, 0.2  # correlation of velocity and slope; how far off a unit may be: deg/s and rpm differ by 6
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,34 @@ def guess_unit(signal: Signal, element: Element, log: Log) -> UnitGuess:
     if not element.si_unit:
         return UnitGuess(None, f"{goes}, taken as it is: the model does not tell its unit")
     return UnitGuess(element.si_unit, f"{goes}, assumed")
+
+
+def unit_by_slope(times_s: FloatArray, position_si: FloatArray, values: FloatArray, si_unit: str) -> UnitGuess | None:
+    """Return the unit in which a velocity is the slope of its position, or None where it is in none.
+
+    Args:
+        times_s: (T,), s.
+        position_si: (T,), NaN where not measured.
+        values: The velocity in its unit, (T,).
+        si_unit: Of velocities.
+    """
+    if len(times_s) <= 2 * REACH:
+        return None
+    span = times_s[2 * REACH :] - times_s[: -2 * REACH]
+    usual = float(np.nanmedian(span))
+    kernel = np.full(2 * REACH + 1, 1 / (2 * REACH + 1))  # as smooth as the slope
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = (position_si[2 * REACH :] - position_si[: -2 * REACH]) / span
+        rate = np.convolve(values, kernel, "valid")
+    kept = np.isfinite(slope) & np.isfinite(rate) & (np.abs(span - usual) < EVENLY * usual)
+    slope, rate = slope[kept], rate[kept]
+    power = float(np.sum(slope**2) * np.sum(rate**2)) ** 0.5
+    if power == 0 or abs(float(slope @ rate)) < ALIKE * power:
+        return None
+    ratio = abs(float(slope @ rate)) / float(rate @ rate)  # SI units in one of the signal's
+    name = min(allowed(si_unit), key=lambda n: abs(np.log(allowed(si_unit)[n] / ratio)))
+    near = abs(np.log(allowed(si_unit)[name] / ratio)) < np.log(1 + NEAR)
+    return UnitGuess(name, "unit by the slope of its position") if near else None
 
 
 def unit_by_name(name: str, si_unit: str) -> UnitGuess | None:
