@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+import platform
 
+import mujoco
 import pytest
 
-from runner.physics.engine_memory import offset_of
+from runner.physics.engine_memory import DATA_BYTES, MODEL_BYTES, offset_of
 
 
 def test_a_field_is_found_by_its_value() -> None:
@@ -18,3 +20,14 @@ def test_a_field_is_found_by_its_value() -> None:
     assert offset_of(ctypes.addressof(whole), 33, size=24) == 16
     with pytest.raises(RuntimeError, match=r"pin mujoco==3\.17\.0"):
         offset_of(address, 9.5, size=32)
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="asks the allocator of glibc")
+def test_nothing_beyond_a_struct_is_searched() -> None:
+    """What is allocated for a struct is what is looked at: beyond it an address may stand that is of no field."""
+    size_of = ctypes.CDLL(None).malloc_usable_size
+    size_of.argtypes, size_of.restype = [ctypes.c_void_p], ctypes.c_size_t
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    data = mujoco.MjData(model)
+    assert size_of(model._address) == MODEL_BYTES
+    assert size_of(data._address) == DATA_BYTES

@@ -19,7 +19,9 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 BIG = 1 << 30  # the length of arrays whose length does not matter
-MODEL_BYTES, DATA_BYTES = 10_000, 170_000  # how far the structs reach at least
+# Sizes of the structs, as they are allocated by the pinned MuJoCo: what lies beyond is others' memory, where the address of
+# an array may stand too (numpy's own record of it).
+MODEL_BYTES, DATA_BYTES = 5_736, 162_120
 
 
 def load_engine() -> None:
@@ -50,7 +52,7 @@ def offset_of(address: int, wanted: int | float, size: int = 400_000) -> int:
 
 
 def offset_of_array(address: int, array: np.ndarray, size: int) -> int:
-    """Return where a struct points to an array, of (near) `size` bytes.
+    """Return where a struct of `size` bytes points to an array.
 
     That is the last of equal pointers: arrays that are empty, which stand before, point to where the next one begins.
     """
