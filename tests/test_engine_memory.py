@@ -24,10 +24,10 @@ def test_a_field_is_found_by_its_value() -> None:
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="asks the allocator of glibc")
 def test_nothing_beyond_a_struct_is_searched() -> None:
-    """What is allocated for a struct is what is looked at: beyond it an address may stand that is of no field."""
+    """What is looked at was allocated for the struct: beyond it an address may stand that is of no field."""
     size_of = ctypes.CDLL(None).malloc_usable_size
     size_of.argtypes, size_of.restype = [ctypes.c_void_p], ctypes.c_size_t
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
     data = mujoco.MjData(model)
-    assert size_of(model._address) == MODEL_BYTES
-    assert size_of(data._address) == DATA_BYTES
+    assert MODEL_BYTES <= size_of(model._address) < MODEL_BYTES + 1_000
+    assert DATA_BYTES <= size_of(data._address) < DATA_BYTES + 1_000
