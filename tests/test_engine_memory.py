@@ -29,5 +29,5 @@ def test_nothing_beyond_a_struct_is_searched() -> None:
     size_of.argtypes, size_of.restype = [ctypes.c_void_p], ctypes.c_size_t
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
     data = mujoco.MjData(model)
-    assert MODEL_BYTES <= size_of(model._address) < MODEL_BYTES + 1_000
-    assert DATA_BYTES <= size_of(data._address) < DATA_BYTES + 1_000
+    assert MODEL_BYTES <= size_of(model._address) < MODEL_BYTES + 100
+    assert DATA_BYTES <= size_of(data._address) < DATA_BYTES + 100

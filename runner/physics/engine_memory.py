@@ -19,9 +19,9 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 BIG = 1 << 30  # the length of arrays whose length does not matter
-# How far the structs of the pinned MuJoCo reach, to the end of their last array: what lies beyond is others' memory, where
-# the address of an array may stand too (numpy's own record of it).
-MODEL_BYTES, DATA_BYTES = 5_672, 161_472
+# Sizes of the structs of the pinned MuJoCo, as they are allocated at least: beyond lies others' memory, where the address
+# of an array may stand too (numpy's own record of it).
+MODEL_BYTES, DATA_BYTES = 5_704, 162_120
 
 
 def load_engine() -> None:

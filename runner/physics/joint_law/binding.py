@@ -147,7 +147,7 @@ def _measure() -> JointLawOffsets:
 
 def _of_ints(address: int, wanted: tuple[int, ...]) -> int:
     """Return where a struct holds these 32-bit ints in a row."""
-    size = 100_000
+    size = DATA_BYTES // ctypes.sizeof(ctypes.c_int32)
     raw = np.ctypeslib.as_array((ctypes.c_int32 * size).from_address(address))
     hits = np.flatnonzero(np.all([raw[i : size - len(wanted) + i] == w for i, w in enumerate(wanted)], axis=0))
     if len(hits) != 1:
