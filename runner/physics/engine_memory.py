@@ -19,8 +19,8 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 BIG = 1 << 30  # the length of arrays whose length does not matter
-# Sizes of the structs of the pinned MuJoCo, as they are allocated at least: beyond lies others' memory, where the address
-# of an array may stand too (numpy's own record of it).
+# Sizes of the structs of the pinned MuJoCo, as they are allocated at least: beyond lies others' memory, where
+# the address of an array may stand too (numpy's own record of it).
 MODEL_BYTES, DATA_BYTES = 5_704, 162_120
 
 
