@@ -27,7 +27,7 @@ PINNED := --quiet --constraint constraints.txt
 install = { $(BIN)/uv pip install --python $(BIN)/python $(PINNED) $(1) 2>/dev/null || \
 	$(BIN)/pip install --no-compile $(PINNED) $(1); }
 
-.PHONY: run test check compiled golden fuzz faults soak venv reference site wheel clean
+.PHONY: run test slow check compiled golden fuzz faults soak venv reference site wheel clean
 
 run: $(STAMP)  ## The published experiment; other commands: make run ARGS="gap examples/..."
 	@$(BIN)/python -m runner $(ARGS)
@@ -35,6 +35,9 @@ run: $(STAMP)  ## The published experiment; other commands: make run ARGS="gap e
 test: $(FULL)  ## Style, types, tests
 	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target check compiled
 	@$(ONE_BLAS_THREAD) $(BIN)/python -m pytest --numprocesses auto --dist worksteal $(ARGS)
+
+slow: $(FULL)  ## Tests that take too long for every change: before a release
+	@$(ONE_BLAS_THREAD) $(BIN)/python -m pytest --numprocesses auto --dist worksteal -m slow $(ARGS)
 
 check: $(FULL)
 	@$(BIN)/ruff check .

@@ -94,6 +94,7 @@ def test_what_is_written_is_read_back() -> None:
     np.testing.assert_allclose(inertial_in(model, model.body(REMOTE).id).values, body.values, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_ten_parameters_from_a_hanging_object() -> None:
     """From half the mass and a centred uniform box: exact without noise, and within the stated errors with it."""
     remote = PokeSimulator(SCENE, compound_mjcf(SCENE, 0.8, HALF, PARTS), HUNG, duration_s=0.4, lead_s=0, rate_hz=60)

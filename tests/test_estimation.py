@@ -97,6 +97,7 @@ def test_without_noise_starts_a_factor_of_two_off_end_exactly() -> None:
     assert np.abs(errors(belief.x, given.true_x)).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_with_noise_errors_are_those_of_the_bound() -> None:
     """Over 24 seeds the error is the Cramer-Rao bound's, within what 24 seeds can tell (chi-squared, 1e-4), intervals
     hold the truth, and the covariance is that of the bound."""

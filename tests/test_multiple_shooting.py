@@ -88,6 +88,7 @@ def test_measured_parts_keep_what_hangs() -> None:
     assert white[:60].all()
 
 
+@pytest.mark.slow
 def test_a_look_at_pieces_finds_what_acts_late() -> None:
     """A slack tether that stiffens far from the start: the nominal model is metres off, and the look comes near it."""
     tether = fx.Tether(6.0, 0.3, -0.2, 0.8)
@@ -107,6 +108,7 @@ def test_a_look_at_pieces_finds_what_acts_late() -> None:
     assert (Candidate(fx.Inertia),) in seen.beginning.ruled_out
 
 
+@pytest.mark.slow
 def test_what_does_not_show_in_pieces_is_sought_on_the_way_to_the_whole() -> None:
     """A Stribeck effect that was found without the inertia beside it goes astray in longer parts, and not with it."""
     recording = pushed(random_pushes(5, 7.0), [(fx.Stribeck(-0.3, 0.3), fx.Inertia(0.95))] * 5)

@@ -90,6 +90,7 @@ def test_chunks_of_one_give_the_same(whole: Path, tmp_path: Path) -> None:
     assert_same(tmp_path / "s", whole)
 
 
+@pytest.mark.slow
 def test_two_processes_give_the_same(whole: Path, tmp_path: Path) -> None:
     """The joblib launcher, two processes, five tasks."""
     done = runner("-m", *SETTINGS, "out=s", "chunk=2", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2", cwd=tmp_path)
@@ -98,6 +99,7 @@ def test_two_processes_give_the_same(whole: Path, tmp_path: Path) -> None:
 
 
 @needs("submitit")
+@pytest.mark.slow
 def test_submitit_gives_the_same(whole: Path, tmp_path: Path) -> None:
     """The launcher for Slurm, with its executor for this machine."""
     done = runner("-m", *SETTINGS, "out=s", "chunk=5", "hydra/launcher=submitit_local", cwd=tmp_path)
@@ -146,6 +148,7 @@ def _wait_for(log: Path, text: str, process: subprocess.Popen[bytes], patience_s
 
 
 @needs("ray")
+@pytest.mark.slow
 def test_ray_on_two_nodes_gives_the_same(whole: Path, tmp_path: Path, cluster: str) -> None:
     """A head and a worker, each with one core; tasks go to both."""
     seen = subprocess.run(

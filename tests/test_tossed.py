@@ -192,6 +192,7 @@ def test_a_tilted_frame_is_a_tilted_world():
     assert normal == pytest.approx(-model.opt.gravity / G)
 
 
+@pytest.mark.slow
 def test_a_wrong_friction_is_named(tmp_path: Path):
     """Four tosses of a box with half of the friction that its owner believes: the cause, and how much."""
     system = open_case(toss_case(tmp_path, world(friction=0.2), tosses=4, length_s=0.5))
