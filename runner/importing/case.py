@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import yaml
 
@@ -15,7 +14,7 @@ from runner.importing.build import Built
 from runner.recording.case import TABLES, read_case
 from runner.recording.model_form import read_model_case
 from runner.recording.model_form_mjcf import referenced_files
-from runner.recording.nominal import FILE
+from runner.recording.nominal import FILE, outline_file
 from runner.storage.writing import write_parquet, write_yaml
 
 MODEL = "model.xml"
@@ -77,7 +76,9 @@ def _make(built: Built, folder: Path, *, model: Path, log: Sequence[Path], map_f
     write_parquet(folder / TABLES[0], built.table)
     write_yaml(folder / FILE, dict(built.plan.nominal))
     if built.plan.mapping is None:
-        _copy_outline(model, built.plan.nominal, folder)
+        outline = outline_file(folder)
+        if outline is not None:
+            shutil.copyfile(model.parent / outline.name, outline)
         recording = read_case(folder)
     else:
         copy_model(model, folder)
@@ -93,14 +94,6 @@ def _make(built: Built, folder: Path, *, model: Path, log: Sequence[Path], map_f
         },
     )
     return recording.notes
-
-
-def _copy_outline(model: Path, nominal: Mapping[str, Any], folder: Path) -> None:
-    """Copy the table that the outline of a box is taken from."""
-    outline = nominal.get("outline")
-    if isinstance(outline, str):
-        name = Path(outline.partition("#")[0]).name
-        shutil.copyfile(model.parent / name, folder / name)
 
 
 def _put(made: Path, out: Path) -> None:

@@ -101,7 +101,7 @@ def are_confounded(a: Fit, b: Fit) -> bool:
 
     def plain(fit: Fit) -> list[tuple[str, str]]:
         return sorted(
-            (min((c.effect.name, *(o.name for o in c.effect.confounded))), c.target or "" if not c.targets else "")
+            (min((c.effect.name, *(o.name for o in c.effect.confounded))), "" if c.targets else c.target or "")
             for c in fit.explanation.candidates
         )
 

@@ -276,7 +276,7 @@ def further(there: Fit, before: Fit, fitter: Fitter, gap: float) -> float:
 def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nominal: Fit | None) -> Fit:
     """Return a contender at its parameters with the start states of other episodes fitted."""
     explanation, x = contender.fit.explanation, contender.fit.x
-    held = replace(fitter, held=explanation.make(x, fitter.context))
+    held = _holding(contender, fitter)
     best = held.fit(NONE, held_out, near=nominal)
     # where the body spins fast, a descent of the start states may end in a local minimum: from two sides, save where
     # nothing is left to be gained, or stretches are so short that their ends answer to their starts in proportion
@@ -294,6 +294,11 @@ def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nomina
     return fitter.fit(explanation, held_out, x=x, starts=starts, iterations=0)
 
 
+def _holding(contender: Contender, fitter: Fitter) -> Fitter:
+    """Return a fitter of start states alone: with a contender's effects at its parameters in the model."""
+    return replace(fitter, held=contender.fit.explanation.make(contender.fit.x, fitter.context))
+
+
 def _unstuck(leaders: Sequence[Contender], there: Mapping[int, Fit], fitter: Fitter) -> dict[int, Fit]:
     """Return unseen episodes, by the identity of each leader's fit, with starts sought anew where others leave less.
 
@@ -308,7 +313,7 @@ def _unstuck(leaders: Sequence[Contender], there: Mapping[int, Fit], fitter: Fit
             for k, e in enumerate(fit.episodes)
             if fit.loss[k] > least[k] + STUCK and fitter.measured.excess(float(fit.loss[k]), [e]) < RESTS
         ]
-        held = replace(fitter, held=c.fit.explanation.make(c.fit.x, fitter.context))
+        held = _holding(c, fitter)
         found = {k: held.fit(NONE, [fit.episodes[k]]) for k in behind}
         better = {k: f.starts[0] for k, f in found.items() if f.total < fit.loss[k]}
         if better:
@@ -333,6 +338,5 @@ def _grown_start(held: Fitter, episode: int, start: np.ndarray) -> np.ndarray:
 
 def start_states(contender: Contender, fitter: Fitter, episodes: Sequence[int]) -> dict[int, np.ndarray]:
     """Return start states (S,), by which nothing is chosen, of stretches, with a contender at its parameters."""
-    held = replace(fitter, held=contender.fit.explanation.make(contender.fit.x, fitter.context))
-    fit = held.fit(NONE, episodes, iterations=ROUGHLY, polish=False)
+    fit = _holding(contender, fitter).fit(NONE, episodes, iterations=ROUGHLY, polish=False)
     return dict(zip(fit.episodes, fit.starts, strict=True))

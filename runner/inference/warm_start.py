@@ -47,8 +47,9 @@ def where_to_begin(
     """Return where to begin a fit: from what is near, or from the seed where that leaves less."""
     if seed is None:
         new = explanation.candidates[-1]
-        if len(new.scan(fitter.context)):
-            return {"x": _scanned(fitter, explanation, x, near), "near": near}
+        sizes = new.scan(fitter.context)
+        if len(sizes):
+            return {"x": _scanned(fitter, explanation, x, near, sizes), "near": near}
         if len(new.starts(fitter.context)):
             # the amplitude that a linear model promises may overshoot; none of it is the fit that is near
             amplitude = len(x) - len(new.parameters(fitter.context))
@@ -62,14 +63,16 @@ def where_to_begin(
     return {"x": seeded, "starts": seed.starts} if by[1] < by[0] else {"x": x, "near": near}
 
 
-def _scanned(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit) -> np.ndarray:
-    """Return the parameters with the size of the last effect that leaves least at the start states of a fit nearby."""
+def _scanned(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit, sizes: np.ndarray) -> np.ndarray:
+    """Return the parameters with the size of the last effect that leaves least at the start states of a fit nearby.
+
+    Of some sizes (K,), ascending, and of finer ones about the best of them.
+    """
     place = _size_of_last(explanation, fitter)
 
     def left(size: float) -> float:
         return fitter.loss(explanation, _with(x, place, size), near.starts, near.episodes)
 
-    sizes = explanation.candidates[-1].scan(fitter.context)
     i = int(np.argmin([left(s) for s in sizes]))
     finer = np.linspace(sizes[max(i - 1, 0)], sizes[min(i + 1, len(sizes) - 1)], FINER)
     return _with(x, place, min((x[place], *finer), key=left))

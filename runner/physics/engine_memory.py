@@ -30,7 +30,7 @@ def load_engine() -> None:
     llvmlite.binding.load_library_permanently(str(next(folder.glob("libmujoco*.so*"), folder / "mujoco.dll")))
 
 
-def offset_of(address: int, wanted: int | float, size: int = 400_000) -> int:
+def offset_of(address: int, wanted: int | float, size: int = DATA_BYTES) -> int:
     """Return the byte offset of a struct's field from a value that nothing else there has.
 
     Args:

@@ -15,7 +15,7 @@ from runner.effects.wording import Values, number
 from runner.errors import check_range
 
 # Of the largest force that is asked for: limits that a fit may begin at, and those that are looked at before it.
-SHOWN, LOOKED_AT = np.array([0.9, 0.7, 0.4]), np.geomspace(0.15, 0.98, 20)
+SHOWN, LOOKED_AT = np.array([0.9, 0.7, 0.4]), np.geomspace(0.98, 0.15, 20)
 
 
 @effect
@@ -85,9 +85,9 @@ def _believed(model: mujoco.MjModel, actuator: str | None) -> float | None:
 
 
 def _shares(scope: Scope, parts_of_largest: np.ndarray) -> np.ndarray:
-    """Return which shares are cut off where the limit is such parts of the largest force, ascending."""
+    """Return which shares are cut off where the limit is such parts, descending, of the largest force."""
     reached = min(_largest(scope) / _full(scope), 1.0)
-    return np.minimum(1.0 - np.sort(parts_of_largest)[::-1] * reached, 0.97)
+    return np.minimum(1.0 - parts_of_largest * reached, 0.97)
 
 
 def _largest(scope: Scope) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from runner.effects.base import Parameter, Phrase, Vector
 from runner.effects.mechanism import parts
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
-from runner.effects.mechanism.drive import UNKNOWN_ARMATURE, add_drive, couple, fit_to_step, natural_rad_s, settle
+from runner.effects.mechanism.drive import add_drive, couple, drive_armature, fit_to_step, natural_rad_s, settle
 from runner.effects.wording import Values
 from runner.errors import check_range
 
@@ -92,10 +92,9 @@ class Compliance(MechanismEffect):
         The valley about the true value is as wide as the resonance: twice its damping ratio, in frequency.
         """
         model, softest = context.model, SOFTEST * cls.parameters(context)[0].scale
-        joint = parts.dof_of(model, context.target)
-        armature, whole = float(model.dof_armature[joint]), float(model.dof_M0[joint])
-        drive = armature or UNKNOWN_ARMATURE * whole
-        inertia = drive * max(whole - armature, 0.0) / whole
+        dof = parts.dof_of(model, context.target)
+        armature, whole = float(model.dof_armature[dof]), float(model.dof_M0[dof])
+        inertia = drive_armature(model, dof) * max(whole - armature, 0.0) / whole  # of link against drive
         stiffest = inertia * (math.pi / context.step_s) ** 2
         count = math.log(max(stiffest * softest, 1.0)) / (2.0 * math.log1p(2.0 * DAMPING_RATIO))
         return softest * (1.0 + 2.0 * DAMPING_RATIO) ** (-2.0 * np.arange(math.ceil(count), -1, -1))

@@ -44,7 +44,7 @@ def add_drive(spec: mujoco.MjSpec, joint: str, friction_share: float) -> None:
     link = spec.joint(joint)
     number = model.joint(joint).id
     dof, body = int(model.jnt_dofadr[number]), int(model.jnt_bodyid[number])
-    armature = float(model.dof_armature[dof]) or UNKNOWN_ARMATURE * float(model.dof_M0[dof])
+    armature = drive_armature(model, dof)
 
     carrier = link.parent.parent.add_body(
         name=joint + DRIVE,
@@ -87,6 +87,11 @@ def add_drive(spec: mujoco.MjSpec, joint: str, friction_share: float) -> None:
     tendon = spec.add_tendon(name=joint + COUPLING)
     tendon.wrap_joint(joint, 1.0)
     tendon.wrap_joint(joint + DRIVE, -1.0)
+
+
+def drive_armature(model: mujoco.MjModel, dof: int) -> float:
+    """Return the armature that a drive is given which is put behind a joint, kg m² or kg."""
+    return float(model.dof_armature[dof]) or UNKNOWN_ARMATURE * float(model.dof_M0[dof])
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runner.importing.guess.clock import ClockGuess, clock_times
 from runner.importing.signals import Integers, Log, Signal
@@ -49,7 +50,12 @@ def _edges(times: FloatArray | None) -> Integers:
         return np.empty(0, dtype=np.int64)
     steps = np.diff(times)
     usual = float(np.nanmedian(steps))
-    return np.flatnonzero((steps < -usual) | (steps > max(GAP_STEPS * usual, GAP_S))) + 1
+    return np.flatnonzero((steps < -usual) | _leaps(steps, usual)) + 1
+
+
+def _leaps(steps: FloatArray, usual: float) -> NDArray[np.bool_]:
+    """Return which steps of a clock are so long that another run has begun."""
+    return steps > max(GAP_STEPS * usual, GAP_S)
 
 
 def _steps(signal: Signal) -> Integers:
@@ -85,7 +91,7 @@ def _by_clock(times: FloatArray | None) -> tuple[dict[str, object], str]:
         return {"by": "part"}, ""
     steps = np.diff(times[np.isfinite(times)])
     usual = float(np.median(steps)) if len(steps) else 0.0
-    gaps = steps[steps > max(GAP_STEPS * usual, GAP_S)]
+    gaps = steps[_leaps(steps, usual)]
     found: dict[str, object] = {"by": "part"}
     if (steps < -usual).any() and usual > 0:
         found = {"by": "restart"}

@@ -12,6 +12,7 @@ import numpy as np
 from runner.importing.entries import Z_UP_AXIS
 from runner.importing.guess.fall import Fall, falls
 from runner.importing.guess.names import contains, own_words, words_of
+from runner.importing.guess.unit import MUCH_M
 from runner.importing.map_file import TO_FILL
 from runner.importing.signals import Part
 from runner.importing.units import UNITS
@@ -25,7 +26,6 @@ PLACES = frozenset(
 TURNS = frozenset(["orientation", "rotation", "quaternion", "quat"])
 IDENTITY = 0.95  # of the scalar of a quaternion that is hardly turned
 FREE = int(mujoco.mjtJoint.mjJNT_FREE)
-MUCH_M = 10.0  # positions beyond it are hardly in m
 NEARER, APART_M = 0.3, 0.05  # y points up where that puts a body so much nearer to where the model has it
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from runner.effects.mechanism import EFFECTS, MechanismEffect, Scope, SensorLag, SensorOffset, SensorScale, contacts
 from runner.effects.vocabulary import Candidate, Vocabulary
@@ -108,24 +109,31 @@ def _motion(
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     data = mujoco.MjData(model)
     speeds, places, forces = [], [], []
-    for e, episode in enumerate(recording.episodes):
-        first = np.arange(0, len(episode), every)
-        x = initial.guess_windows(signals, Windows(np.full(len(first), e), first, 1), smooth=True)
-        rates = x[:, coordinates.nv :]
-        places.append(x[:, : coordinates.nv])
+    for episode, first, place, rates in _states(recording, initial, signals, every):
+        places.append(place)
         speeds.append(rates)
         if len(first) < 2:
             continue
         accelerations = np.gradient(rates, episode.t_s[first], axis=0)
-        for position, rate, acceleration in zip(places[-1], rates, accelerations, strict=True):
+        for position, rate, acceleration in zip(place, rates, accelerations, strict=True):
             data.qpos[:] = coordinates.moved(models.qpos0, position)
             data.qvel[:], data.qacc[:] = rate, acceleration
             mujoco.mj_inverse(model, data)
             forces.append(np.array(data.qfrc_inverse))
-    place = np.concatenate(places)
-    reach = 0.5 * (np.quantile(place, 0.99, axis=0) - np.quantile(place, 0.01, axis=0))
+    visited = np.concatenate(places)
+    reach = 0.5 * (np.quantile(visited, 0.99, axis=0) - np.quantile(visited, 0.01, axis=0))
     force = np.array(forces) if forces else np.zeros((1, coordinates.nv))
     return _rms(np.concatenate(speeds)), reach, _rms(force)
+
+
+def _states(
+    recording: MechanismRecording, initial: MechanismStart, signals: RawSignals, every: int
+) -> Iterator[tuple[MechanismEpisode, NDArray[np.int64], FloatArray, FloatArray]]:
+    """Yield each episode with every so many of its samples, (n,), and positions and rates there, (n, nv) each."""
+    for e, episode in enumerate(recording.episodes):
+        first = np.arange(0, len(episode), every)
+        x = initial.guess_windows(signals, Windows(np.full(len(first), e), first, 1), smooth=True)
+        yield episode, first, x[:, : initial.coordinates.nv], x[:, initial.coordinates.nv :]
 
 
 def _demand(
@@ -141,10 +149,7 @@ def _demand(
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     data, numbers = mujoco.MjData(model), [model.actuator(name).id for name in targets]
     largest = np.zeros(len(targets))
-    for e, episode in enumerate(recording.episodes):
-        first = np.arange(0, len(episode), every)
-        states = initial.guess_windows(signals, Windows(np.full(len(first), e), first, 1), smooth=True)
-        position, rate = np.split(states, [initial.coordinates.nv], axis=1)
+    for episode, first, position, rate in _states(recording, initial, signals, every):
         for q, v, command in zip(position, rate, episode.commands[first], strict=True):
             data.qpos[:], data.qvel[:] = initial.coordinates.moved(models.qpos0, q), v
             data.ctrl[numbers] = command

@@ -70,7 +70,7 @@ class PlanarBox(AbstractSystem):
     dates_disturbances = False  # a box is touched by all that pushes it: its commands are that
     errors_overdisperse = False  # the odds of boxes were calibrated without
     worth_another = 0.5
-    # so much tells what there is to tell; a search costs as many simulations as it is long, an hour's took many hours
+    # so much tells what there is to tell, and the time that a search takes grows with it
     searched_s = 120.0
     cut_from = float("inf")
     plan_view = (0, 1)
