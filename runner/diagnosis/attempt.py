@@ -20,6 +20,7 @@ from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.multiple_shooting import look, recut
 from runner.inference.outside import with_outside
 from runner.inference.search import RESTED, Beginning, Search, resumed, search
+from runner.inference.solver_choice import better_solved
 from runner.noise.measured import materially_different, measure, refine, without_outliers
 from runner.numerics.arrays import spread_over
 from runner.progress import UNOBSERVED, ProgressObserver
@@ -92,7 +93,13 @@ def attempt(
 ) -> Attempt:
     """Search for the explanation of some episodes and hold what was found against the others."""
     first = _first_look(system, simulator, fitted, observer)
+    if other := better_solved(first.fitter, first.nominal):
+        first = _solved_otherwise(first, other, fitted, observer)
     fitter, found = _explained(first, held_out)
+    if found.best.fit.explanation.candidates and (other := better_solved(fitter, found.best.fit)):
+        first = _solved_otherwise(first, other, fitted, observer)
+        fitter, found = _explained(first, held_out)
+    simulator = fitter.system.simulator()
     observer.stage("checking on the episodes left out")
     found, checked = with_outside(found, fitter), _to_search(fitter, held_out, 1.0)
     fitter = _without_outliers(fitter, found, checked)
@@ -160,6 +167,15 @@ def _first_look(
     fitter = root.stretched(spans)
     fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, IN_PIECES))
     return _FirstLook(fitter, nominal, recut(seen.beginning, fitter, nominal))
+
+
+def _solved_otherwise(
+    before: _FirstLook, system: AbstractSystem, fitted: Sequence[int], observer: ProgressObserver
+) -> _FirstLook:
+    """Look first at the same beliefs solved otherwise; what was simulated in vain counts, too."""
+    simulator = system.simulator()
+    simulator.simulated_s += before.fitter.system.simulator().simulated_s
+    return _first_look(system, simulator, fitted, observer)
 
 
 def _nominal(fitter: Fitter, stretches: Sequence[int]) -> tuple[Fitter, Fit]:

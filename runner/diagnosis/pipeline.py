@@ -50,13 +50,17 @@ def diagnose(
     began = time.perf_counter()
     simulator = system.simulator(threads=threads)
     recording: Recorded = system.recording
+    as_believed = system.solved
     fitted, held_out = split([e.index for e in recording.episodes])
     check_length(system)
     found = attempt(system, simulator, fitted, held_out, observer)
     if turned := unseen_only(found) and len(fitted) > len(held_out):
         fitted, held_out = (*fitted[len(held_out) :], *held_out), fitted[: len(held_out)]
-        found = attempt(system, simulator, fitted, held_out, observer)
+        system = found.fitter.system
+        found = attempt(system, system.simulator(threads=threads), fitted, held_out, observer)
     fitter, confirmed = found.fitter, found.confirmed
+    system = fitter.system
+    simulator = system.simulator(threads=threads)
     searched, before = confirmed.search, confirmed.before
     ranked = ranking(confirmed, found.nominal_excess, fitter)
     # what is named is what is put into the corrected model
@@ -113,6 +117,10 @@ def diagnose(
             stretch_s=found.stretch_s,
             turned=turned,
             astray=[found.stretches[e] for e in confirmed.astray],
-            outside=[*said_of_outside(searched, system), *(d.sentence for d in disturbances)],
+            outside=[
+                *(() if system.solved == as_believed else (f"Simulated with {system.solved}.",)),
+                *said_of_outside(searched, system),
+                *(d.sentence for d in disturbances),
+            ],
         ),
     )

@@ -146,6 +146,15 @@ class AbstractSystem(ABC):
     def simulator(self, *, threads: int | None = None) -> AbstractSimulator:
         """Return the one simulator that everything uses: fits, gaps, figures; `threads` None: one per core."""
 
+    def solved_otherwise(self) -> tuple[AbstractSystem, ...]:
+        """Return the same beliefs with what a solver adds of its own solved in other ways; none by default."""
+        return ()
+
+    @property
+    def solved(self) -> str:
+        """How what may be `solved_otherwise` is solved, in words; empty where nothing is."""
+        return ""
+
     @abstractmethod
     def label(self, signals: Signals, windows: Windows) -> Labels:
         """Return what went on in windows, from commands and measurements alone."""

@@ -5,6 +5,10 @@ positions run half a step ahead, that is second order in time for forces that de
 proportional to a velocity it takes at the end of the step (`implicitfast`), which is first order: the damping D of a
 joint comes out as D (1 - h D / 2 M). Half of the step times D is therefore taken off the joint's armature: then
 (M + h D / 2) (v' - v) = h (f - D v), the trapezoidal rule, which is second order (Crank & Nicolson 1947).
+
+Dry friction. MuJoCo's is a soft constraint: with its default `solreffriction` a joint that should hold creeps, and one
+that turns round passes through a viscous band of about `frictionloss` times 10 ms over the inertia. Its owner hardly
+believes that. With `hard_friction` joints hold as hard as the step allows.
 """
 
 from __future__ import annotations
@@ -30,6 +34,7 @@ OWN = "runner:"  # what is added to a believed model bears names that begin so
 KEPT_COMPILED = 256
 KEPT_MODELS, KEPT_BYTES = 2048, 2e8  # of edited ones, whichever is less: a survey of all effects needs hundreds
 HARD_S = 0.002  # a time constant of dry friction up to that means: none
+HARD_IMPEDANCE = (0.995, 0.999, 0.001, 0.5, 2.0)  # `solimpfriction` of friction that holds: MuJoCo's allow up to 0.9999
 LIGHTEST = 0.4  # at most this share of the inertia is taken off for the trapezoidal rule
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 FRAME_SENSORS = {
@@ -78,10 +83,11 @@ class Models:
     Args:
         recording: The case.
         threads: How many rollouts run side by side.
+        hard_friction: Whether joints' dry friction holds, whatever the MJCF's `solreffriction`.
     """
 
-    def __init__(self, recording: MechanismRecording, threads: int) -> None:
-        self._recording, self.threads = recording, threads
+    def __init__(self, recording: MechanismRecording, threads: int, *, hard_friction: bool = False) -> None:
+        self._recording, self.threads, self.hard_friction = recording, threads, hard_friction
         joint_law.install()
         midpoint.install()
         self._believed = recording.spec()
@@ -151,6 +157,8 @@ class Models:
             model.opt.timestep = step_s
         for effect in mechanical(effects):
             effect.edit_model(model)
+        if self.hard_friction:
+            harden(model)
         mujoco.mj_setConst(model, base.data[0])
         return model
 
@@ -173,6 +181,17 @@ class Models:
             _discretise(model, step_s, self.compiled(effects).data[0], leapfrog=self.leapfrog)
             self._models[key] = model
         return self._models[key]
+
+
+def harden(model: mujoco.MjModel) -> None:
+    """Let what dry friction joints have hold; see the module's docstring."""
+    dry = model.dof_frictionloss > 0
+    model.dof_solref[dry], model.dof_solimp[dry] = (HARD_S, 1.0), HARD_IMPEDANCE
+
+
+def has_soft_friction(model: mujoco.MjModel) -> bool:
+    """Whether dry friction of a joint, if there is any, is so soft that its owner may not have meant it."""
+    return bool((model.dof_solref[:, 0] > HARD_S).any())
 
 
 def mechanical(effects: Effects) -> Sequence[MechanismEffect]:

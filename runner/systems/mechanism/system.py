@@ -25,7 +25,7 @@ from runner.systems.mechanism.flights import flights, measured_freely, rests, si
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.labels import FACTORS, PHRASES, REGIMES, label
 from runner.systems.mechanism.model_file import write_model
-from runner.systems.mechanism.models import Models
+from runner.systems.mechanism.models import Models, has_soft_friction
 from runner.systems.mechanism.proposals import trials, unmeasured
 from runner.systems.mechanism.rests import resting
 from runner.systems.mechanism.scatter import scatter
@@ -47,6 +47,8 @@ OF_IMPACTS = 0.97, 0.2, 8.0  # `worth_another`, `unknown_share`, `searched_s`
 LOOK_S = 6000.0
 STEP = 0.005  # of a body's size, and rad: by so much start states differ where sensitivities are taken
 LEAST_FORCE = 1e-3  # N or N m, of a joint that nothing moved
+HARD = "joints held by dry friction that hold (solreffriction as hard as the step allows)"
+SOFT = "dry friction as soft as the MJCF has it (solreffriction)"
 
 
 class MechanismSystem(AbstractSystem):
@@ -55,6 +57,8 @@ class MechanismSystem(AbstractSystem):
     Args:
         recording: The case.
         step_s: Physics step; None: as long as it does no harm.
+        hard_friction: Whether joints' dry friction holds, whatever the MJCF's `solreffriction`; None: as believed where
+            any is, and hard where there is none, as then nobody believes in a soft one.
     """
 
     regimes = REGIMES
@@ -67,11 +71,15 @@ class MechanismSystem(AbstractSystem):
     recording: MechanismRecording
     initial: MechanismStart
 
-    def __init__(self, recording: MechanismRecording, *, step_s: float | None = None) -> None:
+    def __init__(
+        self, recording: MechanismRecording, *, step_s: float | None = None, hard_friction: bool | None = None
+    ) -> None:
         self.recording = recording
         self.channels = tuple(_channel(s) for s in recording.mapping.sources)
         self.rate_hz = 1.0 / recording.step_s
-        self._models = Models(recording, cores())
+        if hard_friction is None:
+            hard_friction = not any(joint.frictionloss > 0 for joint in recording.spec().joints)
+        self._models = Models(recording, cores(), hard_friction=hard_friction)
         self._raw = raw_signals(recording)
         self.initial = MechanismStart(recording, self._models, self._raw.sigma)
         self.context = self.beliefs = scope_of(recording, self._models, self.initial, self._raw)
@@ -132,6 +140,19 @@ class MechanismSystem(AbstractSystem):
     def owner_states_noise(self) -> NDArray[np.bool_]:
         """See `AbstractSystem`."""
         return np.array([c.name in self.recording.mapping.noise for c in self.channels])
+
+    def solved_otherwise(self) -> tuple[MechanismSystem, ...]:
+        """Return it with dry friction that holds, if it was soft; as the MJCF has it, if it held."""
+        if not has_soft_friction(self._models.compiled(()).model):
+            return ()
+        other = MechanismSystem(self.recording, hard_friction=not self._models.hard_friction)
+        other.simulator(threads=self.simulator().threads)
+        return (other,)
+
+    @property
+    def solved(self) -> str:
+        """See `AbstractSystem`."""
+        return HARD if self._models.hard_friction else SOFT
 
     def rests(self) -> list[tuple[int, slice]]:
         """See `AbstractSystem`."""
@@ -226,7 +247,8 @@ class MechanismSystem(AbstractSystem):
     def with_values(self, values: Sequence[FloatArray]) -> MechanismSystem:
         """Return the same system with other measurements, (T, C) per episode."""
         episodes = tuple(replace(e, values=v) for e, v in zip(self.recording.episodes, values, strict=True))
-        return MechanismSystem(replace(self.recording, episodes=episodes), step_s=self.step_s)
+        recording = replace(self.recording, episodes=episodes)
+        return MechanismSystem(recording, step_s=self.step_s, hard_friction=self._models.hard_friction)
 
 
 class _Unmeasured(MechanismSystem):

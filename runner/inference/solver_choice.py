@@ -1,0 +1,36 @@
+"""Which way of solving the believed model the recording speaks for, where a simulator has more than one.
+
+What a solver adds of its own, such as a joint that creeps where dry friction should hold it, is no property of the
+machine, yet an explanation would be taken for it: an inertia, a delay. So before a search, and once more with what it
+has found, the same explanation is fitted to the same model solved otherwise.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+
+from runner.inference.least_squares import SURVEYS, Fit, Fitter
+from runner.inference.shortlist import WORTH
+from runner.systems.base import AbstractSystem
+
+
+def better_solved(fitter: Fitter, fit: Fit) -> AbstractSystem | None:
+    """Return the system solved so that a fitted explanation leaves less by what an effect would be worth, if any.
+
+    Args:
+        fitter: Of the fit; with another account of the noise perhaps.
+        fit: What was found so far.
+    """
+    left = fitter.loss(fit.explanation, fit.x, fit.starts, fit.episodes)
+    target = left - WORTH * fitter.measured.count(fit.episodes)
+    for system in fitter.system.solved_otherwise():
+        simulator = system.simulator().parts(fitter.measured.spans)
+        other = replace(fitter, system=system, simulator=simulator, surveys=deque(maxlen=SURVEYS))
+        # where the model has nothing that is solved otherwise, neither is it with other parameters
+        if other.loss(fit.explanation, fit.x, fit.starts, fit.episodes) != left:
+            again = other.fit(fit.explanation, fit.episodes, x=fit.x, starts=fit.starts)
+            system.simulator().simulated_s += simulator.simulated_s
+            if again.total < target:
+                return system
+    return None

@@ -1,0 +1,105 @@
+"""Dry friction that MuJoCo's solver softens is no property of a machine: the recording says how it is solved."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from runner.diagnosis.pipeline import diagnose
+from runner.effects.mechanism import JointFriction
+from runner.inference.least_squares import NONE, Fit, Fitter
+from runner.inference.solver_choice import better_solved
+from runner.noise.measured import measure
+from runner.systems.mechanism import MechanismSystem
+from runner.systems.simulator import Run
+from tests.mechanism_cases import joint_channels, system_of, write_case
+
+MASS_KG, DRY_N, NOISE = 2.0, 3.0, {"q_slide": 1e-5, "dq_slide": 1e-3}
+MODEL = f"""<mujoco><option timestep="0.001"/><worldbody><body name="carriage">
+<joint name="slide" type="slide" axis="1 0 0" frictionloss="{DRY_N}"/>
+<inertial pos="0 0 0" mass="{MASS_KG}" diaginertia=".01 .01 .01"/></body></worldbody>
+<actuator><motor name="drive" joint="slide"/></actuator></mujoco>"""
+
+
+def pushed(u: np.ndarray, step_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the motion of a mass with Coulomb's friction, (T,) each: parabolas, between which it turns or stays."""
+    q, v = np.zeros(len(u)), np.zeros(len(u))
+    for k in range(len(u) - 1):
+        at, rate, left = q[k], v[k], step_s
+        while left > 0:
+            way = np.sign(rate) or (np.sign(u[k]) if abs(u[k]) > DRY_N else 0.0)
+            if not way:
+                break
+            a = (u[k] - way * DRY_N) / MASS_KG
+            spent = min(left, -rate / a) if rate * a < 0 else left
+            at, rate = at + rate * spent + 0.5 * a * spent**2, rate + a * spent
+            rate = 0.0 if spent < left else rate
+            left -= spent
+        q[k + 1], v[k + 1] = at, rate
+    return q, v
+
+
+def dry_case(folder: Path) -> MechanismSystem:
+    """Return a mass that truly sticks, as believed; MuJoCo's default friction lets it creep."""
+    rng, episodes = np.random.default_rng(3), []
+    for period_s in (0.31, 0.43, 0.37):
+        t = np.arange(0.0, 1.5, 0.005)
+        u = np.round(5.0 * np.sin(2.0 * np.pi * t / period_s), 2)
+        q, dq = (y + s * rng.normal(size=len(t)) for y, s in zip(pushed(u, 0.005), NOISE.values(), strict=True))
+        episodes.append({"t": t, "u": u, "q_slide": q, "dq_slide": dq})
+    nominal = {"commands": {"u": {"actuator": "drive"}}, "channels": joint_channels(["slide"]), "noise": NOISE}
+    return system_of(write_case(folder / "case", MODEL, episodes, nominal))
+
+
+def fitted(system: MechanismSystem) -> tuple[Fitter, Fit]:
+    fitter = Fitter(system, system.simulator(threads=1), measure(system))
+    return fitter, fitter.fit(NONE, range(len(system.recording.episodes)))
+
+
+def test_a_joint_that_truly_sticks_is_simulated_so(tmp_path: Path) -> None:
+    """By the motion in closed form: nothing is to be named, though the model as written leaves several noises."""
+    system = dry_case(tmp_path)
+    fitter, nominal = fitted(system)
+    assert fitter.measured.excess(nominal.total, nominal.episodes) > 0.5
+    found = diagnose(system, threads=1, advise=False)
+    assert found.ranked[0].effects == ("none",)
+    assert any("solreffriction" in note for note in found.notes)
+
+
+def test_friction_that_was_made_soft_stays_soft(tmp_path: Path) -> None:
+    system = dry_case(tmp_path)
+    rng = np.random.default_rng(1)
+    start = np.zeros(2)
+    soft = [system.simulator(threads=1).predict(e, [Run((), start)])[0] for e in range(len(system.recording.episodes))]
+    values = [v + rng.normal(size=v.shape) * list(NOISE.values()) for v in soft]
+    made = system.with_values(values)
+    assert better_solved(*fitted(made)) is None
+    (hard,) = made.solved_otherwise()
+    again = better_solved(*fitted(hard))
+    assert again is not None
+    assert again.solved == made.solved
+
+
+def test_a_model_that_means_hard_friction_has_no_other_way(tmp_path: Path) -> None:
+    system = dry_case(tmp_path)
+    text = system.recording.model_path.read_text().replace("frictionloss", 'solreffriction="0.001 1" frictionloss')
+    system.recording.model_path.write_text(text)
+    assert MechanismSystem(replace(system.recording)).solved_otherwise() == ()
+
+
+def test_the_corrected_model_holds_as_what_was_simulated_does(tmp_path: Path) -> None:
+    """In plain MuJoCo: under a push below friction a joint of the model as written creeps."""
+    (hard,) = dry_case(tmp_path).solved_otherwise()
+    hard.write_model((JointFriction("slide", 4.0),), tmp_path)
+    crept = []
+    for path in (tmp_path / "model.xml", hard.recording.model_path):
+        model = mujoco.MjModel.from_xml_path(str(path))
+        data = mujoco.MjData(model)
+        data.ctrl[:] = 0.9 * model.dof_frictionloss[0]
+        for _ in range(1000):
+            mujoco.mj_step(model, data)
+        crept.append(abs(float(data.qpos[0])))
+    assert crept[0] < 0.1 * crept[1]
