@@ -36,6 +36,7 @@ KEPT_MODELS, KEPT_BYTES = 2048, 2e8  # of edited ones, whichever is less: a surv
 HARD_S = 0.002  # a time constant of dry friction up to that means: none
 HARD_IMPEDANCE = (0.995, 0.999, 0.001, 0.5, 2.0)  # `solimpfriction` of friction that holds: MuJoCo's allow up to 0.9999
 LIGHTEST = 0.4  # at most this share of the inertia is taken off for the trapezoidal rule
+AXES = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)  # what effects may give dry friction
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 FRAME_SENSORS = {
     "position": mujoco.mjtSensor.mjSENS_FRAMEPOS,
@@ -190,8 +191,10 @@ def harden(model: mujoco.MjModel) -> None:
 
 
 def has_soft_friction(model: mujoco.MjModel) -> bool:
-    """Whether dry friction of a joint, if there is any, is so soft that its owner may not have meant it."""
-    return bool((model.dof_solref[:, 0] > HARD_S).any())
+    """Whether dry friction that a joint has or may have is so soft that its owner may not have meant it."""
+    may_have = np.array(model.dof_frictionloss > 0)
+    may_have[model.jnt_dofadr[np.isin(model.jnt_type, AXES)]] = True
+    return bool((model.dof_solref[may_have, 0] > HARD_S).any())
 
 
 def mechanical(effects: Effects) -> Sequence[MechanismEffect]:

@@ -47,7 +47,7 @@ OF_IMPACTS = 0.97, 0.2, 8.0  # `worth_another`, `unknown_share`, `searched_s`
 LOOK_S = 6000.0
 STEP = 0.005  # of a body's size, and rad: by so much start states differ where sensitivities are taken
 LEAST_FORCE = 1e-3  # N or N m, of a joint that nothing moved
-HARD = "joints held by dry friction that hold (solreffriction as hard as the step allows)"
+HARD = "joints that dry friction truly holds (solreffriction as hard as the step allows)"
 SOFT = "dry friction as soft as the MJCF has it (solreffriction)"
 
 
