@@ -6,6 +6,7 @@ What takes minutes says what it is at: a line that moves in a terminal, and a li
 from __future__ import annotations
 
 import sys
+import textwrap
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
@@ -19,6 +20,9 @@ from rich.text import Text
 T = TypeVar("T")
 PATIENCE_S = 1.0  # a bar for less than this would only flicker
 EVERY_S = 10.0  # between two lines where there is no terminal
+COLUMNS = 80  # as wide as lines are where there is no terminal that says how wide it is
+UNLIKELY = 0.005  # what would be told as 0.00
+NAMED = 2  # effects of a fit that are named; of more there are as many as make no difference to somebody who waits
 Advance = Callable[[int], object]  # told of the steps that were taken since its last call
 
 
@@ -74,15 +78,19 @@ class Spoken:
 
     def fitting(self, effects: Sequence[str]) -> None:
         """Effects are being fitted."""
-        said = f"fitting {' + '.join(effects) or 'the nominal model'}"
+        more = f" + {len(effects) - NAMED} more" if len(effects) > NAMED else ""
+        said = f"fitting {' + '.join(effects[:NAMED]) or 'the nominal model'}{more}"
         if said != self._fitting:
             self._fitting = said
             self._changed()
 
     def best(self, effects: Sequence[str], noises: float, probability: float) -> None:
         """The best so far."""
-        said = " + ".join(effects) or "none"
-        self._best = f"so far best {said} (probability {probability:.2f}, {noises:.3g} noises left)"
+        if effects or probability >= UNLIKELY:
+            said = " + ".join(effects) or "none"
+            self._best = f"so far best {said} (probability {probability:.2f}, {noises:.3g} noises left)"
+        else:
+            self._best = f"so far nothing explains it ({noises:.3g} noises left)"
         self._changed()
 
     def _changed(self) -> None:
@@ -102,20 +110,24 @@ def observed(description: str) -> Iterator[ProgressObserver]:
     def say(line: str) -> None:
         current[0] = line
 
-    with _shown(lambda: f"{description}: {current[0]}" if current[0] else description):
+    with _shown(description, lambda: current[0]):
         yield Spoken(say)
 
 
 @contextmanager
-def _shown(line: Callable[[], str]) -> Iterator[None]:
-    """Show a line that changes until the end, with the time that went by: after a second, or every ten."""
+def _shown(description: str, line: Callable[[], str]) -> Iterator[None]:
+    """Show what changes until the end, behind the time that went by: after a second, or every ten.
+
+    Where there is no terminal, what is longer than a line goes on in the next ones, indented.
+    """
     began, over = time.monotonic(), threading.Event()
     console = Console(stderr=True)
     moving = console.is_terminal
     status = console.status("", refresh_per_second=4)
 
     def text() -> str:
-        return f"{line()} ({time.monotonic() - began:.0f} s)"
+        head, said = f"{description} ({time.monotonic() - began:.0f} s)", line()
+        return f"{head}: {said}" if said else head
 
     def show() -> None:
         while not over.wait(PATIENCE_S if moving else EVERY_S):
@@ -124,7 +136,7 @@ def _shown(line: Callable[[], str]) -> Iterator[None]:
                     status.update(Text(text(), overflow="ellipsis", no_wrap=True))
                     status.start()
                 else:
-                    print(text(), flush=True)
+                    print(_folded(text()), flush=True)
             except (OSError, ValueError):  # who read it has gone
                 return
 
@@ -136,6 +148,10 @@ def _shown(line: Callable[[], str]) -> Iterator[None]:
         over.set()
         thread.join(PATIENCE_S)
         status.stop()
+
+
+def _folded(line: str) -> str:
+    return textwrap.fill(line, COLUMNS, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
 
 
 @contextmanager
@@ -159,7 +175,7 @@ def progress(
         if not minutes:
             yield count
             return
-        with _shown(lambda: f"{description}: {done[0]:g} of {total:g} {unit}"):
+        with _shown(description, lambda: f"{done[0]:g} of {total:g} {unit}"):
             yield count
         return
     bar = Progress(

@@ -43,9 +43,9 @@ def tracker() -> pd.DataFrame:
     return pd.concat(pushes, ignore_index=True)
 
 
-def imported(log: pd.DataFrame, folder: Path) -> str:
+def imported(log: pd.DataFrame, folder: Path, *, sep: str = ",", decimal: str = ".") -> str:
     """Import a log as it is proposed, and return the map."""
-    log.to_csv(folder / "pushes.csv", index=False)
+    log.to_csv(folder / "pushes.csv", index=False, sep=sep, decimal=decimal)
     (folder / "box.yaml").write_text(BELIEVED)
     arguments = ["import", str(folder / "pushes.csv"), f"model={folder / 'box.yaml'}"]
     assert main([*arguments, f"propose={folder / 'map.yaml'}"]) == 0
@@ -79,6 +79,17 @@ def test_a_tracker_s_log_is_a_case_without_editing(lost: str, tmp_path: Path) ->
     force = np.concatenate([e.force_n for e in case.episodes])
     np.testing.assert_allclose(force[:, 0], whole["push_x_N"])
     assert {float(p) for e in case.episodes for p in e.point_m[:, 0]} == {-0.08}
+
+
+def test_decimal_commas_are_seen(tmp_path: Path) -> None:
+    """A table that somebody's locale wrote with semicolons and commas is read without a word, and the map says so."""
+    log = tracker()
+    log.loc[:40, "box_x_mm"] = np.nan  # what the first cells hold does not decide
+    log.loc[0, "box_x_mm"] = 0.0
+    text = yaml.safe_load(imported(log, tmp_path, sep=";", decimal=","))
+    assert text["log"] == {"decimal": ","}
+    case = read_case(tmp_path / "case")
+    np.testing.assert_allclose(case.episodes[1].pose[:, 0], log["box_x_mm"][60:120] / 1000, atol=1e-12)
 
 
 def test_what_is_not_recognised_waits_to_be_filled_in(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

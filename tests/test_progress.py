@@ -29,6 +29,31 @@ def test_a_line_holds_stage_fit_and_best() -> None:
     ]
 
 
+def test_lines_fit_80_columns(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """However many effects are fitted together and named as best: nothing of it is lost but names of a fit."""
+    monkeypatch.setattr(progress, "EVERY_S", 0.05)
+    sets = [f"{name}[upper_arm_link]" for name in ("actuator_saturation", "joint_friction", "asymmetric_friction")]
+    with observed("Diagnosing") as observer:
+        observer.stage("checking on the episodes left out")
+        observer.fitting(sets)
+        observer.best(sets, 9.351, 0.5)
+        time.sleep(0.2)
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    first = " ".join(" ".join(lines).split("Diagnosing")[1].split())
+    assert first == (
+        f"(0 s): checking on the episodes left out, fitting {' + '.join(sets[:2])} + 1 more; "
+        f"so far best {' + '.join(sets)} (probability 0.50, 9.35 noises left)"
+    )
+
+
+def test_nothing_is_best_that_is_as_good_as_impossible() -> None:
+    """While nothing explains a recording, that is said, and not that `none` is best."""
+    said: list[str] = []
+    Spoken(said.append).best((), 9.35, 0.0)
+    assert said == ["so far nothing explains it (9.35 noises left)"]
+
+
 def test_lines_come_now_and_then_without_a_terminal(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -41,7 +66,7 @@ def test_lines_come_now_and_then_without_a_terminal(
     out, err = capsys.readouterr()
     lines = out.splitlines()
     assert 1 <= len(lines) <= 20
-    assert lines[-1].startswith("Diagnosing: fitting effect_999 (")
+    assert lines[-1] == "Diagnosing (0 s): fitting effect_999"
     assert err == ""
     time.sleep(0.15)
     assert capsys.readouterr().out == ""
@@ -62,4 +87,4 @@ def test_cases_are_counted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captu
     with progress.progress("Diagnosing", total=3, unit="cases", minutes=True) as advance:
         advance(2)
         time.sleep(0.3)
-    assert "Diagnosing: 2 of 3 cases (" in capsys.readouterr().out
+    assert "Diagnosing (0 s): 2 of 3 cases" in capsys.readouterr().out

@@ -79,7 +79,7 @@ def test_verdict_of_none(found: Any) -> None:
     nothing = changed(found, ranked=(ranked(("none",), 0.97), ranked(("wind",), 0.03)), effects=(), gap_closed=0.0)
     assert words.verdict(nothing) == (
         "The simulator as believed will do: what it misses needs no effect to explain it "
-        "(mean square 5.00 times the noise's: small errors of any simulator) (probability 0.97). "
+        "(2.2 times the noise: small errors of any simulator) (probability 0.97). "
         "The likeliest alternative is wind (probability 0.03)."
     )
     assert words.next_steps(nothing)[0].startswith("Keep your model.")
@@ -116,7 +116,7 @@ def test_what_is_unknown_is_told_by_what_comes_near_and_by_how_it_looks(found: A
         "what is missed where it was fitted (mean squares), it does not hold on episodes that were not fitted: 120 % "
         "is left there, it is 46 natural log units less likely than the first and wind does not stand out of its own "
         "error.",
-        "With the nearest, what is left is 151 % over the noise (mean squares), most of it in the yaw rate (88 %).",
+        "With the nearest, what is left is 58 % over the noise, most of it in the yaw rate (88 %).",
         "Towards world x: 0.12 N is missing (root mean square). It goes along with its speed (48 %) and the time "
         "(20 %).",
     ):

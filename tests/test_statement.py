@@ -51,6 +51,7 @@ def made(
     after: float = 1.1,
     excess: float = 0.01,
     nominal_excess: float = 4.0,
+    left: dict[int, float] | None = None,
 ) -> Any:
     """Return a diagnosis; `after` is what is missed of unseen episodes in the end, in noise levels."""
     effects, parameters = explained
@@ -67,6 +68,7 @@ def made(
     return SimpleNamespace(
         case="made", system=SYSTEM, recording=SYSTEM.recording, ranked=(other, top), gap_closed=gap_closed,
         effects=() if effects == ("none",) else ("made",), held_out=(1,), excess=excess, nominal_excess=nominal_excess,
+        left_by_episode=left or {},
         closure=SimpleNamespace(
             table=pd.DataFrame(rows), gap_closed_low=gap_closed - 0.01, gap_closed_high=gap_closed + 0.01,
             closable_closed=closable,
@@ -144,9 +146,9 @@ def test_headline_tiles_and_ranking_give_the_same_gain() -> None:
 
 
 def test_what_is_left_is_not_noise_where_the_residual_says_otherwise() -> None:
-    """All but a ten thousandth of a huge gap closed, and yet 548 % more than the noise is left."""
+    """All but a ten thousandth of a huge gap closed, and yet 2.5 times the noise is left."""
     text = words.verdict(made(FRICTION, 0.97, closable=0.9999, after=2.5, excess=5.48, nominal_excess=5e4))
-    assert text.endswith("; what is left is 548 % over the noise (mean squares).")
+    assert text.endswith("; what is left is 2.5 times the noise.")
     text = words.verdict(made(FRICTION, 0.97, closable=0.9999, after=1.0, excess=0.02))
     assert text.endswith("; what is left is the noise of the measurement.")
 
@@ -155,7 +157,28 @@ def test_small_errors_are_neither_noise_nor_a_cause() -> None:
     """More than the noise on unseen episodes, but no more than any simulator is off by."""
     said = state(made(FRICTION, 0.97, closable=0.9, after=1.5, excess=0.02))
     assert said.left is Left.SMALL_ERRORS
-    assert said.over_noise == pytest.approx(1.25)
+    assert said.over_noise == pytest.approx(0.5)
+
+
+def test_what_is_left_of_the_gap_is_told_in_the_measure_of_the_gap() -> None:
+    """93 % of a gap of 390 noises leaves 27 noises: the headline and the tile say so, root mean squares both."""
+    diagnosis = made(FRICTION, 0.97, gap_closed=0.93, closable=0.995, after=27.0, excess=5.0, nominal_excess=390.0**2)
+    assert words.verdict(diagnosis).endswith(
+        "misses 93 % less on episodes that were not fitted; what is left is 27 times the noise."
+    )
+    assert ("what is left: something else", "27 times the noise") in html.facts(diagnosis, state(diagnosis))
+
+
+def test_what_only_fitted_episodes_leave_is_not_said_of_the_others() -> None:
+    """A fitted episode that began unlike the others does not make those that were not fitted look bad."""
+    diagnosis = made(FRICTION, 0.97, closable=0.99999, after=1.02, excess=3.77, left={0: 900.0, 1: -5.0, 2: 30.0})
+    assert words.verdict(diagnosis).endswith(
+        "less on episodes that were not fitted, where no more than the noise is left; in those that were fitted it is "
+        "2.2 times the noise, most of it in episode 0."
+    )
+    tiles = html.facts(diagnosis, state(diagnosis))
+    assert ("what is left where it was fitted: something else", "2.2 times the noise") in tiles
+    assert "in the episodes that were fitted, most of it in episode 0" in "".join(words.left_at_large(state(diagnosis)))
 
 
 @pytest.mark.parametrize(

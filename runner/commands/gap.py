@@ -77,7 +77,7 @@ def main(config: GapConfig, job: Job) -> None:
     console = Console()
     total = sum(len(config.horizons_s) + len(s.recording.episodes) for s in systems)
     tables, episodes = [], []
-    with progress("Replaying", total=total, unit="steps") as advance:
+    with progress("Replaying", total=total, unit="steps", minutes=True) as advance:
         for case, model in zip(cases, models, strict=True):
             found = gap(case, model=model, horizons_s=config.horizons_s, advance=advance)
             tables.append(found.table.assign(case=str(case.path)))

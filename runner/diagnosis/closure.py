@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pandas as pd
 
 from runner.diagnosis.result import Closure
 from runner.effects.base import Effects
-from runner.inference.least_squares import Fitter
+from runner.inference.least_squares import Fit, Fitter
 from runner.noise.measured import Measured
 from runner.systems.simulator import Run
 
@@ -72,6 +72,16 @@ def close(
         closed.append(_closed(np.concatenate([b[g.integers(len(b), size=len(b))] for b in drawn]))[0])
     low, high = np.quantile(closed, [0.025, 0.975])
     return Closure(pd.DataFrame(rows), regimes, total[0], float(low), float(high), total[1])
+
+
+def left_by_episode(fits: Iterable[Fit], fitter: Fitter) -> dict[int, float]:
+    """Return what fits leave beyond the noise, squared noises summed over values, by number of the recorded episode."""
+    left: dict[int, float] = {}
+    for fit in fits:
+        for e, loss in zip(fit.episodes, fit.loss, strict=True):
+            number = fitter.system.recording.episodes[fitter.measured.spans[e].episode].index
+            left[number] = left.get(number, 0.0) + float(loss) - fitter.measured.count([e])
+    return left
 
 
 def _closed(squares: np.ndarray) -> tuple[float, float]:

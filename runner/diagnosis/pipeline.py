@@ -10,7 +10,7 @@ import numpy as np
 from runner.diagnosis.abstention import abstention
 from runner.diagnosis.advice import found_rivals, next_push
 from runner.diagnosis.attempt import attempt, unseen_only
-from runner.diagnosis.closure import close
+from runner.diagnosis.closure import close, left_by_episode
 from runner.diagnosis.notes import notes
 from runner.diagnosis.ranking import contender_of, ranking
 from runner.diagnosis.result import Diagnosis
@@ -103,6 +103,7 @@ def diagnose(
         closure=closure,
         excess=confirmed.excess,
         nominal_excess=found.nominal_excess,
+        left_by_episode=left_by_episode((top.fit, after), fitter),
         seconds=time.perf_counter() - began,
         simulated_s=simulator.simulated_s,
         next_push=next_push(ranked, searched, fitter, threads) if advise else None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -100,7 +101,8 @@ class Diagnosis:
 
     `fitted` and `held_out` are episodes of the recording by their position. Models were replayed in `stretches`, each
     with a start state of its own, (S,): `nominal_starts` and `corrected_starts` by the position of a stretch.
-    `measured` is of whole episodes.
+    `measured` is of whole episodes. `left_by_episode` is what the corrected model leaves beyond the noise, in squared
+    noises summed over values, by the number of the episode.
     """
 
     case: str
@@ -119,6 +121,7 @@ class Diagnosis:
     closure: Closure
     excess: float
     nominal_excess: float
+    left_by_episode: Mapping[int, float]
     seconds: float
     simulated_s: float
     next_push: str | None

@@ -137,7 +137,11 @@ def _finished(draft: _Draft, log: Log, clock: ClockGuess, head: dict[str, object
     if unused:
         more = f" and {len(unused) - SHOWN} more" if len(unused) > SHOWN else ""
         draft.notes.append(f"not used: {', '.join(unused[:SHOWN])}{more}")
-    logged = {k: v for k, v in {"rate_hz": draft.rate_hz, "sparse": clock.sparse or None}.items() if v is not None}
+    decimal = None if log.decimal == "." else log.decimal
+    if decimal is not None:
+        draft.notes.append(f"decimal mark of the numbers: {decimal!r}")
+    known = {"decimal": decimal, "rate_hz": draft.rate_hz, "sparse": clock.sparse or None}
+    logged = {k: v for k, v in known.items() if v is not None}
     above = ({"log": logged} if logged else {}) | ({"clock": keys.clock} if keys.clock is not None else {})
     return Proposal(_text(draft, above | {"episodes": episodes} | head), draft.table, draft.missing, draft.notes)
 

@@ -74,11 +74,15 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A log: parts that hold the same signals, the format's name, and what was odd about it, one sentence each."""
+    """A log: parts that hold the same signals, the format's name, and what was odd about it, one sentence each.
+
+    `decimal` is the decimal mark of a text table.
+    """
 
     format: str
     parts: Sequence[Part]
     notes: Sequence[str] = ()
+    decimal: str = "."
 
 
 @dataclass(frozen=True)
@@ -86,11 +90,11 @@ class ReadOptions:
     """What a reader may need to be told.
 
     Args:
-        decimal: Decimal mark of a text table.
+        decimal: Decimal mark of a text table; None: what its cells show.
         rate_hz: Samples per second of data that have no time, such as arrays of HDF5.
     """
 
-    decimal: str = "."
+    decimal: str | None = None
     rate_hz: float | None = None
 
 

@@ -10,6 +10,7 @@ like another answer; which of them decides is settled here, once.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
@@ -56,8 +57,10 @@ class Statement:
         closable_closed: Share of what can be closed (what is missed less the noise, mean squares), where it is known.
         held_out: Whether both are of episodes that were not fitted.
         left: What is left by the best model.
-        over_noise: How much that is beyond the noise on episodes that were not fitted (or on all, where that is more),
-            as a share of the noise's mean square.
+        over_noise: How much more than the noise that is on episodes that were not fitted, or on those that were where
+            that is more: root mean squares, as a share of the noise's.
+        in_fitted: Whether it is left of episodes that were fitted alone: those that were not leave the noise.
+        mostly_in: Number of the episode that leaves more than half of it; None: there is none.
     """
 
     kind: Kind
@@ -69,6 +72,8 @@ class Statement:
     held_out: bool
     left: Left
     over_noise: float
+    in_fitted: bool
+    mostly_in: int | None
 
     @property
     def top(self) -> Ranked:
@@ -105,7 +110,7 @@ def state(diagnosis: Diagnosis) -> Statement:
     # the interval is that of the corrected model, which need not be what is named
     same = gap_closed is not None and gap_closed == diagnosis.gap_closed
     low, high = _known(closure.gap_closed_low), _known(closure.gap_closed_high)
-    left, over_noise = _left(diagnosis, kind)
+    left, over_noise, in_fitted = _left(diagnosis, kind)
     return Statement(
         kind=kind,
         order=order,
@@ -115,7 +120,9 @@ def state(diagnosis: Diagnosis) -> Statement:
         closable_closed=_known(closure.closable_closed) if same else None,
         held_out=bool(diagnosis.held_out),
         left=left,
-        over_noise=over_noise,
+        over_noise=math.sqrt(1.0 + over_noise) - 1.0,
+        in_fitted=in_fitted,
+        mostly_in=_mostly(diagnosis.left_by_episode) if left is Left.SOMETHING else None,
     )
 
 
@@ -127,20 +134,28 @@ def _kind(top: Ranked) -> Kind:
     return Kind.OPEN if top.probability < HALF else Kind.FOUND
 
 
-def _left(diagnosis: Diagnosis, kind: Kind) -> tuple[Left, float]:
-    """Return what is left, and how much beyond the noise.
+def _left(diagnosis: Diagnosis, kind: Kind) -> tuple[Left, float, bool]:
+    """Return what is left, how much beyond the noise's mean square, and whether of fitted episodes alone.
 
     `excess` decides whether it has a cause of its own: in it the small errors that any simulator makes are taken out.
     """
     if kind is Kind.NONE:
         over = diagnosis.nominal_excess
-        return (Left.NOISE if over < OVER else Left.SMALL_ERRORS), max(over, 0.0)
+        return (Left.NOISE if over < OVER else Left.SMALL_ERRORS), max(over, 0.0), False
     unseen = _unseen_excess(diagnosis)
     if diagnosis.excess > TRACE or kind is Kind.UNKNOWN:
-        return Left.SOMETHING, max(unseen, diagnosis.excess)
+        in_fitted = bool(diagnosis.held_out) and unseen <= TRACE < diagnosis.excess
+        return Left.SOMETHING, max(unseen, diagnosis.excess), in_fitted
     closed = diagnosis.closure.closable_closed
     as_noise = unseen <= TRACE or (closed is not None and closed >= NOISE_LEFT)
-    return (Left.NOISE if as_noise else Left.SMALL_ERRORS), unseen
+    return (Left.NOISE if as_noise else Left.SMALL_ERRORS), unseen, False
+
+
+def _mostly(left: Mapping[int, float]) -> int | None:
+    """Return the episode that leaves more than half of what all leave beyond the noise."""
+    beyond = {e: max(of, 0.0) for e, of in left.items()}
+    most = max(beyond, key=beyond.__getitem__, default=None)
+    return most if most is not None and len(left) > 1 and beyond[most] > HALF * sum(beyond.values()) else None
 
 
 def _unseen_excess(diagnosis: Diagnosis) -> float:

@@ -55,7 +55,7 @@ def left(diagnosis: Diagnosis) -> str:
     said = state(diagnosis)
     if diagnosis.abstention is None or not said.corrected or said.over_noise < words.LEAST_SHARE:
         return ""
-    return f"With the nearest, what is left is {words.beyond(said)} (mean squares){_most_left(diagnosis)}."
+    return f"With the nearest, what is left is {words.beyond(said)}{_most_left(diagnosis)}."
 
 
 def _most_left(diagnosis: Diagnosis) -> str:

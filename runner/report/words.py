@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from runner.effects.base import Phrase
 from runner.effects.vocabulary import ALL
 from runner.effects.wording import Values, listed, number, percent, probability
-from runner.report.statement import NOISE_LEFT, NONE, OVER, UNKNOWN, Kind, Left, Statement, state
+from runner.report.statement import NOISE_LEFT, NONE, UNKNOWN, Kind, Left, Statement, state
 from runner.report.suspects import suspects
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ SURE = 0.9  # an answer less likely than this asks for more data
 NOTEWORTHY = 0.02  # explanations less likely than this are not worth a sentence
 LEAST_SHARE = 0.005  # of anything: less is told as nothing
 PLACE = {"x_m", "y_m", "radius_m"}  # of an effect that is somewhere
-MANIFOLD = 10.0  # a share from which on it is told as so many times
+MANIFOLD = 1.0  # from twice the noise on it is told as so many times
 
 
 def title(effects: Sequence[str]) -> str:
@@ -113,8 +113,12 @@ def gain(said: Statement, applied: str = "With it") -> str:
     if said.settled and said.closable_closed is not None:
         if said.closable_closed < NOISE_LEFT:
             left = f"; of what can be closed, all but the noise, that is {percent(said.closable_closed)} (mean squares)"
+        elif said.in_fitted:
+            left = (
+                f", where no more than the noise is left; in those that were fitted it is {beyond(said)}{mostly(said)}"
+            )
         elif said.left is Left.SOMETHING:
-            left = f"; what is left is {beyond(said)} (mean squares)"
+            left = f"; what is left is {beyond(said)}{mostly(said)}"
         else:
             left = "; what is left is the noise of the measurement"
     return f"{applied} the simulator misses {percent(said.gap_closed)} less{where}{left}."
@@ -132,11 +136,7 @@ def verdict(diagnosis: Diagnosis) -> str:
             if said.named and said.named[0].probability > NOTEWORTHY
             else ""
         )
-        over = (
-            ""
-            if said.over_noise < OVER
-            else (f" (mean square {1 + said.over_noise:.2f} times the noise's: small errors of any simulator)")
-        )
+        over = "" if said.left is Left.NOISE else f" ({beyond(said)}: small errors of any simulator)"
         return f"The simulator as believed will do: what it misses needs no effect to explain it{over} {chance}.{tail}"
     if said.kind is Kind.UNKNOWN:
         sentence = f"Something is going on that none of the known effects explains {chance}."
@@ -153,23 +153,30 @@ def verdict(diagnosis: Diagnosis) -> str:
 
 
 def beyond(said: Statement) -> str:
-    """Return how much of what is left is beyond the noise."""
+    """Return how much what is left is beyond the noise, in the same measure as the share of the gap that closed."""
     if said.over_noise < MANIFOLD:
         return f"{percent(said.over_noise)} over the noise"
     return f"{number(1 + said.over_noise, 2)} times the noise"
 
 
+def mostly(said: Statement) -> str:
+    """Return in which episode most of it is left; empty: in none."""
+    return "" if said.mostly_in is None else f", most of it in episode {said.mostly_in}"
+
+
 def left(said: Statement) -> tuple[str, str]:
     """Return what the best model leaves, for a tile: how much, and what that is."""
     much = "noise" if said.left is Left.NOISE else beyond(said) if said.over_noise >= LEAST_SHARE else "a residual"
-    what = "what is left" if said.corrected else "what is missed, in mean squares"
+    what = "what is left" if said.corrected else "what is missed"
+    what += " where it was fitted" if said.in_fitted else ""
     cause = {Left.SMALL_ERRORS: ": small errors of any simulator", Left.SOMETHING: ": something else"}
     return much, what + cause.get(said.left, "")
 
 
 def left_at_large(said: Statement) -> tuple[str, str]:
     """Return what the best model leaves of whole episodes: what to say in bold, and what follows it."""
-    over = f", {beyond(said)} in mean squares" if said.over_noise >= LEAST_SHARE else ""
+    over = f", {beyond(said)}" if said.over_noise >= LEAST_SHARE else ""
+    over += f" in the episodes that were fitted{mostly(said)}" if said.in_fitted else mostly(said)
     if said.left is Left.NOISE:
         return "Nothing is left", " that would matter"
     if said.left is Left.SMALL_ERRORS:

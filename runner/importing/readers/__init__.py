@@ -48,7 +48,8 @@ def read_log(paths: Sequence[Path], options: ReadOptions) -> Log:
         raise RecordingError(f"{paths[0]}: there are no numbers over time in '{empty}'.")
     if not parts:
         raise RecordingError(f"{paths[0]}: there is nothing in it.")
-    return Log(", ".join(formats), parts, list(dict.fromkeys(note for log in logs for note in log.notes)))
+    decimal = next((log.decimal for log in logs if log.decimal != "."), ".")
+    return Log(", ".join(formats), parts, list(dict.fromkeys(note for log in logs for note in log.notes)), decimal)
 
 
 def _read(path: Path, options: ReadOptions) -> list[Log]:

@@ -36,27 +36,35 @@ def read_text(path: Path, options: ReadOptions) -> Log:
     delimiter = max(DELIMITERS, key=lambda d: (header.count(d), d == ","))
     if options.decimal == delimiter:
         raise RecordingError(f"{path}: log.decimal: {delimiter!r} separates the columns of this file.")
-    convert = pa_csv.ConvertOptions(
-        decimal_point=options.decimal, strings_can_be_null=True, null_values=["", "nan", "NaN", "NAN", "null", "None"]
-    )
     check_size(path)
-    try:
-        table = pa_csv.read_csv(path, parse_options=pa_csv.ParseOptions(delimiter=delimiter), convert_options=convert)
-        table = table.rename_columns([c.strip().lstrip("%\ufeff") for c in table.column_names])
-    except UNREADABLE as error:
-        raise file_error(path, "a text table", error) from None
+    decimal = options.decimal or "."
+    table = _text_table(path, delimiter, decimal)
     part, texts = table_part(path.name, table)
-    notes = [f"{path.name}: columns parted by {delimiter!r}"] if delimiter not in (",", "\t") else []
     commas = [name for name in texts if _decimal_commas(table.column(texts[name]))]
     if commas and options.decimal == ".":
         raise RecordingError(f"{path}: column '{commas[0]}' has decimal commas: `log: {{decimal: ','}}` in the map.")
+    if commas and options.decimal is None:
+        decimal = ","
+        part, texts = table_part(path.name, _text_table(path, delimiter, decimal))
+    notes = [f"{path.name}: columns parted by {delimiter!r}"] if delimiter not in (",", "\t") else []
     if texts:
         notes.append(f"{path.name}: columns of text are not read: {', '.join(map(repr, texts))}")
-    return Log("text table", [part], notes)
+    return Log("text table", [part], notes, decimal)
+
+
+def _text_table(path: Path, delimiter: str, decimal: str) -> pa.Table:
+    convert = pa_csv.ConvertOptions(
+        decimal_point=decimal, strings_can_be_null=True, null_values=["", "nan", "NaN", "NAN", "null", "None"]
+    )
+    try:
+        table = pa_csv.read_csv(path, parse_options=pa_csv.ParseOptions(delimiter=delimiter), convert_options=convert)
+    except UNREADABLE as error:
+        raise file_error(path, "a text table", error) from None
+    return table.rename_columns([c.strip().lstrip("%\ufeff") for c in table.column_names])
 
 
 def _decimal_commas(column: pa.ChunkedArray) -> bool:
-    some = [v for v in column.slice(0, 20).to_pylist() if isinstance(v, str)]
+    some = column.drop_null().slice(0, 20).to_pylist()
     return bool(some) and all(v.strip().lstrip("+-").replace(",", "", 1).isdigit() for v in some)
 
 
