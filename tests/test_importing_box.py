@@ -67,7 +67,7 @@ def test_a_tracker_s_log_is_a_case_without_editing(lost: str, tmp_path: Path) ->
     text = yaml.safe_load(imported(log, tmp_path))
     assert text["episodes"] == {"by": "column", "signal": "trial_no"}
     assert text["clock"] == {"name": "cam_ms", "unit": "ms"}
-    assert text["rows"]["rate_hz"] == pytest.approx(RATE_HZ, rel=1e-3)
+    assert text["rows"]["rate_hz"] == RATE_HZ  # whatever whole milliseconds, and lost rows, make of it
     case = read_case(tmp_path / "case")
     assert [e.index for e in case.episodes] == [7, 8, 9]
     assert [len(e) for e in case.episodes] == [SAMPLES] * PUSHES
@@ -90,6 +90,14 @@ def test_decimal_commas_are_seen(tmp_path: Path) -> None:
     assert text["log"] == {"decimal": ","}
     case = read_case(tmp_path / "case")
     np.testing.assert_allclose(case.episodes[1].pose[:, 0], log["box_x_mm"][60:120] / 1000, atol=1e-12)
+
+
+def test_the_only_other_place_is_where_the_force_acts(tmp_path: Path) -> None:
+    """Where it acts is told in words that nobody here knows, but the log tells two places only."""
+    log = tracker().rename(columns={"contact_u_mm": "angriff_x_mm", "contact_v_mm": "angriff_y_mm"})
+    text = yaml.safe_load(imported(log, tmp_path))
+    assert [text["commands"][c]["signal"] for c in ("px", "py")] == ["angriff_x_mm", "angriff_y_mm"]
+    assert [text["channels"][c]["signal"] for c in ("x", "y")] == ["box_x_mm", "box_y_mm"]
 
 
 def test_what_is_not_recognised_waits_to_be_filled_in(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

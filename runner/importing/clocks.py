@@ -11,9 +11,12 @@ from runner.errors import RecordingError
 from runner.importing.map_file import ClockKeys
 from runner.importing.signals import Clock, Integers, Part, Signal, nearest_of
 from runner.importing.units import UNITS
+from runner.numerics.arrays import FloatArray
 
 NS = 1_000_000_000
 JITTER_PERCENTILE = 95
+LOST = 8  # samples in a row that may be lost: behind a longer pause something new begins
+AS_ROUNDED = 2.5e-4  # of a rate: half a millisecond in two seconds, what rounded stamps leave open
 
 
 def clock_of(key: str, part: Part, signal: Signal, chosen: ClockKeys | None, own: str | None) -> tuple[str, Clock]:
@@ -77,6 +80,21 @@ def nanoseconds(clocks: Sequence[Clock], unit: str) -> tuple[list[Integers], lis
     return [np.round((k - origin) * size).astype(np.int64) for k in known], stamped
 
 
+def rate_of(steps_s: FloatArray) -> float:
+    """Return the rate of a clock, Hz, of which samples may be lost and which may start anew.
+
+    Stamps are rounded, to whole milliseconds as a rule: the mean of many steps tells what one does not. Where samples
+    were lost a step counts as the several that it is, so that the errors of the stamps in between cancel.
+
+    Args:
+        steps_s: Between stamps, at least one of them above 0.
+    """
+    counts = np.round(steps_s / float(np.median(steps_s[steps_s > 0])))
+    kept = (counts >= 1) & (counts <= LOST)
+    rate = float(counts[kept].sum() / steps_s[kept].sum())
+    return float(round(rate)) if abs(rate - round(rate)) < AS_ROUNDED * rate else rate
+
+
 @dataclass(frozen=True)
 class ClockReport:
     """How a clock ran.
@@ -85,7 +103,7 @@ class ClockReport:
         stream: The topic, table or group.
         clock: Its name.
         samples: With a stamp.
-        rate_hz: Median.
+        rate_hz: Of most steps, whatever stamps were rounded to; see `rate_of`.
         jitter_ms: 95 % of the steps are within this much of the median one.
         longest_gap_s: Between two samples, within a part or episode.
         duplicates: Share of samples with the stamp of another.
@@ -117,7 +135,7 @@ def report(stream: str, clock: str, runs: Iterable[Integers]) -> ClockReport:
         stream=stream,
         clock=clock,
         samples=count,
-        rate_hz=NS / usual,
+        rate_hz=rate_of(steps / NS) if len(rising) else float("nan"),
         jitter_ms=float(np.percentile(np.abs(rising - usual), JITTER_PERCENTILE)) / 1e6
         if len(rising)
         else float("nan"),

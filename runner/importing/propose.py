@@ -11,11 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import mujoco
+import numpy as np
 import yaml
 
 from runner.importing.box import COMMANDED, NOISE
+from runner.importing.clocks import rate_of
 from runner.importing.guess.box import box_elements, match_box
-from runner.importing.guess.clock import ClockGuess, clock_times, even_rate_hz, guess_clock
+from runner.importing.guess.clock import ClockGuess, clock_times, guess_clock
 from runner.importing.guess.counter import guess_episodes
 from runner.importing.guess.elements import Element, elements_of, match
 from runner.importing.guess.poses import Pose, guess_frame, guess_poses
@@ -112,7 +114,7 @@ def propose_box(log: Log, nominal: Nominal, *, rate_hz: float | None = None) -> 
             draft.why[column] = "nothing was recognised"
             draft.missing.append(f"the signal of '{column}', {elements[column].si_unit}")
     times = clock_times(part, clock)
-    rate = nominal.rate_hz if times is None else even_rate_hz(times)
+    rate = nominal.rate_hz if times is None else rate_of(np.diff(times[np.isfinite(times)]))
     return _finished(draft, log, clock, {"rows": {"at": NEAREST, "rate_hz": float(f"{rate:.6g}")}})
 
 

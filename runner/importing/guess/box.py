@@ -49,15 +49,21 @@ def match_box(signals: Sequence[Signal], elements: dict[str, Element], *, beside
     """Return which signals are which columns, the plainest name first; what is no other's is left out."""
     matches = Matches()
     free = [s for s in signals if s.name not in besides]
+    further: dict[str, list[Signal]] = {}
     for signal in sorted(free, key=lambda s: len(words_of(s.name))):
         column = column_of(signal.name)
         element = elements.get(column or "")
-        if element is None:
+        if column is None or element is None:
             continue
         if matches.has(element):
-            matches.notes.append(f"'{signal.name}' may be {column} as well")
+            further.setdefault(column, []).append(signal)
         else:
             matches.pairs.append((element, signal, "by its name"))
+    points = {axis: elements.get(f"p{axis}") for axis in ("x", "y")}
+    if all(e is not None and not matches.has(e) and len(further.get(a, ())) == 1 for a, e in points.items()):
+        # two places are told, and it takes two: of the box, and of the force
+        matches.pairs += [(e, further.pop(a)[0], "the only other place") for a, e in points.items() if e is not None]
+    matches.notes += [f"'{s.name}' may be {column} as well" for column, those in further.items() for s in those]
     order = {name: k for k, name in enumerate(elements)}
     matches.pairs.sort(key=lambda pair: order[pair[0].target])
     return matches

@@ -20,7 +20,6 @@ SUFFIXES = {"s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "us":
 EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # since 1970: 2001 to 2286
 STEPS = (("s", 0.9), ("ms", 900.0), ("us", 9e5), ("ns", np.inf))  # the largest usual step of a unit
 EVENLY, MOSTLY = 0.05, 0.7  # of the usual step: most steps of a clock are so near; lost rows make some longer
-ONE_STEP = 1.5  # usual steps: what is longer has lost a row
 FEWEST = 10  # samples that show how a clock runs
 EMPTY = 0.05  # share of empty cells from which an empty cell means that there is no sample
 
@@ -79,17 +78,6 @@ def clock_times(part: Part, clock: ClockGuess) -> FloatArray | None:
     times = part.signals.get(clock.name or "")
     size = UNITS["s"].get(clock.unit or "")
     return None if times is None or size is None else times.values * size
-
-
-def even_rate_hz(times_s: FloatArray) -> float:
-    """Return the rate of a clock that is even but for lost samples and new starts, Hz.
-
-    Stamps are rounded, to whole milliseconds as a rule: the mean of many steps tells what one does not.
-    """
-    steps = np.diff(times_s[np.isfinite(times_s)])
-    usual = float(np.median(steps[steps > 0]))
-    even = steps[(steps > 0) & (steps < ONE_STEP * usual)]
-    return len(even) / float(even.sum())
 
 
 def guess_clock(part: Part, *, empty_is_lost: bool = False) -> ClockGuess:
