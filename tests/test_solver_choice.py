@@ -7,12 +7,14 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import pytest
 
 from runner.diagnosis.pipeline import diagnose
 from runner.effects.mechanism import JointFriction
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.solver_choice import better_solved
 from runner.noise.measured import measure
+from runner.systems.base import AbstractSystem
 from runner.systems.mechanism import MechanismSystem
 from runner.systems.simulator import Run
 from tests.mechanism_cases import joint_channels, system_of, write_case
@@ -42,16 +44,17 @@ def pushed(u: np.ndarray, step_s: float) -> tuple[np.ndarray, np.ndarray]:
     return q, v
 
 
-def dry_case(folder: Path) -> MechanismSystem:
-    """Return a mass that truly sticks, as believed; MuJoCo's default friction lets it creep."""
+def dry_case(folder: Path, mass_kg: float = MASS_KG) -> MechanismSystem:
+    """Return a mass that truly sticks, believed so heavy; MuJoCo's default friction lets it creep."""
     rng, episodes = np.random.default_rng(3), []
     for period_s in (0.31, 0.43, 0.37):
         t = np.arange(0.0, 1.5, 0.005)
         u = np.round(5.0 * np.sin(2.0 * np.pi * t / period_s), 2)
         q, dq = (y + s * rng.normal(size=len(t)) for y, s in zip(pushed(u, 0.005), NOISE.values(), strict=True))
         episodes.append({"t": t, "u": u, "q_slide": q, "dq_slide": dq})
+    model = MODEL.replace(f'mass="{MASS_KG}"', f'mass="{mass_kg}"')
     nominal = {"commands": {"u": {"actuator": "drive"}}, "channels": joint_channels(["slide"]), "noise": NOISE}
-    return system_of(write_case(folder / "case", MODEL, episodes, nominal))
+    return system_of(write_case(folder / "case", model, episodes, nominal))
 
 
 def fitted(system: MechanismSystem) -> tuple[Fitter, Fit]:
@@ -66,6 +69,22 @@ def test_a_joint_that_truly_sticks_is_simulated_so(tmp_path: Path) -> None:
     assert fitter.measured.excess(nominal.total, nominal.episodes) > 0.5
     found = diagnose(system, threads=1, advise=False)
     assert found.ranked[0].effects == ("none",)
+    assert any("solreffriction" in note for note in found.notes)
+
+
+def test_what_was_found_is_asked_where_the_nominal_model_could_not_tell(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a mass far off, either way of solving it leaves thousands of noises."""
+
+    def of_effects(fitter: Fitter, fit: Fit) -> AbstractSystem | None:
+        return better_solved(fitter, fit) if fit.explanation.candidates else None
+
+    monkeypatch.setattr("runner.diagnosis.attempt.better_solved", of_effects)
+    found = diagnose(dry_case(tmp_path, 3.0), threads=1, advise=False)
+    assert found.ranked[0].effects == ("mass[carriage]",)
+    assert abs(found.ranked[0].parameters["mass[carriage]"]["mass_kg"] - MASS_KG) < 0.01
+    assert found.excess < 0.05
     assert any("solreffriction" in note for note in found.notes)
 
 

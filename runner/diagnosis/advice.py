@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from runner.diagnosis.next_experiment import best_experiment
 from runner.diagnosis.ranking import contender_of
 from runner.diagnosis.result import Ranked
@@ -25,30 +27,46 @@ def found_rivals(best: Contender, fitter: Fitter) -> tuple[Rival, ...]:
     return rivals(around, best.evidence, fitter)
 
 
-def next_push(ranked: Sequence[Ranked], found: Search, fitter: Fitter, threads: int | None) -> str | None:
-    """Say which further push would tell the leading explanations apart, if they need to be."""
+def next_push(
+    ranked: Sequence[Ranked], found: Search, rivals_found: Sequence[Rival], fitter: Fitter, threads: int | None
+) -> str | None:
+    """Say which further push would tell the leading explanations apart, if they need to be.
+
+    Args:
+        ranked: The explanations with their probabilities.
+        found: The search that they are from.
+        rivals_found: What could be taken for the effects of the first of them.
+        fitter: Of the episodes.
+        threads: For the simulations; None: one per core.
+    """
     named = [r for r in ranked if r.effects != ("unknown",)]
-    lead = named[0]
-    names = set(lead.effects) | {n for e in lead.equivalent for n in e}
+    lead, near = named[0], [r for r in rivals_found if r.confounded]
+    names = set(lead.effects) | {n for e in lead.equivalent for n in e} | {r.rival for r in near}
     if advice := _advice(names, fitter.system.vocabulary):
         return advice
-    if len(named) < 2 or named[1].probability < WORTH_TELLING:
-        return None
-    first, second = (contender_of(found, r, fitter.context) for r in named[:2])
+    first = contender_of(found, lead, fitter.context).fit
+    if len(named) > 1 and named[1].probability > WORTH_TELLING:
+        second = contender_of(found, named[1], fitter.context)
+        covariance, rival = second.evidence.covariance, second.fit
+    else:
+        instead = next((r.instead for r in near if r.instead is not None), None)
+        if instead is None:
+            return None
+        covariance, rival = np.linalg.pinv(instead.information(), hermitian=True), instead
     push = best_experiment(
         fitter.system,
         fitter.measured,
-        (first.fit.explanation, first.fit.x),
-        (second.fit.explanation, second.fit.x),
-        second.evidence.covariance,
+        (first.explanation, first.x),
+        (rival.explanation, rival.x),
+        covariance,
         threads=threads,
     )
-    rivals_named = f"{' and '.join(lead.effects)} from {' and '.join(named[1].effects)}".replace("_", " ")
+    told = " from ".join(" and ".join(f.explanation.names or ("none",)) for f in (first, rival)).replace("_", " ")
     if push is None or push.log_odds < 1.0:
         system = fitter.system
-        return f"No {system.experiment} within {system.reach} would tell {rivals_named}; {system.reach_further}."
+        return f"No {system.experiment} within {system.reach} would tell {told}; {system.reach_further}."
     return (
-        f"{push.sentence} To tell {rivals_named}, each such {fitter.system.experiment} is worth about "
+        f"{push.sentence} To tell {told}, each such {fitter.system.experiment} is worth about "
         f"{push.log_odds:.1f} in natural log odds."
     )
 

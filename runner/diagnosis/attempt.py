@@ -7,7 +7,8 @@ that over long times errors of the model pile up instead of telling what they ar
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,11 +17,12 @@ from runner.diagnosis.ranking import unknown_by_episodes
 from runner.effects.base import Effects
 from runner.inference.breakaway import hanging
 from runner.inference.held_out import Confirmed, confirm, start_states, unseen
-from runner.inference.least_squares import NONE, Fit, Fitter
+from runner.inference.least_squares import NONE, SURVEYS, Fit, Fitter
 from runner.inference.multiple_shooting import look, recut
 from runner.inference.outside import with_outside
-from runner.inference.search import RESTED, Beginning, Search, resumed, search
+from runner.inference.search import RESTED, Search, resumed, search
 from runner.inference.solver_choice import better_solved
+from runner.inference.warm_start import Beginning, Key, WarmStart
 from runner.noise.measured import materially_different, measure, refine, without_outliers
 from runner.numerics.arrays import spread_over
 from runner.progress import UNOBSERVED, ProgressObserver
@@ -93,11 +95,13 @@ def attempt(
 ) -> Attempt:
     """Search for the explanation of some episodes and hold what was found against the others."""
     first = _first_look(system, simulator, fitted, observer)
-    if other := better_solved(first.fitter, first.nominal):
-        first = _solved_otherwise(first, other, fitted, observer)
+    if other := better_solved(first.fitter, _nearest(first)):
+        first = _solved_otherwise(first, other, first.seeds, fitted, observer)
     fitter, found = _explained(first, held_out)
-    if found.best.fit.explanation.candidates and (other := better_solved(fitter, found.best.fit)):
-        first = _solved_otherwise(first, other, fitted, observer)
+    # what the search names, if anything: whether anything is to be named is not told yet
+    named = next((c for c in found.contenders if c.fit.explanation.candidates), None)
+    if named is not None and (other := better_solved(fitter, named.fit)):
+        first = _solved_otherwise(first, other, resumed(found, fitter).seeds, fitted, observer)
         fitter, found = _explained(first, held_out)
     simulator = fitter.system.simulator()
     observer.stage("checking on the episodes left out")
@@ -146,6 +150,11 @@ class _FirstLook:
     nominal: Fit
     beginning: Beginning | None
 
+    @property
+    def seeds(self) -> Mapping[Key, WarmStart]:
+        """What the look at pieces suggests to begin with."""
+        return self.beginning.seeds if self.beginning else {}
+
 
 def _first_look(
     system: AbstractSystem, simulator: AbstractSimulator, fitted: Sequence[int], observer: ProgressObserver
@@ -169,13 +178,37 @@ def _first_look(
     return _FirstLook(fitter, nominal, recut(seen.beginning, fitter, nominal))
 
 
+def _nearest(first: _FirstLook) -> Fit:
+    """Return what leaves least so far: the nominal model, or what the look at pieces suggests to begin with."""
+    seed = min(first.seeds.values(), key=lambda s: s.total, default=None)
+    if seed is None or not seed.total < first.nominal.total:
+        return first.nominal
+    return first.fitter.fit(seed.explanation, first.nominal.episodes, x=seed.x, starts=seed.starts)
+
+
 def _solved_otherwise(
-    before: _FirstLook, system: AbstractSystem, fitted: Sequence[int], observer: ProgressObserver
+    before: _FirstLook,
+    system: AbstractSystem,
+    seeds: Mapping[Key, WarmStart],
+    fitted: Sequence[int],
+    observer: ProgressObserver,
 ) -> _FirstLook:
-    """Look first at the same beliefs solved otherwise; what was simulated in vain counts, too."""
+    """Begin anew with the same beliefs solved otherwise; what was simulated in vain counts, too.
+
+    Where there are seeds, from an earlier look or search, the stretches are as they were and seeds begin where they
+    ended.
+    """
     simulator = system.simulator()
     simulator.simulated_s += before.fitter.system.simulator().simulated_s
-    return _first_look(system, simulator, fitted, observer)
+    if not seeds:
+        return _first_look(system, simulator, fitted, observer)
+    parts = simulator.parts(before.fitter.measured.spans)
+    fitter = replace(before.fitter, system=system, simulator=parts, surveys=deque(maxlen=SURVEYS))
+    fitter, nominal = _nominal(fitter, before.nominal.episodes)
+    here = {
+        key: replace(s, total=fitter.loss(s.explanation, s.x, s.starts, nominal.episodes)) for key, s in seeds.items()
+    }
+    return _FirstLook(fitter, nominal, Beginning(here))
 
 
 def _nominal(fitter: Fitter, stretches: Sequence[int]) -> tuple[Fitter, Fit]:

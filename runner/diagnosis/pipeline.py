@@ -86,6 +86,7 @@ def diagnose(
     helps = abstention(ranked, confirmed, fitter, where, corrected)
     if advise:
         observer.stage("trying what could be taken for it, and what would tell")
+    near = found_rivals(top, fitter) if advise else ()
     return Diagnosis(
         case=recording.path.name,
         system=system,
@@ -106,8 +107,8 @@ def diagnose(
         left_by_episode=left_by_episode((top.fit, after), fitter),
         seconds=time.perf_counter() - began,
         simulated_s=simulator.simulated_s,
-        next_push=next_push(ranked, searched, fitter, threads) if advise else None,
-        rivals=found_rivals(top, fitter) if advise else (),
+        next_push=next_push(ranked, searched, near, fitter, threads) if advise else None,
+        rivals=near,
         abstention=helps,
         disturbances=disturbances,
         notes=notes(

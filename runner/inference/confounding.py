@@ -7,7 +7,7 @@ rough, so what is alike is tried: the fitted model stands in for reality, withou
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -33,12 +33,15 @@ class Rival:
         alike: Share of what the effect does to the recording, in squares, that the rival would do as well, 0 to 1.
         log_odds: Natural log odds that a recording like this one is expected to give against the rival; from a trial
             where it is alike, otherwise from the sensitivities.
+        instead: The explanation with the rival in the effect's place, fitted to what the fitted model does; None: it
+            has not been tried.
     """
 
     effect: str
     rival: str
     alike: float
     log_odds: float
+    instead: Fit | None = field(default=None, repr=False, compare=False)
 
     @property
     def confounded(self) -> bool:
@@ -49,22 +52,18 @@ class Rival:
 def rivals(around: NormalEquations, evidence: Evidence, fitter: Fitter) -> tuple[Rival, ...]:
     """Return the rivals of every effect of a fit, the most alike first."""
     screened = _screened(around, evidence, fitter.system)
-    tried = [
-        replace(r, log_odds=_trial(r, around.fit, fitter)) if i < TRIALS and r.alike > ALIKE else r
-        for i, r in enumerate(screened)
-    ]
-    return tuple(tried)
+    return tuple(_tried(r, around.fit, fitter) if i < TRIALS and r.alike > ALIKE else r for i, r in enumerate(screened))
 
 
-def _trial(rival: Rival, fit: Fit, fitter: Fitter) -> float:
-    """Return half of what the rival leaves, in squared noises, of what the fitted model does."""
+def _tried(rival: Rival, fit: Fit, fitter: Fitter) -> Rival:
+    """Return a rival with its log odds: half of what it leaves, in squared noises, of what the fitted model does."""
     context = fitter.context
     effects = fit.explanation.make(fit.x, context)
     values = list(fitter.measured.values)
     for e, start in zip(fit.episodes, fit.starts, strict=True):
         values[e] = fitter.simulator.predict(e, [Run(effects, start)])[0]
     stand_in = replace(fitter, measured=replace(fitter.measured, values=tuple(values)))
-    losses = []
+    fits = []
     for candidate in fitter.system.vocabulary.by_name[rival.rival]:
         others = tuple(c for c in fit.explanation.candidates if c.name != rival.effect)
         x = [value for c, part in fit.explanation.parts(context) if c in others for value in fit.x[part]]
@@ -74,9 +73,9 @@ def _trial(rival: Rival, fit: Fit, fitter: Fitter) -> float:
         for start in (*first, -first[0]):
             explanation = Explanation((*others, candidate))
             begin = np.concatenate([x, clip(candidate, start, context)])
-            tried = stand_in.fit(explanation, fit.episodes, x=begin, near=fit, iterations=12)
-            losses.append(tried.total)
-    return float(0.5 * min(losses))
+            fits.append(stand_in.fit(explanation, fit.episodes, x=begin, near=fit, iterations=12))
+    instead = min(fits, key=lambda f: f.total)
+    return replace(rival, log_odds=0.5 * instead.total, instead=instead)
 
 
 def _screened(around: NormalEquations, evidence: Evidence, system: AbstractSystem) -> tuple[Rival, ...]:

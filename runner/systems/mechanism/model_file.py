@@ -16,7 +16,7 @@ from runner.numerics.arrays import FloatArray
 from runner.physics.joint_law import SIZE
 from runner.recording.model_form_mjcf import quiet
 from runner.storage.writing import write_text
-from runner.systems.mechanism.models import OWN, Models, harden, mechanical, shortest_contact_s
+from runner.systems.mechanism.models import OWN, Models, shortest_contact_s
 from runner.systems.mechanism.simulator import SHORTEST_STEP_S
 
 MODEL = "model.xml"
@@ -53,10 +53,7 @@ def write_model(models: Models, effects: Effects, folder: Path) -> tuple[str, ..
     spec = models.spec(inside, instrumented=False)
     with quiet():
         model = spec.compile()
-        for effect in mechanical(inside):
-            effect.edit_model(model)
-        if models.hard_friction:
-            harden(model)
+        models.put_in(inside, model)
         if models.contact_time_s(inside) < min(models.contact_time_s(()), 2 * model.opt.timestep):
             # MuJoCo softens contacts whose time constant is below two steps
             model.opt.timestep = max(0.5 * shortest_contact_s(model), SHORTEST_STEP_S)

@@ -156,12 +156,16 @@ class Models:
         if step_s is not None:
             # some effects are written in another way where the step is long
             model.opt.timestep = step_s
+        self.put_in(effects, model)
+        mujoco.mj_setConst(model, base.data[0])
+        return model
+
+    def put_in(self, effects: Effects, model: mujoco.MjModel) -> None:
+        """Write what effects change into a model that has the elements they add, and how dry friction is solved."""
         for effect in mechanical(effects):
             effect.edit_model(model)
         if self.hard_friction:
             harden(model)
-        mujoco.mj_setConst(model, base.data[0])
-        return model
 
     def contact_time_s(self, effects: Effects) -> float:
         """Return the shortest time constant of a contact, infinite without any: steps must be at most half of it."""
