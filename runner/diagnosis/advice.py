@@ -9,7 +9,7 @@ import numpy as np
 from runner.diagnosis.next_experiment import best_experiment
 from runner.diagnosis.ranking import contender_of
 from runner.diagnosis.result import Ranked
-from runner.effects.vocabulary import Vocabulary
+from runner.effects.vocabulary import Vocabulary, spoken
 from runner.inference.confounding import Rival, rivals
 from runner.inference.contender import Contender
 from runner.inference.evidence import directions, normal_equations, sensitivities
@@ -61,7 +61,7 @@ def next_push(
         covariance,
         threads=threads,
     )
-    told = " from ".join(" and ".join(f.explanation.names or ("none",)) for f in (first, rival)).replace("_", " ")
+    told = " from ".join(" and ".join(map(spoken, f.explanation.names or ("none",))) for f in (first, rival))
     if push is None or push.log_odds < 1.0:
         system = fitter.system
         return f"No {system.experiment} within {system.reach} would tell {told}; {system.reach_further}."

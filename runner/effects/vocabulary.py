@@ -119,3 +119,12 @@ class Vocabulary:
             for c in (*self.candidates, *self.outside)
             if c.effect is type(effect) and c.target == getattr(effect, "target", None) and not c.targets
         )
+
+
+def spoken(effect: str) -> str:
+    """Return the name of an effect as it is read: `joint friction of elbow`, and `joint friction of all`."""
+    name, bracket, target = effect.partition("[")
+    # the name of a target is the owner's own, underscores and all
+    if target == f"{ALL}]":
+        return f"{name.replace('_', ' ')} of all"
+    return name.replace("_", " ") + (f" of {target.removesuffix(']')}" if bracket else "")

@@ -12,7 +12,7 @@ from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 from runner.effects.base import Phrase
-from runner.effects.vocabulary import ALL
+from runner.effects.vocabulary import spoken
 from runner.effects.wording import Values, listed, number, percent, probability
 from runner.report.statement import NOISE_LEFT, NONE, UNKNOWN, Kind, Left, Statement, state
 from runner.report.suspects import suspects
@@ -31,15 +31,7 @@ MANIFOLD = 1.0  # from twice the noise on it is told as so many times
 
 def title(effects: Sequence[str]) -> str:
     """Return effect names as they are read: `joint friction of elbow + gravity`."""
-    return " + ".join(_named(e) for e in effects)
-
-
-def _named(effect: str) -> str:
-    name, bracket, target = effect.partition("[")
-    # the name of a target is the owner's own, underscores and all
-    if target == f"{ALL}]":
-        return f"{name.replace('_', ' ')} of all"
-    return name.replace("_", " ") + (f" of {target.removesuffix(']')}" if bracket else "")
+    return " + ".join(spoken(e) for e in effects)
 
 
 def label(system: AbstractSystem, effect: str) -> str:
