@@ -96,7 +96,8 @@ def attempt(
     """Search for the explanation of some episodes and hold what was found against the others."""
     first = _first_look(system, simulator, fitted, observer)
     if other := better_solved(first.fitter, _nearest(first)):
-        first = _solved_otherwise(first, other, first.seeds, fitted, observer)
+        # what pieces suggest of joints that creep makes up for that
+        first = _solved_otherwise(first, other, {}, fitted, observer)
     fitter, found = _explained(first, held_out)
     # what the search names, if anything: whether anything is to be named is not told yet
     named = next((c for c in found.contenders if c.fit.explanation.candidates), None)
@@ -195,8 +196,7 @@ def _solved_otherwise(
 ) -> _FirstLook:
     """Begin anew with the same beliefs solved otherwise; what was simulated in vain counts, too.
 
-    Where there are seeds, from an earlier look or search, the stretches are as they were and seeds begin where they
-    ended.
+    Where there are seeds, from a search, the stretches are as they were and seeds begin where they ended.
     """
     simulator = system.simulator()
     simulator.simulated_s += before.fitter.system.simulator().simulated_s
