@@ -58,9 +58,10 @@ def _text_table(path: Path, delimiter: str, decimal: str) -> pa.Table:
     )
     try:
         table = pa_csv.read_csv(path, parse_options=pa_csv.ParseOptions(delimiter=delimiter), convert_options=convert)
-    except UNREADABLE as error:
+        names = table.column_names
+    except UNREADABLE as error:  # cells as they are read, names of columns when they are asked for
         raise file_error(path, "a text table", error) from None
-    return table.rename_columns([c.strip().lstrip("%\ufeff") for c in table.column_names])
+    return table.rename_columns([c.strip().lstrip("%\ufeff") for c in names])
 
 
 def _decimal_commas(column: pa.ChunkedArray) -> bool:
