@@ -17,8 +17,9 @@ from runner.importing.entries import Entry, Plan, Role
 from runner.importing.episodes import Cut, Series, cut, pauses
 from runner.importing.map_file import ALL, EVEN, NEAREST, BoxMap, By, Map
 from runner.importing.plausible import check_plausible
-from runner.importing.rows import Rows, Told, rows
+from runner.importing.rows import Rows, rows
 from runner.importing.signals import Clock, Integers, Log, Part, Signal
+from runner.importing.told import Told
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +86,7 @@ def _episodes(part: Part, entries: Sequence[Entry], wanted: Map | BoxMap, told: 
     stamps, stamped = nanoseconds([*chosen, *([counting] if counting is not None else [])], unit)
     series = []
     for entry, signal, t_ns, has in zip(entries, signals, stamps, stamped, strict=False):
-        told.add(f"'{signal.name}': {{n}} samples have no time and are left out", int(np.sum(~has)))
+        told.add("{names}: {n} samples have no time and are left out", int(np.sum(~has)), column=signal.name)
         one = Series(entry, signal, np.flatnonzero(has), t_ns, entry.si(signal.values[has]))
         series.append(one.where(np.isfinite(one.values)) if wanted.log.sparse else one)
     times: Integers | None = stamps[-1] if counting is not None else None
