@@ -13,7 +13,10 @@ from runner.importing.episodes import Series
 from runner.importing.told import Told
 from runner.numerics.arrays import FloatArray
 
-EVEN, MOSTLY = 0.3, 0.9  # of the usual step, and of the steps: a clock that runs so is even, longer steps lost samples
+NEAR_STEPS, MOSTLY = (
+    0.3,
+    0.9,
+)  # of the usual step, and of all steps: an even clock, whose longer steps lost samples
 SMOOTH = 0.5  # of the error of holding: neighbours that foretell by less say what is between them; a step has 0.7
 FEWEST_SAMPLES = 8  # that show how a clock runs
 
@@ -63,7 +66,7 @@ def lost_steps(t_s: FloatArray) -> np.ndarray:
         return np.ones(len(steps), dtype=np.int64)
     usual = float(np.median(steps))
     counts = np.maximum(np.round(steps / usual), 1)
-    even = np.abs(steps - counts * usual) <= EVEN * usual
+    even = np.abs(steps - counts * usual) <= NEAR_STEPS * usual
     known = even & (counts <= LOST + 1) & bool(even.mean() >= MOSTLY)
     return np.where(known, counts, 1).astype(np.int64)
 
