@@ -19,7 +19,7 @@ from rich.text import Text
 
 T = TypeVar("T")
 PATIENCE_S = 1.0  # a bar for less than this would only flicker
-EVERY_S = 10.0  # between two lines where there is no terminal
+EVERY_S, EVERY_SHARE = 10.0, 1 / 6  # between two lines where there is no terminal, and of the time that went by
 COLUMNS = 80  # as wide as lines are where there is no terminal that says how wide it is
 UNLIKELY = 0.005  # what would be told as 0.00
 NAMED = 2  # effects of a fit that are named; of more there are as many as make no difference to somebody who waits
@@ -118,6 +118,7 @@ def observed(description: str) -> Iterator[ProgressObserver]:
 def _shown(description: str, line: Callable[[], str]) -> Iterator[None]:
     """Show what changes until the end, behind the time that went by: after a second, or every ten.
 
+    Lines of what takes many minutes come more and more rarely.
     Where there is no terminal, what is longer than a line goes on in the next ones, indented.
     """
     began, over = time.monotonic(), threading.Event()
@@ -129,8 +130,11 @@ def _shown(description: str, line: Callable[[], str]) -> Iterator[None]:
         head, said = f"{description} ({time.monotonic() - began:.0f} s)", line()
         return f"{head}: {said}" if said else head
 
+    def pause_s() -> float:
+        return PATIENCE_S if moving else max(EVERY_S, EVERY_SHARE * (time.monotonic() - began))
+
     def show() -> None:
-        while not over.wait(PATIENCE_S if moving else EVERY_S):
+        while not over.wait(pause_s()):
             try:
                 if moving:
                     status.update(Text(text(), overflow="ellipsis", no_wrap=True))

@@ -81,6 +81,27 @@ def test_a_tracker_s_log_is_a_case_without_editing(lost: str, tmp_path: Path) ->
     assert {float(p) for e in case.episodes for p in e.point_m[:, 0]} == {-0.08}
 
 
+def test_lost_forces_stand_between_their_neighbours(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a force that rises and falls smoothly: in lost rows, and in rows where its cell is empty, all but what it was.
+
+    No row has the force of another one: stamps in whole milliseconds are past their rows or before them.
+    """
+    log = tracker()
+    t = np.tile(np.arange(SAMPLES) / RATE_HZ, PUSHES)
+    log["push_x_N"], log["push_y_N"] = 5 * np.sin(2 * t), -2.5 * np.sin(2 * t)
+    whole, gone, empty = log.copy(), [20, 21, 80, 130], [40, 100]
+    log.loc[empty, ["push_x_N", "push_y_N"]] = np.nan
+    imported(log.drop(index=gone), tmp_path)
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Note: 'fx', 'fy': 6 samples were lost; the line between those around them is taken" in said
+    assert "'vx'" not in said  # nobody has asked for velocities
+    force = np.concatenate([e.force_n for e in read_case(tmp_path / "case").episodes])[:, 0]
+    lost = np.isin(np.arange(len(whole)), [*gone, *empty])
+    np.testing.assert_array_equal(force[~lost], whole["push_x_N"][~lost])
+    # a line over three steps is off by the second derivative, 20 N/s2 at most, times the step squared
+    np.testing.assert_allclose(force[lost], whole["push_x_N"][lost], atol=20.0 / RATE_HZ**2)
+
+
 def test_decimal_commas_are_seen(tmp_path: Path) -> None:
     """A table that somebody's locale wrote with semicolons and commas is read without a word, and the map says so."""
     log = tracker()
@@ -139,7 +160,8 @@ def test_a_wrong_map_is_one_line(
     [
         ("X [mm]", "x"), ("box_y_mm", "y"), ("pos_x", "x"), ("heading [deg]", "yaw"), ("rot_deg", "yaw"), ("vx", "vx"),
         ("vel_y_mm_s", "vy"), ("yaw_rate_deg_s", "wz"), ("Fx", "fx"), ("force_y", "fy"), ("push_x_N", "fx"),
-        ("push_x_mm", "px"), ("contact_v_mm", "py"), ("u [mm]", "px"), ("v [mm]", "py"), ("v [mm/s]", None),
+        ("push_x_mm", "px"), ("contact_v_mm", "py"), ("Fy (N)", "fy"), ("u [mm]", "px"), ("v [mm]", "py"),
+        ("v [mm/s]", None),
         ("at_x", "px"), ("force_point_y_mm", "py"), ("tip_x", "tip_x"),
         ("battery", None), ("current_A", None),
     ],

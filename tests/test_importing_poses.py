@@ -39,3 +39,18 @@ def test_without_a_unit_it_is_assumed_and_said() -> None:
     (pose,), _ = guess_frame(log, guess_poses(log, model), model, None)
     assert {c["unit"] for c in pose.channels("z").values()} == {"m"}
     assert "assumed" in pose.why
+
+
+@pytest.mark.parametrize("names", [("q1", "q2", "q3", "q4"), ("o[0]", "o[1]", "o[2]", "o[3]")])
+def test_four_numbers_of_unit_length_are_a_quaternion(names: tuple[str, ...]) -> None:
+    """Whatever they are called; which of them is the scalar the first sample tells, or its owner has to."""
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    turns = np.random.default_rng(0).standard_normal((10, 4))
+    turns[0] = [0.05, 0.1, 0.0, 5.0]
+    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+    for k, order in ((0, "xyzw"), (1, "TODO")):
+        log = Part("log", {n: Signal(n, "log", turns[k:, i]) for i, n in enumerate(names)})
+        (pose,) = guess_poses(log, model)
+        assert (pose.order, list(pose.signals.values())) == (order, list(names))
+    longer = Part("log", {n: Signal(n, "log", 1.1 * turns[:, i]) for i, n in enumerate(names)})
+    assert not guess_poses(longer, model)

@@ -8,6 +8,7 @@ from scipy.linalg import cholesky, solve_triangular, toeplitz
 
 from runner.noise.measured import Measured, without_outliers
 from runner.noise.model import NoiseModel, estimate
+from runner.numerics.differences import third_differences, white_noise
 from runner.recording import Span
 
 
@@ -106,3 +107,18 @@ def test_outliers_stand_out_of_slow_noise() -> None:
     dropped = np.flatnonzero(~without_outliers(measured, {0: left}).valid[0][:, 0])
     assert set(at) <= set(dropped)
     assert len(dropped) <= len(at) + 2
+
+
+def test_third_differences_leave_nothing_of_a_parabola_by_an_uneven_clock() -> None:
+    """Whatever the clock does, a parabola leaves nothing, and white noise 20 of its variances; even: -1, 3, -3, 1."""
+    rng = np.random.default_rng(0)
+    t = np.cumsum(rng.uniform(0.008, 0.012, 5000) + 0.05 * (rng.random(5000) < 0.02))
+    parabola = 3 - 20 * t + 7 * t**2
+    assert np.abs(third_differences(t, parabola)).max() < 1e-9 * np.abs(parabola).max()
+    x = rng.standard_normal(len(t))
+    x[rng.random(len(t)) < 0.1] = np.nan
+    assert np.std(third_differences(t, x)) == pytest.approx(np.sqrt(20), rel=0.05)
+    assert white_noise([(t, parabola + 0.01 * x)]) == pytest.approx(0.01, rel=0.05)
+    even = np.arange(100) / 64
+    np.testing.assert_allclose(third_differences(even, even**4), np.diff(even**4, 3), atol=1e-12)
+    assert np.isnan(white_noise([(t[:3], x[:3])]))

@@ -72,6 +72,16 @@ def test_lines_come_now_and_then_without_a_terminal(
     assert capsys.readouterr().out == ""
 
 
+def test_lines_come_more_rarely_with_time(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """What takes long does not fill a log with what it is at: each pause is half of the time that went by, or more."""
+    monkeypatch.setattr(progress, "EVERY_S", 0.01)
+    monkeypatch.setattr(progress, "EVERY_SHARE", 0.5)
+    with observed("Diagnosing") as observer:
+        observer.stage("searching")
+        time.sleep(0.5)
+    assert 3 <= len(capsys.readouterr().out.splitlines()) <= 12  # 50 otherwise
+
+
 def test_what_is_quick_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     """Less than ten seconds are no reason for a line."""
     with observed("Diagnosing") as observer:

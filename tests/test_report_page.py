@@ -11,6 +11,7 @@ import pytest
 from playwright.sync_api import sync_playwright
 
 from runner.effects.planar_box import Friction
+from runner.recording import Span
 from runner.report import html, words
 from runner.report.html import write_html
 from tests.report_case import changed, diagnosis, ranked, said
@@ -47,6 +48,16 @@ def test_page_shows_everything(found: Any, page: str) -> None:
     # position x: 9 and 1.1 times 0.5 mm
     assert "4.5 → 0.55" in text
     assert page.count("<svg") >= 3
+
+
+def test_page_says_over_how_long_models_were_replayed(found: Any, page: str) -> None:
+    """Whole episodes, or parts of them, each with a start of its own: a figure begins anew there."""
+    assert "from the start to the end of an episode" in said(page)
+    first = found.stretches[0]
+    halves = (Span(first.episode, 0, 50), Span(first.episode, 50, first.end), *found.stretches[1:])
+    text = said(html.render(changed(found, stretches=halves)))
+    assert "from the start to the end" not in text
+    assert "s at a time, each with a start of its own" in text
 
 
 def test_page_of_none_corrects_nothing(found: Any) -> None:

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from runner.report.record import write_rrd
+from runner.report.record import eye_on_all, write_rrd
 from runner.report.record_gap import window_gaps
+from runner.systems.drawing import DrawnBody, Shape
 from tests.report_case import changed, diagnosis, ranked
 
 
@@ -84,3 +85,16 @@ def test_log_of_none_has_no_corrected_body(found: Any, tmp_path: Path) -> None:
     entities = {c.entity_path for c in rr.chunk.RrdReader(path).stream()}
     assert "/episode_5/nominal/object" in entities
     assert not any("/corrected" in e for e in entities)
+
+
+def test_the_eye_sees_all_of_a_lever_that_turns_about_its_end() -> None:
+    """Its body stays where the hinge is; the shape reaches 0.5 m from there, and all around in time."""
+    lever = DrawnBody("lever", (Shape("capsule", (0.02, 0.23), position_m=(0.0, 0.0, -0.25)),))
+    angle = np.linspace(0.0, np.pi, 50)
+    pose = np.zeros((50, 7))
+    pose[:, :3], pose[:, 3], pose[:, 5] = (1.0, 2.0, 3.0), np.cos(angle / 2), np.sin(angle / 2)
+    pose[7] = np.nan  # not measured
+    eye = eye_on_all([(pose, lever)], size_m=0.1)
+    for tip in (np.array([1.0, 2.0, 2.5]), np.array([0.5, 2.0, 3.0]), np.array([1.0, 2.0, 3.5])):
+        assert np.linalg.norm(tip - eye.target_m) < 0.45 * eye.distance_m  # within some 27 degrees
+    assert eye_on_all([], size_m=0.1).distance_m > 0

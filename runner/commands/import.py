@@ -23,19 +23,14 @@ from rich.console import Console
 from runner.commands import Command, Job
 from runner.commands._print import print_table
 from runner.errors import ConfigError, check_range
-from runner.importing.box import SUFFIXES, believed, plan_box
 from runner.importing.build import Built, build
-from runner.importing.case import check_out, model_name, write_case
+from runner.importing.case import check_out, write_case
 from runner.importing.clocks import ClockReport
-from runner.importing.entries import plan
-from runner.importing.map_file import FILE, BoxMap, Map, read_map
-from runner.importing.propose import Proposal, propose, propose_box
+from runner.importing.map_file import FILE
 from runner.importing.readers import read_log
-from runner.importing.signals import Log, ReadOptions
-from runner.recording.model_form_mjcf import read_mjcf
+from runner.importing.signals import ReadOptions
+from runner.importing.target import target_of
 from runner.storage.writing import write_text
-
-UNKNOWN_RATE_HZ = 1.0  # until the clock of the log has told; nothing of a proposal rests on it
 
 
 @dataclass(frozen=True)
@@ -77,50 +72,31 @@ def _propose(config: ImportConfig, console: Console) -> None:
         raise ConfigError(
             f"propose: '{config.propose}' is there already; go on with map={config.propose}, or name another."
         )
-    proposal, log = _proposal(config)
+    target = target_of(config.model)
+    log = read_log(config.logs, ReadOptions(rate_hz=config.rate_hz))
+    proposal = target.propose(log, config.rate_hz)
     heading, rows = ("signal", "is", "unit", "why"), proposal.table
     signals = len(log.parts[0].signals)
     print_table(console, f"{log.format}: {signals} signals, {len(log.parts)} part(s)", (heading, rows))
     for line in (*log.notes, *proposal.notes):
-        console.print(f"Note: {line}.", highlight=False, markup=False, soft_wrap=True)
+        _say(console, f"Note: {line}.")
     for line in proposal.missing:
-        console.print(f"Missing: {line}.", highlight=False, markup=False, soft_wrap=True)
+        _say(console, f"Missing: {line}.")
     write_text(config.propose, proposal.text)
     logs = " ".join(map(str, config.logs))
     out = config.out if config.out is not None else "CASE"
-    command = f"runner import {logs} --map {config.propose} model={config.model} out={out}"
-    first = f"Wrote {config.propose}. " + (
-        "Fill in what is missing, then:" if proposal.missing else "Look through it, then:"
-    )
-    console.print(first, highlight=False, markup=False, soft_wrap=True)
-    console.print(f"  {command}", highlight=False, markup=False, soft_wrap=True)
-
-
-def _proposal(config: ImportConfig) -> tuple[Proposal, Log]:
-    options = ReadOptions(rate_hz=config.rate_hz)
-    if config.model.suffix in SUFFIXES:
-        nominal, _ = believed(config.model, UNKNOWN_RATE_HZ if config.rate_hz is None else config.rate_hz)
-        log = read_log(config.logs, options)
-        return propose_box(log, nominal, rate_hz=config.rate_hz), log
-    model = read_mjcf(config.model).compile()
-    log = read_log(config.logs, options)
-    return propose(log, model, rate_hz=config.rate_hz), log
+    following = "Fill in what is missing, then:" if proposal.missing else "Look through it, then:"
+    _say(console, f"Wrote {config.propose}. {following}")
+    _say_whole(console, f"  runner import {logs} --map {config.propose} model={config.model} out={out}")
 
 
 def _built(config: ImportConfig, map_file: Path) -> Built:
-    """Return the case that the map makes of the log, of a mechanism or of a box."""
-    box = config.model.suffix in SUFFIXES
-    wanted = read_map(map_file, BoxMap) if box else read_map(map_file, Map)
+    """Return the case that the map makes of the log."""
+    wanted, planned = target_of(config.model).plan(map_file)
     if config.rate_hz is not None:
         raise ConfigError(f"rate_hz: stands in the map, as `log: {{rate_hz: {config.rate_hz:g}}}` in {map_file}.")
-    model = None if box else read_mjcf(config.model).compile()
-    if isinstance(wanted, BoxMap):
-        planned = plan_box(map_file, wanted, config.model)
-    else:
-        assert model is not None
-        planned = plan(map_file, wanted, model, model_name(config.model))
     log = read_log(config.logs, ReadOptions(decimal=wanted.log.decimal, rate_hz=wanted.log.rate_hz))
-    return build(log, map_file, wanted, planned, model)
+    return build(log, map_file, wanted, planned)
 
 
 def _import(config: ImportConfig, map_file: Path, console: Console) -> None:
@@ -137,10 +113,20 @@ def _import(config: ImportConfig, map_file: Path, console: Console) -> None:
     ]
     print_table(console, "Columns", (("column", "signal", "unit"), conversions))
     for note in (*built.notes, *read):
-        console.print(f"Note: {note}.", highlight=False, markup=False, soft_wrap=True)
+        _say(console, f"Note: {note}.")
     episodes = built.table["episode"].nunique()
-    console.print(f"{episodes} episodes, {len(built.table)} rows: {config.out}", highlight=False, soft_wrap=True)
-    console.print(f"  runner gap {config.out}", highlight=False, soft_wrap=True)
+    _say(console, f"{episodes} episodes, {len(built.table)} rows: {config.out}")
+    _say_whole(console, f"  runner gap {config.out}")
+
+
+def _say(console: Console, sentence: str) -> None:
+    """Print a sentence, broken where the terminal ends."""
+    console.print(sentence, highlight=False, markup=False)
+
+
+def _say_whole(console: Console, command: str) -> None:
+    """Print a command in one line, however long, so that it can be copied."""
+    console.print(command, highlight=False, markup=False, soft_wrap=True)
 
 
 def _clocks(reports: tuple[ClockReport, ...]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:

@@ -67,7 +67,7 @@ def plan_box(path: Path, wanted: BoxMap, model: Path) -> Plan:
             except RecordingError as error:
                 raise RecordingError(f"{path}: {error}") from None
     noise = {k: v for k, v in wanted.noise.items() if v is not None}
-    return Plan(tuple(entries), {**content, **({"noise": noise} if noise else {})}, None)
+    return Plan(tuple(entries), {**content, **({"noise": noise} if noise else {})}, None, None)
 
 
 def with_whole_turns(table: pd.DataFrame) -> pd.DataFrame:

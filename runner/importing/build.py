@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pandas as pd
 
@@ -15,10 +14,11 @@ from runner.importing.box import with_whole_turns
 from runner.importing.clocks import ClockReport, clock_of, nanoseconds, report
 from runner.importing.entries import Entry, Plan, Role
 from runner.importing.episodes import Cut, Series, cut, pauses
-from runner.importing.map_file import ALL, EVEN, NEAREST, BoxMap, By, Map
+from runner.importing.map_file import ALL, EVEN, NEAREST, AnyMap, By
 from runner.importing.plausible import check_plausible
-from runner.importing.rows import Rows, Told, rows
+from runner.importing.rows import Rows, rows
 from runner.importing.signals import Clock, Integers, Log, Part, Signal
+from runner.importing.told import Told
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class Built:
     notes: tuple[str, ...]
 
 
-def build(log: Log, path: Path, wanted: Map | BoxMap, planned: Plan, model: mujoco.MjModel | None) -> Built:
+def build(log: Log, path: Path, wanted: AnyMap, planned: Plan) -> Built:
     """Return the case that a map makes of a log.
 
     Args:
@@ -46,12 +46,11 @@ def build(log: Log, path: Path, wanted: Map | BoxMap, planned: Plan, model: mujo
         path: The map, for messages.
         wanted: What it says.
         planned: What that makes.
-        model: The compiled MJCF; None: a box that is pushed, which is checked as a whole when the case is read.
 
     Raises:
         RecordingError: Naming the map's key, the signal, and what is there or allowed.
     """
-    names = (ALL, EVEN, NEAREST, *wanted.commands, *wanted.channels)
+    names = (ALL, EVEN, NEAREST, *(entry.column for entry in planned.entries))
     if wanted.rows.at not in names:
         raise RecordingError(f"{path}: rows.at: unknown '{wanted.rows.at}'. {nearest(wanted.rows.at, names)}")
     told = Told()
@@ -65,17 +64,19 @@ def build(log: Log, path: Path, wanted: Map | BoxMap, planned: Plan, model: mujo
             raise RecordingError(f"no episode is left: {'; '.join(told.sentences())}.")
         table = _table(made, planned, told)
         stopped = [note for one in cuts if wanted.episodes.by is By.PART and (note := pauses(one)) is not None]
-        notes = [*log.notes, *told.sentences(), *stopped[:1], *_odd(table, planned, model)]
+        notes = [*log.notes, *told.sentences(), *stopped[:1], *_odd(table, planned)]
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
     return Built(planned, table, clocks, tuple(notes))
 
 
-def _odd(table: pd.DataFrame, planned: Plan, model: mujoco.MjModel | None) -> list[str]:
-    return [] if model is None or planned.mapping is None else check_plausible(table, planned, planned.mapping, model)
+def _odd(table: pd.DataFrame, planned: Plan) -> list[str]:
+    if planned.mapping is None or planned.model is None:
+        return []
+    return check_plausible(table, planned, planned.mapping, planned.model)
 
 
-def _episodes(part: Part, entries: Sequence[Entry], wanted: Map | BoxMap, told: Told) -> list[Cut]:
+def _episodes(part: Part, entries: Sequence[Entry], wanted: AnyMap, told: Told) -> list[Cut]:
     """Return the episodes of a part, with stamps on one origin."""
     signals = [part.signal(entry.key, entry.signal) for entry in entries]
     chosen = [clock_of(e.key, part, s, wanted.clock, e.clock)[1] for e, s in zip(entries, signals, strict=True)]
@@ -85,14 +86,14 @@ def _episodes(part: Part, entries: Sequence[Entry], wanted: Map | BoxMap, told: 
     stamps, stamped = nanoseconds([*chosen, *([counting] if counting is not None else [])], unit)
     series = []
     for entry, signal, t_ns, has in zip(entries, signals, stamps, stamped, strict=False):
-        told.add(f"'{signal.name}': {{n}} samples have no time and are left out", int(np.sum(~has)))
+        told.add("{names}: {n} samples have no time and are left out", int(np.sum(~has)), column=signal.name)
         one = Series(entry, signal, np.flatnonzero(has), t_ns, entry.si(signal.values[has]))
         series.append(one.where(np.isfinite(one.values)) if wanted.log.sparse else one)
     times: Integers | None = stamps[-1] if counting is not None else None
     return cut(part, series, wanted.episodes, lambda _: times)
 
 
-def _optional_clock(part: Part, counter: Signal | None, wanted: Map | BoxMap) -> Clock | None:
+def _optional_clock(part: Part, counter: Signal | None, wanted: AnyMap) -> Clock | None:
     """Return the clock of the signal that counts episodes, if every sample of it has a time."""
     if counter is None:
         return None
@@ -103,7 +104,7 @@ def _optional_clock(part: Part, counter: Signal | None, wanted: Map | BoxMap) ->
     return clock if bool(np.isfinite(clock.stamps).all()) else None
 
 
-def _reports(cuts: Sequence[Cut], log: Log, wanted: Map | BoxMap) -> tuple[ClockReport, ...]:
+def _reports(cuts: Sequence[Cut], log: Log, wanted: AnyMap) -> tuple[ClockReport, ...]:
     """Return how the clock of each stream ran; of a table whose columns have samples of their own, of each of those."""
     runs: dict[str, dict[tuple[str, tuple[int, ...]], tuple[str, list[Integers]]]] = {}
     part = log.parts[0]

@@ -61,11 +61,19 @@ class Entry:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be made: the columns, the case's `nominal.yaml`, and what it says of the model; of a box, None."""
+    """What is to be made.
+
+    Args:
+        entries: The columns.
+        nominal: Content of the case's `nominal.yaml`.
+        mapping: What that says of the model; of a box, None.
+        model: The compiled MJCF; of a box, which is checked as a whole when the case is read, None.
+    """
 
     entries: tuple[Entry, ...]
     nominal: Mapping[str, Any]
     mapping: ModelMapping | None
+    model: mujoco.MjModel | None
 
 
 def plan(path: Path, wanted: Map, model: mujoco.MjModel, model_name: str) -> Plan:
@@ -95,7 +103,7 @@ def plan(path: Path, wanted: Map, model: mujoco.MjModel, model_name: str) -> Pla
     twice = next((e for e in entries if taken.count(e.column) > 1), None)
     if twice is not None:
         raise RecordingError(f"{path}: {twice.key}: its column '{twice.column}' is there twice; name the others so.")
-    return Plan(tuple(entries), nominal, mapping)
+    return Plan(tuple(entries), nominal, mapping, model)
 
 
 def _nominal(wanted: Map, model_name: str) -> dict[str, Any]:

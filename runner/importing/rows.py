@@ -1,12 +1,14 @@
 """One episode as rows of a table: series put in order, then on common times.
 
-Commands are held until their next sample. Channels keep their own samples where rows stand at all times of all series,
-or go to the nearest of even rows, or are interpolated where the map puts rows elsewhere, but not over gaps.
+Commands are held until their next sample; where samples are lost see `runner.importing.lost`. Channels keep their own
+samples where rows stand at all times of all series, or go to the nearest of even rows, or are interpolated where the
+map puts rows elsewhere, but not over gaps.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,33 +16,17 @@ from runner.errors import RecordingError
 from runner.importing.clocks import NS
 from runner.importing.entries import Role
 from runner.importing.episodes import Cut, Series
+from runner.importing.lost import with_lost
 from runner.importing.map_file import ALL, EVEN, NEAREST, RowKeys
 from runner.importing.signals import Integers
+from runner.importing.told import Told
 from runner.numerics.arrays import FloatArray
 
 GAP_STEPS = 2.5  # of a channel's own median steps: over longer gaps nothing is interpolated
 HELD_STEPS = 5.0  # a command that is held for more of its own steps is worth a note
-EVENLY = 0.02  # of a row: stamps that are rounded to milliseconds move by as much, which need not be said
+MOVED = 0.02  # of a row: stamps that are rounded to milliseconds move by as much, which need not be said
 NEAR = 0.1  # rows nearer than this share of the usual step are worth a note
-FEWEST = 3  # samples of an episode
-
-
-@dataclass
-class Told:
-    """What was done to the samples, to be said once for the whole log: counts by sentence, and the largest of each."""
-
-    counts: dict[str, int] = field(default_factory=dict)
-    largest: dict[str, float] = field(default_factory=dict)
-
-    def add(self, sentence: str, count: int, size: float = 0.0) -> None:
-        """Note something that happened `count` times."""
-        if count:
-            self.counts[sentence] = self.counts.get(sentence, 0) + count
-            self.largest[sentence] = max(self.largest.get(sentence, 0.0), size)
-
-    def sentences(self) -> list[str]:
-        """Return all notes; `{n}` is the count, `{largest}` the largest size."""
-        return [s.replace("{n}", str(n)).replace("{largest}", f"{self.largest[s]:.4g}") for s, n in self.counts.items()]
+FEWEST_ROWS = 3  # of an episode
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,15 +41,13 @@ class Rows:
 def in_order(one: Series, told: Told) -> Series:
     """Return a series in the order of its stamps, one sample each: of several the one that arrived last."""
     name = one.signal.name
-    if one.entry.role is Role.COMMAND:
-        _check_command(one)
     order = np.argsort(one.t_ns, kind="stable")
-    told.add(f"'{name}': {{n}} samples were out of order and put into it", int(np.sum(np.diff(one.t_ns) < 0)))
+    fell = int(np.sum(np.diff(one.t_ns) < 0))
+    told.add("{names}: {n} samples were out of order and put into it", fell, column=name)
     t = one.t_ns[order]
     last = np.append(np.diff(t) > 0, True) if len(t) else np.empty(0, dtype=bool)
-    told.add(
-        f"'{name}': {{n}} samples have the stamp of another; the one that arrived last was kept", int(np.sum(~last))
-    )
+    again = "{names}: {n} samples have the stamp of another; the one that arrived last was kept"
+    told.add(again, int(np.sum(~last)), column=name)
     return Series(one.entry, one.signal, one.at[order][last], t[last], one.values[order][last])
 
 
@@ -78,13 +62,24 @@ def _check_command(one: Series) -> None:
         )
 
 
+def _known(series: Sequence[Series], keys: RowKeys) -> list[Series]:
+    """Return all series, checked: a command is a number, or in rows that may be lost one that was not written down."""
+    if keys.at == NEAREST:
+        return [one.where(np.isfinite(one.values)) if one.entry.role is Role.COMMAND else one for one in series]
+    for one in series:
+        if one.entry.role is Role.COMMAND:
+            _check_command(one)
+    return list(series)
+
+
 def rows(episode: Cut, keys: RowKeys, told: Told) -> Rows | None:
     """Return an episode as rows; None if too little is left of it, which is noted.
 
     Raises:
         RecordingError: If a command is not a number, or a series has no samples.
     """
-    series = [in_order(one, told) for one in episode.series]
+    series = [in_order(one, told) for one in _known(episode.series, keys)]
+    series = [with_lost(one, told) if one.entry.role is Role.COMMAND else one for one in series]
     if any(not len(one.t_ns) for one in series if one.entry.role is Role.COMMAND) or not any(
         len(one.t_ns) for one in series if one.entry.role is Role.CHANNEL
     ):
@@ -103,8 +98,8 @@ def rows(episode: Cut, keys: RowKeys, told: Told) -> Rows | None:
     kept = times[(times >= first) & (times <= last + beyond)]
     late = (first - int(samples[0])) / NS
     told.add("{n} episodes begin later, when every command has come once: by up to {largest} s", late > 0, late)
-    if len(kept) < FEWEST:
-        told.add(f"{{n}} episodes are left out: they have fewer than {FEWEST} rows", 1)
+    if len(kept) < FEWEST_ROWS:
+        told.add(f"{{n}} episodes are left out: they have fewer than {FEWEST_ROWS} rows", 1)
         return None
     steps = np.diff(kept)
     if keys.at == ALL:
@@ -115,7 +110,7 @@ def rows(episode: Cut, keys: RowKeys, told: Told) -> Rows | None:
     columns = {}
     for one in series:
         if one.entry.role is Role.COMMAND:
-            columns[one.entry.column] = _held(one, kept, told)
+            columns[one.entry.column] = _held(_moved(one, kept) if keys.at == NEAREST else one, kept, told)
         else:
             columns[one.entry.column] = CHANNELS.get(keys.at, _interpolated)(one, kept, told)
     return Rows(episode.number, (kept - kept[0]) / NS, columns)
@@ -135,18 +130,31 @@ def _times(series: list[Series], keys: RowKeys) -> Integers:
     return own.t_ns if len(own.t_ns) else np.zeros(1, dtype=np.int64)
 
 
+def _moved(one: Series, times: Integers) -> Series:
+    """Return a command that comes as often as rows do with its samples at the rows that are nearest to them.
+
+    A stamp that is rounded up is past its row by less than a millisecond, and held it would only come a row later.
+    """
+    step = float(times[1] - times[0])
+    if len(one.t_ns) < 2 or np.median(np.diff(one.t_ns)) <= step / 2:
+        return one
+    at = np.round((one.t_ns - times[0]) / step)
+    return replace(one, t_ns=times[0] + np.round(at * step).astype(np.int64))
+
+
 def _held(one: Series, times: Integers, told: Told) -> FloatArray:
     at = np.searchsorted(one.t_ns, times, side="right") - 1
-    if len(one.t_ns) > FEWEST:
+    if len(one.t_ns) > FEWEST_ROWS:
         steps = np.diff(one.t_ns)
         age = (times - one.t_ns[at]) / NS
         usual = float(np.median(steps)) / NS
         long = age > HELD_STEPS * usual
         told.add(
-            f"'{one.entry.column}': no new command for more than {HELD_STEPS:g} of its usual steps before {{n}} rows; "
+            f"{{names}}: no new command for more than {HELD_STEPS:g} of its usual steps before {{n}} rows; "
             "held for up to {largest} s",
             int(long.sum()),
             float(age.max(initial=0.0)),
+            column=one.entry.column,
         )
     return one.values[at]
 
@@ -161,9 +169,8 @@ def _nearest(one: Series, times: Integers, told: Told) -> FloatArray:
     inside = inside[np.argsort(-off[inside], kind="stable")]  # of two at one row the nearer one comes last and stays
     out[at[inside]] = one.values[inside]
     moved = float(off[inside].max(initial=0.0)) / NS
-    told.add(
-        f"'{one.entry.column}': samples moved to even rows by up to {{largest}} s", moved > EVENLY * step / NS, moved
-    )
+    said = "{names}: samples moved to even rows by up to {largest} s"
+    told.add(said, moved > MOVED * step / NS, moved, column=one.entry.column)
     return out
 
 
@@ -188,8 +195,9 @@ def _interpolated(one: Series, times: Integers, told: Told) -> FloatArray:
     out = np.interp(times.astype(float), t.astype(float), values)
     lost = ~exact & ((gap > GAP_STEPS * np.median(np.diff(t))) | (times < t[0]) | (times > t[-1]))
     between = ~exact & ~lost
-    told.add(f"'{one.entry.column}': interpolated between its samples in {{n}} rows", int(between.sum()))
-    told.add(f"'{one.entry.column}': not measured near {{n}} rows, NaN there", int(lost.sum()))
+    name = one.entry.column
+    told.add("{names}: interpolated between samples in {n} rows", int(between.sum()), column=name)
+    told.add("{names}: not measured near {n} rows, NaN there", int(lost.sum()), column=name)
     out[lost] = np.nan
     return out
 

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from runner.noise.model import Found, NoiseModel, estimate
+from runner.numerics.differences import white_noise
 from runner.recording import Span
 from runner.systems.base import AbstractSystem
 from runner.systems.channels import Space
@@ -112,7 +113,9 @@ def measure(system: AbstractSystem, *, scatter: np.ndarray | None = None) -> Mea
     rests = [values[e][s] + shown for e, s in system.rests()]
     stated = system.stated_noise()
     groups = _groups(system)
-    white = np.array([_white([v[:, columns] for v in values]) for columns in groups])
+    times = [e.t_s for e in system.recording.episodes]
+    each = [[(t, c) for t, v in zip(times, values, strict=True) for c in v[:, columns].T] for columns in groups]
+    white = np.array([white_noise(series) for series in each])
     sigma, noise_model = _noise(rests, _step_s(system), groups, stated, white, _rounding_noise(values, groups))
     spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
     valid = tuple(_inliers(v, sigma * noise_model.innovation()) for v in values)
@@ -222,13 +225,6 @@ def _rounding_noise(values: Sequence[np.ndarray], groups: Sequence[Sequence[int]
         moves = moves[moves > 0]
         out[k] = float(moves.min()) / np.sqrt(12.0) if len(moves) else 0.0
     return out
-
-
-def _white(values: Sequence[np.ndarray]) -> float:
-    """Return the noise level of channels of one kind, each (T, k), if it is white."""
-    # third differences leave nothing of a smooth motion: variance 20 sigma^2 for white noise; NaN is not measured
-    third = np.concatenate([np.diff(c[np.isfinite(c)], 3) for v in values for c in v.T])
-    return float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0) if len(third) else np.nan
 
 
 def _inliers(values: np.ndarray, new: np.ndarray) -> np.ndarray:

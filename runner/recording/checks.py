@@ -46,7 +46,8 @@ def _check_measured(table: Table, form: Form) -> None:
         lacking = np.isnan(table[name])
         if lacking.all() and name in POSE[form]:
             raise table.error(f"column '{name}' is NaN in all {len(table)} rows; it must be measured somewhere.")
-    names = (*POSE[form], *TWIST[form])
+    # a log without velocities has none to lose
+    names = [*POSE[form], *(name for name in TWIST[form] if not np.isnan(table[name]).all())]
     table.notes.extend(lacking_notes(names, table.stack(names)))
 
 

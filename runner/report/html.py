@@ -80,6 +80,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "looks": unknown.looks(diagnosis),
         "corrected": said.corrected,
         "trajectories": sections.trajectories(diagnosis, paths),
+        "restarts_s": sections.restarts_s(diagnosis),
         "closure": sections.closure(diagnosis),
         "whiteness": sections.whiteness(diagnosis, said, paths),
         "where": sections.where(diagnosis, said, paths),
@@ -119,8 +120,9 @@ def facts(diagnosis: Diagnosis, said: Statement) -> list[tuple[str, str]]:
 def ranking(diagnosis: Diagnosis, said: Statement) -> dict[str, Any]:
     """Return the explanations, likeliest first, and the sum of those that are not shown."""
     system = diagnosis.system
+    shown, rest = said.shown(SHOWN)
     rows = []
-    for ranked in said.order[:SHOWN]:
+    for ranked in shown:
         closed = said.closed_by(ranked)
         rows.append(
             {
@@ -134,7 +136,6 @@ def ranking(diagnosis: Diagnosis, said: Statement) -> dict[str, Any]:
                 "equivalent": [words.title(e) for e in words.equals(ranked)],
             }
         )
-    rest = said.order[SHOWN:]
     return {
         "rows": rows,
         "rest": len(rest),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun as rr
+from scipy.spatial.transform import Rotation
 
 from runner.effects.wording import percent, probability
 from runner.report import words
@@ -21,7 +22,7 @@ from runner.report.record_gap import WindowGap, blended, window_gaps
 from runner.report.record_layout import COLOURS, COMMAND, INK, MISSING, Eye, Tab, blueprint, drawn_channels, models
 from runner.report.record_shapes import colours, colours_over_time, kinds, shapes
 from runner.report.statement import NONE, state
-from runner.systems.drawing import Shape
+from runner.systems.drawing import DrawnBody, Shape
 from runner.viewer.rrd import written
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 FILE = "diagnosis.rrd"
 REACH_OF_ARROW = 1.6  # of the bodies' size: how long the arrow of a typical large force is
 ABOVE = 1.04  # ways and arrows of what is seen from above lie so far above it
-NEAR, STANDING = 5.5, 1.7  # sizes of a body, or of all that stands somewhere: how far the eye is from it
+NEAR, STANDING = 5.5, 2.2  # sizes of a body, or radii of all that stands somewhere: how far the eye is from it
 UNDRAWN_M = 0.1  # the size that is taken where nothing is drawn, as of a wheel without shapes
 SHOWN = 8  # explanations in the ranking
 WORLD_FORCE = ("fx_n", "fy_n", "fz_n")  # a disturbance that has the first two is a force in world axes
@@ -95,8 +96,11 @@ class _Episode:
         way = {b.name: _length(self.poses["measured", b.name][:, :3]) for b in self.bodies}
         self.traced = max(way, key=lambda name: way[name], default=None)
         self.size_m = max((float(np.mean(s.size_m)) for b in self.bodies for s in b.shapes), default=UNDRAWN_M)
-        places = [pose[:, :3] for (model, _), pose in self.poses.items() if model == "measured"]
-        self.eye = _eye(places, self.size_m, None if system.plan_view is None else self.traced)
+        if system.plan_view is None:
+            self.eye = eye_on_all([(self.poses["measured", b.name], b) for b in self.bodies if b.shapes], self.size_m)
+        else:
+            first = self.poses["measured", self.traced][0, :3] if self.traced is not None else np.zeros(3)
+            self.eye = Eye(first, NEAR * self.size_m, self.traced)
         tops = [s.position_m[2] + _height(s) for b in self.bodies for s in b.shapes]
         self.lift_m = 0.0 if system.plan_view is None else ABOVE * max(tops, default=0.0)
 
@@ -227,15 +231,31 @@ class _Episode:
         return REACH_OF_ARROW * self.size_m / max(large, 1e-9)
 
 
-def _eye(places: Sequence[np.ndarray], size_m: float, followed: str | None) -> Eye:
-    """Return where to look, from where the bodies are at all times, (T, 3) each."""
-    if not places:
-        return Eye(np.zeros(3), NEAR * size_m, followed)
-    if followed is not None:
-        return Eye(places[0][0], NEAR * size_m, followed)
-    low, high = (np.array([getattr(p, side)(axis=0) for p in places]) for side in ("min", "max"))
-    low, high = low.min(axis=0), high.max(axis=0)
-    return Eye((low + high) / 2, STANDING * (float(np.linalg.norm(high - low)) / 2 + size_m), None)
+def eye_on_all(moved: Sequence[tuple[np.ndarray, DrawnBody]], size_m: float) -> Eye:
+    """Return from where all shapes of bodies are seen, wherever they go.
+
+    Args:
+        moved: Poses, (T, 7): x, y, z, qw, qx, qy, qz, of each body with shapes, NaN where not measured.
+        size_m: What is taken for their size where there are none.
+    """
+    edges = []
+    for pose, body in moved:
+        known = pose[np.isfinite(pose).all(axis=1)]
+        turns = Rotation.from_quat(known[:, [4, 5, 6, 3]])
+        for s in body.shapes:
+            centre = known[:, :3] + turns.apply(s.position_m)
+            edges += [centre.min(axis=0) - _radius(s), centre.max(axis=0) + _radius(s)]
+    if not edges:
+        return Eye(np.zeros(3), NEAR * size_m, None)
+    low, high = np.min(edges, axis=0), np.max(edges, axis=0)
+    return Eye((low + high) / 2, STANDING * float(np.linalg.norm(high - low)) / 2, None)
+
+
+def _radius(shape: Shape) -> float:
+    """Return the radius of the ball around a shape."""
+    if shape.kind == "capsule":
+        return float(sum(shape.size_m[:2]))
+    return float(np.linalg.norm(shape.size_m if shape.kind != "sphere" else shape.size_m[:1]))
 
 
 def _length(way: np.ndarray) -> float:
@@ -274,8 +294,9 @@ def _verdict(diagnosis: Diagnosis, arrows: Sequence[str]) -> str:
 
 def _ranking(diagnosis: Diagnosis) -> str:
     said = state(diagnosis)
+    shown, rest = said.shown(SHOWN)
     lines = ["| explanation | probability | gap closed |", "|---|---|---|"]
-    for r in said.order[:SHOWN]:
+    for r in shown:
         closed = said.closed_by(r)
         cells = (
             words.title(r.effects or (NONE,)),
@@ -283,6 +304,6 @@ def _ranking(diagnosis: Diagnosis) -> str:
             "" if closed is None else percent(closed),
         )
         lines.append(f"| {' | '.join(cells)} |")
-    if rest := said.order[SHOWN:]:
+    if rest:
         lines.append(f"| {len(rest)} others | {probability(sum(r.probability for r in rest))} | |")
     return "\n".join(lines)

@@ -117,7 +117,7 @@ def _episode(diagnosis: Diagnosis, tab: Tab) -> rrb.Container:
     ]
     gap = rrb.TimeSeriesView(origin=f"{root}/gap", name="share of the gap [%]", background=paper, plot_legend=hidden)
     below = [gap, *forces] if diagnosis.where is not None else []
-    columns = 2 if len(residuals) <= 2 else 3 if len(residuals) <= 6 else 4
+    columns = len(residuals) if len(residuals) <= 2 else 3 if len(residuals) <= 6 else 4
     rows = -(-len(residuals) // columns)
     plots = [
         rrb.Grid(*residuals, grid_columns=columns),

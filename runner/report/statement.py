@@ -85,6 +85,11 @@ class Statement:
         """The explanations that name effects, likeliest first."""
         return tuple(r for r in self.order if r.effects and r.effects[0] not in (NONE, UNKNOWN))
 
+    def shown(self, most: int) -> tuple[tuple[Ranked, ...], tuple[Ranked, ...]]:
+        """Return the likeliest explanations, and those that are summed up, which are two or more."""
+        count = len(self.order) if len(self.order) == most + 1 else most
+        return self.order[:count], self.order[count:]
+
     @property
     def settled(self) -> bool:
         """Whether the likeliest explanation names effects that one can put into a simulator."""

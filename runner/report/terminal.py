@@ -45,7 +45,7 @@ def ranking(diagnosis: Diagnosis) -> Table:
     table.add_column("how much", overflow="fold")
     table.add_column("gap closed", justify="right")
     said = state(diagnosis)
-    shown = said.order[:SHOWN]
+    shown, rest = said.shown(SHOWN)
     twins = any(words.equals(ranked) for ranked in shown)
     if twins:  # an empty column would fold the others
         table.add_column("can't be told from", overflow="fold")
@@ -58,7 +58,7 @@ def ranking(diagnosis: Diagnosis) -> Table:
             "" if closed is None else percent(closed),
             *([", ".join(words.title(e) for e in words.equals(ranked))] if twins else []),
         )
-    if rest := said.order[SHOWN:]:
+    if rest:
         table.add_row(f"{len(rest)} others", probability(sum(r.probability for r in rest)), style="dim")
     return table
 

@@ -182,7 +182,7 @@ def _map(place: Path) -> Reader:
 
     def read(folder: Path) -> None:
         wanted = read_map(folder / "map.yaml", Map)
-        build(log, folder / "map.yaml", wanted, plan(folder / "map.yaml", wanted, compiled, "arm.xml"), compiled)
+        build(log, folder / "map.yaml", wanted, plan(folder / "map.yaml", wanted, compiled, "arm.xml"))
 
     return Reader({"map.yaml": yaml.safe_dump(keys, sort_keys=False).encode()}, ("map.yaml",), read)
 

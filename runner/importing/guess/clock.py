@@ -19,8 +19,8 @@ RECORDER = ("log_time", "publish_time", "log_tick")  # set where it was written 
 SUFFIXES = {"s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "us": "us", "ns": "ns", "nsec": "ns"}
 EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # since 1970: 2001 to 2286
 STEPS = (("s", 0.9), ("ms", 900.0), ("us", 9e5), ("ns", np.inf))  # the largest usual step of a unit
-EVENLY, MOSTLY = 0.05, 0.7  # of the usual step: most steps of a clock are so near; lost rows make some longer
-FEWEST = 10  # samples that show how a clock runs
+EVEN_STEP, MOSTLY = 0.05, 0.7  # of the usual step: most steps of a clock are so near; lost rows make some longer
+FEWEST_STAMPS = 10  # samples that show how a clock runs
 EMPTY = 0.05  # share of empty cells from which an empty cell means that there is no sample
 
 
@@ -121,12 +121,12 @@ def _by_running(signals: Sequence[Signal], sparse: bool, notes: list[str]) -> Cl
 def _runs(signal: Signal) -> bool:
     """Whether a signal rises in even steps but where it begins anew."""
     values = signal.values
-    if len(values) < FEWEST or not np.isfinite(values).all():
+    if len(values) < FEWEST_STAMPS or not np.isfinite(values).all():
         return False
     steps = np.diff(values)
     usual = float(np.median(steps))
     whole = 0.0 if (values % 1).any() else 1.0  # numbers without a fraction are rounded to one
-    near = np.abs(steps - usual) <= max(EVENLY * usual, whole)
+    near = np.abs(steps - usual) <= max(EVEN_STEP * usual, whole)
     return usual > 0 and bool(np.mean(near) >= MOSTLY)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from runner.importing.units import UNITS
 from runner.numerics.arrays import FloatArray
 
-WINDOW_S, FEWEST = 0.1, 5  # as short as an impact allows; samples that tell a curvature from noise
+WINDOW_S, FEWEST_FALLING = 0.1, 5  # as short as an impact allows; samples that tell a curvature from noise
 EVEN = 0.1  # of a step: how unevenly a window may be sampled
 NEAR = 0.15  # of gravity: how far off a window in flight may be, by noise, spin of a marker, drag
 WINDOWS = 5  # that agree, and
@@ -60,7 +60,7 @@ def _accelerations(times_s: FloatArray, places: FloatArray) -> FloatArray:
     if not len(rising):
         return np.empty((0, 3))
     step = float(np.median(rising))
-    count = max(FEWEST, round(WINDOW_S / step))
+    count = max(FEWEST_FALLING, round(WINDOW_S / step))
     if len(times_s) < count:
         return np.empty((0, 3))
     windows = np.lib.stride_tricks.sliding_window_view(places, count, axis=0)  # (W, 3, count)

@@ -19,11 +19,14 @@ from runner.importing.units import UNITS
 from runner.numerics.arrays import FloatArray
 
 # what they are of, their axis, and a unit of length behind it
-GROUPED = re.compile(r"(.*?)[/_.\[]?(q?[xyzw]|[0-3])\]?(?:[_. ]*[\[(]?(mm|cm|m)[\])]?)?$", re.IGNORECASE)
+GROUPED = re.compile(r"(.*?)[/_.\[]?(q?[xyzw]|[0-4])\]?(?:[_. ]*[\[(]?(mm|cm|m)[\])]?)?$", re.IGNORECASE)
 PLACES = frozenset(
     ["position", "translation", "point", "pos", "t", "p", "trans", "tvec", "location", "centre", "center"]
 )
 TURNS = frozenset(["orientation", "rotation", "quaternion", "quat"])
+UNIT_LENGTH = (
+    0.02  # four numbers whose length is that near to 1 all the time are a quaternion, whatever they are called
+)
 IDENTITY = 0.95  # of the scalar of a quaternion that is hardly turned
 FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 NEARER, APART_M = 0.3, 0.05  # y points up where that puts a body so much nearer to where the model has it
@@ -76,7 +79,9 @@ def guess_poses(part: Part, model: mujoco.MjModel) -> list[Pose]:
     poses = []
     for (base, unit), members in groups.items():
         words = words_of(base)
-        turned = bool(set(words) & TURNS) or {"w", "x", "y", "z"} == set(members)
+        if set(members) == set("1234"):
+            members = {str(int(k) - 1): name for k, name in members.items()}
+        turned = bool(set(words) & TURNS) or {"w", "x", "y", "z"} == set(members) or _of_unit_length(part, members)
         named = [b for b in bodies if any(contains(words, w) for w in own_words(b))]
         placed = (bool(set(words) & PLACES) or not base or _is_all(words, named)) and not turned
         body = max(named, key=len) if named else free[0] if len(free) == 1 else None
@@ -93,6 +98,16 @@ def guess_poses(part: Part, model: mujoco.MjModel) -> list[Pose]:
         elif placed and {"0", "1", "2"} == set(members):
             poses.append(Pose(body, dict(zip("xyz", (members[k] for k in "012"), strict=True)), False, "", why, unit))
     return poses
+
+
+def _of_unit_length(part: Part, members: Mapping[str, str]) -> bool:
+    """Whether signals are four numbers that make up a unit vector."""
+    values = [part.signals[name].values for name in members.values()]
+    if len(values) != 4 or len({len(v) for v in values}) > 1:
+        return False
+    length = np.linalg.norm(np.stack(values, axis=1), axis=1)
+    known = length[np.isfinite(length)]
+    return bool(len(known)) and bool(np.all(np.abs(known - 1.0) < UNIT_LENGTH))
 
 
 def _is_all(words: Sequence[str], names: Sequence[str]) -> bool:

@@ -19,7 +19,7 @@ COMMON = {"rad": ("rad", "deg"), "m": ("m", "mm"), "N m": ("N m",), "N": ("N",)}
 MUCH_RAD = 20.0  # a hinge without a range that goes further is in degrees, or turns round and round
 MUCH_M = 10.0  # positions beyond it are hardly in m
 REACH = 5  # samples to either side, over which a slope is told
-EVENLY = 0.1  # of a span: where a clock leaps there is no slope
+LEAP = 0.1  # of a span: where a clock leaps there is no slope
 ALIKE, NEAR = 0.9, 0.2  # correlation of velocity and slope; how far off a unit may be: deg/s and rpm differ by 6
 
 
@@ -77,7 +77,7 @@ def unit_by_slope(times_s: FloatArray, position_si: FloatArray, values: FloatArr
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = (position_si[2 * REACH :] - position_si[: -2 * REACH]) / span
         rate = np.convolve(values, kernel, "valid")
-    kept = np.isfinite(slope) & np.isfinite(rate) & (np.abs(span - usual) < EVENLY * usual)
+    kept = np.isfinite(slope) & np.isfinite(rate) & (np.abs(span - usual) < LEAP * usual)
     slope, rate = slope[kept], rate[kept]
     power = float(np.sum(slope**2) * np.sum(rate**2)) ** 0.5
     if power == 0 or abs(float(slope @ rate)) < ALIKE * power:
@@ -95,7 +95,7 @@ def unit_by_name(name: str, si_unit: str) -> UnitGuess | None:
     joined = "/".join(pieces[-2:])  # deg_s, rad_s
     for text in [joined, *candidates]:
         unit = spelled(text)
-        if unit in allowed(si_unit) and (len(unit) > 1 or f"[{text}]" in name or name.endswith(f"_{text}")):
+        if unit in allowed(si_unit) and (len(unit) > 1 or name.endswith((f"[{text}]", f"({text})", f"_{text}"))):
             return UnitGuess(unit, "unit by its name")
     if any(p.lower() in COARSE for p in pieces):
         return UnitGuess(TO_FILL, "counts of an encoder: unit: turn with scale and offset, or rad")

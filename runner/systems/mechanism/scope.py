@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from runner.effects.mechanism import EFFECTS, MechanismEffect, Scope, SensorLag, SensorOffset, SensorScale, contacts
 from runner.effects.vocabulary import Candidate, Vocabulary
 from runner.numerics.arrays import FloatArray
+from runner.numerics.differences import white_noise
 from runner.recording import Span
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
 from runner.systems.mechanism.coordinates import HINGE, SLIDE, Coordinates
@@ -40,7 +41,8 @@ def raw_signals(recording: MechanismRecording) -> RawSignals:
     values = tuple(e.values for e in recording.episodes)
     shown = [_with_turns(recording, e) for e in recording.episodes]
     stated = [recording.mapping.noise.get(s.name, np.nan) for s in recording.mapping.sources]
-    rough = [_rough_noise([v[:, c] for v in shown]) for c in range(len(stated))]
+    times = [e.t_s for e in recording.episodes]
+    rough = [_rough_noise(times, [v[:, c] for v in shown]) for c in range(len(stated))]
     sigma = np.where(np.isfinite(stated), stated, rough)
     spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
     return RawSignals(values, tuple(np.isfinite(v) for v in values), sigma, spans)
@@ -56,18 +58,15 @@ def _with_turns(recording: MechanismRecording, episode: MechanismEpisode) -> Flo
     return out
 
 
-def _rough_noise(values: Sequence[FloatArray]) -> float:
-    """Return the noise of a channel if it is white: third differences leave little of a smooth motion."""
-    third = np.concatenate([np.diff(v, 3) for v in values])
-    third = third[np.isfinite(third)]
+def _rough_noise(times: Sequence[FloatArray], values: Sequence[FloatArray]) -> float:
+    """Return the noise of a channel, (T,) for each episode, if it is white."""
+    white = white_noise(zip(times, values, strict=True))
     spread = float(spreads([v[:, None] for v in values])[0])
-    # white noise has 20 times the variance in third differences
-    white = float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0) if len(third) else 0.0
     moves = np.abs(np.concatenate([np.diff(v) for v in values]))
     moves = moves[moves > 0]
     # an encoder that mostly stands still has the noise of its counts
     count = float(moves.min()) / np.sqrt(12.0) if len(moves) else 0.0
-    return max(white, count, 1e-4 * spread, 1e-6)
+    return max(0.0 if np.isnan(white) else white, count, 1e-4 * spread, 1e-6)
 
 
 def spreads(values: Sequence[FloatArray]) -> FloatArray:

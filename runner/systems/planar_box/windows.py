@@ -14,6 +14,7 @@ from mujoco import rollout
 from runner.effects.base import AbstractEffect
 from runner.effects.planar_box import ActuatorDelay, Motion, ObservationDelay, PlanarEffect
 from runner.physics import dry_friction
+from runner.recording.model_form_mjcf import quiet
 from runner.systems.planar_box.commands import Commands
 from runner.systems.planar_box.motion import measured_columns, motion
 from runner.systems.windows import Windows
@@ -97,14 +98,15 @@ class WindowSimulator:
         # poses lead by half a step, as in the simulator
         state[:, :, 1:4] += 0.5 * step_s * true[..., 3:]
         state = state.reshape(count * columns, -1)
-        rows, _ = self._pool.rollout(
-            [self.model] * len(state),
-            self._data,
-            state,
-            control.reshape(len(state), steps, -1),
-            control_spec=USERDATA,
-            chunk_size=max(1, min(16, len(state) // (4 * len(self._data)))),
-        )
+        with quiet():
+            rows, _ = self._pool.rollout(
+                [self.model] * len(state),
+                self._data,
+                state,
+                control.reshape(len(state), steps, -1),
+                control_spec=USERDATA,
+                chunk_size=max(1, min(16, len(state) // (4 * len(self._data)))),
+            )
         self.simulated_s += len(state) * steps * step_s
         motion = np.concatenate([state[:, None, 1:7], rows[:, per_sample - 1 :: per_sample, 1:7]], axis=1)
         motion[:, :, :3] -= 0.5 * step_s * motion[:, :, 3:]

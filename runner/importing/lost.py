@@ -1,0 +1,81 @@
+"""Samples of a command that the log has lost: what was commanded there is told by the samples around it, or by nothing.
+
+A force that rises while its rows are lost did not stand still. Whether a command moves on between samples or keeps
+still is seen where nothing is lost: there each sample is foretold by its neighbours, or by the one before it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from runner.importing.clocks import LOST, NS
+from runner.importing.episodes import Series
+from runner.importing.told import Told
+from runner.numerics.arrays import FloatArray
+
+NEAR_STEPS, MOSTLY = (
+    0.3,
+    0.9,
+)  # of the usual step, and of all steps: an even clock, whose longer steps lost samples
+SMOOTH = 0.5  # of the error of holding: neighbours that foretell by less say what is between them; a step has 0.7
+FEWEST_SAMPLES = 8  # that show how a clock runs
+
+
+def with_lost(one: Series, told: Told) -> Series:
+    """Return a command with the samples that the log has lost, where what is around them foretells others.
+
+    Args:
+        one: In the order of its stamps, one sample each, all of them numbers.
+        told: What was done.
+    """
+    counts = lost_steps(one.t_ns / NS)
+    gaps = np.flatnonzero(counts > 1)
+    if not len(gaps):
+        return one
+    between, held = _errors(one.values, counts)
+    name = one.entry.column
+    if not between < SMOOTH * held:
+        jumped = gaps[one.values[gaps] != one.values[gaps + 1]]
+        said = "{names}: {n} samples were lost where the command changed; the one before is held, so it may change late"
+        told.add(said, int((counts[jumped] - 1).sum()), column=name)
+        return one
+    after = np.repeat(gaps, counts[gaps] - 1)
+    share = np.concatenate([np.arange(1, n) / n for n in counts[gaps]])
+    t = one.t_ns[after] + np.round(share * (one.t_ns[after + 1] - one.t_ns[after])).astype(np.int64)
+    values = one.values[after] + share * (one.values[after + 1] - one.values[after])
+    said = "{names}: {n} samples were lost; the line between those around them is taken, as that foretells the others"
+    told.add(said, len(after), column=name)
+    order = np.argsort(np.concatenate([one.t_ns, t]), kind="stable")
+    return Series(
+        one.entry,
+        one.signal,
+        np.concatenate([one.at, one.at[after]])[order],
+        np.concatenate([one.t_ns, t])[order],
+        np.concatenate([one.values, values])[order],
+    )
+
+
+def lost_steps(t_s: FloatArray) -> np.ndarray:
+    """Return how many of the usual steps each step is, (T - 1,), where a clock is even and few are lost; else 1.
+
+    Args:
+        t_s: Stamps, (T,), s, rising.
+    """
+    steps = np.diff(t_s)
+    if len(t_s) < FEWEST_SAMPLES:
+        return np.ones(len(steps), dtype=np.int64)
+    usual = float(np.median(steps))
+    counts = np.maximum(np.round(steps / usual), 1)
+    even = np.abs(steps - counts * usual) <= NEAR_STEPS * usual
+    known = even & (counts <= LOST + 1) & bool(even.mean() >= MOSTLY)
+    return np.where(known, counts, 1).astype(np.int64)
+
+
+def _errors(values: FloatArray, counts: np.ndarray) -> tuple[float, float]:
+    """Return how far neighbours, and the sample before, are off as a forecast of a sample, RMS over whole stretches."""
+    inner = np.flatnonzero((counts[:-1] == 1) & (counts[1:] == 1)) + 1
+    if not len(inner):
+        return np.inf, 0.0
+    between = values[inner] - (values[inner - 1] + values[inner + 1]) / 2
+    held = values[inner] - values[inner - 1]
+    return float(np.sqrt(np.mean(between**2))), float(np.sqrt(np.mean(held**2)))
