@@ -53,7 +53,9 @@ def notes(
     if measured.noise_model.lag_one.any():
         out.append("The noise is correlated from sample to sample; this was taken into account.")
     dropped = int(sum((~v).sum() for v in measured.valid))
-    if dropped:
+    if dropped == 1:
+        out.append("1 value sticks out of its neighbours and was left out.")
+    elif dropped:
         out.append(f"{dropped} values stick out of their neighbours and were left out.")
     if not top.fit.converged:
         out.append("The fit of the best explanation had not fully come to rest; its errors may be too small.")
