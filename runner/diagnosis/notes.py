@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from runner.diagnosis.split import HELD_OUT
 from runner.inference.contender import Contender
 from runner.noise.measured import Measured
@@ -45,7 +47,7 @@ def notes(
         )
     if measured.noise_model.lag_one.any():
         out.append("The noise is correlated from sample to sample; this was taken into account.")
-    dropped = int(sum((~v).sum() for v in measured.valid))
+    dropped = sum(int((np.isfinite(x) & ~v).sum()) for x, v in zip(measured.values, measured.valid, strict=True))
     if dropped:
         out.append(f"{dropped} values stick out of their neighbours and were left out.")
     if not top.fit.converged:
