@@ -31,6 +31,10 @@ class WriteError(RunnerError):
     """A file can't be written: which one, and why."""
 
 
+class LauncherError(RunnerError):
+    """What does tasks in other processes has lost some of them, or could not begin: in the words of its cause."""
+
+
 def nearest(name: str, valid: Iterable[str]) -> str:
     """Return `Valid: 'a', 'b'. Did you mean 'a'?` for a name that is not among the valid ones."""
     names = sorted(valid)

@@ -25,16 +25,13 @@ def left(rows: list[np.ndarray]) -> Any:
     return SimpleNamespace(residual=flat, episodes=range(len(rows)), total=sum(float(r @ r) for r in flat))
 
 
-def fitter_of(channels: int, *, disperse: bool = True) -> Any:
+def fitter_of(channels: int) -> Any:
     """Return a fitter that knows how many channels there are."""
 
     def excess(loss: float, episodes: range) -> float:
         return loss / (SAMPLES * channels * len(episodes)) - 1.0
 
-    return SimpleNamespace(
-        system=SimpleNamespace(channels=range(channels), errors_overdisperse=disperse),
-        measured=SimpleNamespace(excess=excess),
-    )
+    return SimpleNamespace(system=SimpleNamespace(channels=range(channels)), measured=SimpleNamespace(excess=excess))
 
 
 SAMPLES = 4000
@@ -57,7 +54,6 @@ def test_errors_that_last_make_residuals_uncertain() -> None:
     # a piecewise constant error of variance 9 with a triangular correlation, in white noise of variance 1
     expected = 1.0 + 9.0 * (0.1 + 0.9 * 100.0)
     assert dispersion_of(left(lasting), fitter_of(1)) == pytest.approx(expected, rel=0.25)
-    assert dispersion_of(left(lasting), fitter_of(1, disperse=False)) == 1.0
 
 
 def test_other_edges_are_those_of_another_box() -> None:

@@ -11,9 +11,11 @@ import pytest
 
 from runner.__main__ import main
 from runner.diagnosis.verdict import ALL, FILE
+from runner.errors import ConfigError, LauncherError
 from runner.outputs.elsewhere import NOTE, elsewhere
 from runner.outputs.many import diagnose_many
 from runner.recording import write_case
+from runner.storage.holding import holding
 from tests.cases import made
 
 
@@ -37,7 +39,7 @@ class Nodes:
                 except _Lost:
                     lost = True
             if lost:
-                raise RuntimeError("a worker died")
+                raise LauncherError("hydra/launcher: a worker died.")
 
 
 def _told(what: str) -> str | None:
@@ -68,7 +70,7 @@ def test_a_lost_process_costs_its_own(tmp_path: Path, together: int) -> None:
     what = {"a": "well", "heavy": "killed", "c": "well", "d": "well", "worse": "killed", "f": "well"}
     ended = _ended(nodes, what, tmp_path)
     for name in ("heavy", "worse"):
-        assert ended.pop(name) == "its process was killed (the memory may not suffice): RuntimeError: a worker died."
+        assert ended.pop(name) == "its process was killed (the memory may not suffice): hydra/launcher: a worker died."
     assert ended == dict.fromkeys("acdf")
     assert len(nodes.launched) <= 5
 
@@ -77,11 +79,21 @@ def test_a_launcher_that_can_t_begin_gives_all_up(tmp_path: Path) -> None:
     """As where there is no cluster: it is asked no more often than there are calls, and its words are told."""
 
     def none(calls: Sequence[Callable[[], object]]) -> None:
-        raise ConnectionError("no cluster")
+        raise LauncherError("hydra/launcher: ConnectionError: no cluster.")
 
     calls = {name: partial(_told, "well") for name in "ab"}
     ended = dict(elsewhere(none, calls, {name: tmp_path / name for name in "ab"}))
     assert all("ConnectionError: no cluster" in str(problem) for problem in ended.values())
+
+
+def test_what_a_process_is_still_at_is_not_begun(tmp_path: Path) -> None:
+    """One that outlives the command, as in a cluster: nothing is done beside it, not even of the others."""
+    (tmp_path / "b").mkdir()
+    nodes = Nodes(2)
+    with holding(tmp_path / "b"), pytest.raises(ConfigError, match=r"b': a process is still at it; end it, or wait\.$"):
+        _ended(nodes, {"a": "well", "b": "well"}, tmp_path)
+    assert nodes.launched == []
+    assert _ended(nodes, {"a": "well", "b": "well"}, tmp_path) == {"a": None, "b": None}
 
 
 def test_cases_by_a_launcher_are_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

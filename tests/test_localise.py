@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
+import pandas as pd
 import pytest
 from cases import RATE_HZ, made
 
 from runner.effects.planar_box import ActuatorDelay, FrictionPatch, Inertia, Wind
 from runner.errors import RecordingError
+from runner.localise import cells, excess, gap_by_horizon
 from runner.localise.where import Where, localise
 from runner.noise.measured import measure
 from runner.recording import Span
 from runner.simulate.shooting import windows_of
+from runner.systems.planar_box import commands
+from runner.systems.planar_box import windows as simulated
 from runner.systems.planar_box.initial import PlanarStart
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.planar_box.windows import Effects
@@ -145,3 +151,33 @@ def test_too_little_to_look_at_is_refused() -> None:
     recording, starts = made(episodes=1, seconds=1.0)
     with pytest.raises(RecordingError, match=r"windows of 0.25 s, at least 8 are needed"):
         localise(PlanarBox(recording), measure(PlanarBox(recording)), {0: starts[0]})
+
+
+def test_in_portions_it_is_the_same(patch: Where, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of windows, permutations, rollouts and commands few are in memory, and the numbers are those of all at once."""
+    for module in (excess, gap_by_horizon):
+        monkeypatch.setattr(module, "WINDOWS_AT_ONCE", 17)
+    monkeypatch.setattr(cells, "AT_ONCE", 70)
+    monkeypatch.setattr(simulated, "BYTES_AT_ONCE", 3e6)
+    monkeypatch.setattr(commands, "KEPT_BYTES", 0.0)
+    other = where((PATCH,))
+    for name in ("gap", "windows", "missing_force", "cells"):
+        pd.testing.assert_frame_equal(getattr(other, name), getattr(patch, name), rtol=1e-9, atol=1e-12)
+    assert other.sentence == patch.sentence
+
+
+def test_permutations_of_an_hour_take_little_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """14,400 windows of 120 episodes: of a quarter of the orders, all at once would be a hundred megabytes."""
+    monkeypatch.setattr(cells, "PERMUTATIONS", 999)
+    number = np.arange(14_400)
+    episode = np.array([f"episode {k // 120}" for k in number], dtype=object)
+    third = np.array(["a" if k % 3 else "b" for k in number], dtype=object)
+    size = np.random.default_rng(0).standard_normal(len(number)) + (number // 120 == 7)
+    factors = {name: cells._Factor.of(labels, size) for name, labels in (("episode", episode), ("third", third))}
+    tracemalloc.start()
+    by_chance = cells._by_chance(factors, episode)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 50e6
+    assert factors["episode"].names[by_chance["episode"].argmin()] == "episode 7"
+    assert by_chance["third"].min() > 0.01

@@ -66,6 +66,31 @@ def test_white_noise_has_no_colour() -> None:
         assert found.level == pytest.approx(1.0, rel=0.05)
 
 
+@pytest.mark.parametrize("times", [0.67, 1.5])
+def test_what_is_stated_gives_way_to_what_shows(times: float) -> None:
+    """Noise of other than the stated size has its size, and no colour that would make up for the difference."""
+    stretches = [times * noise(360, 2, 0.0, 0.5, seed) for seed in range(6)]
+    found = estimate([stretches], 1 / 60, np.array([1.0]), doubt=0.5)
+    assert found is not None
+    assert found.share == 0.0
+    assert found.level == pytest.approx(times, rel=0.03)
+
+
+@pytest.mark.parametrize("doubt", [0.02, 0.5])
+def test_what_is_stated_is_a_log_normal_prior(doubt: float) -> None:
+    """The level is where the posterior of white noise is largest, found here on a grid of the whole range."""
+    n, stretch = 30, 3.0 * noise(420, 1, 0.0, 0.5, 3)
+    found = estimate([[stretch]], 1 / 60, np.array([1.0]), doubt=doubt)
+    rough = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, n), n - 1))[0][:, 4:]
+    left = (rough.T @ stretch.reshape(-1, n).T) ** 2
+    powers = left.sum(axis=0), left[:8].sum(axis=0)
+    left = left[:, np.all([p <= 3.0 * np.median(p) for p in powers], axis=0)]
+    level = np.exp(np.linspace(-1.0, 2.0, 30001))
+    minus_two_log = left.size * 2 * np.log(level) + left.sum() / level**2 + (np.log(level) / doubt) ** 2
+    assert found is not None
+    assert found.level == pytest.approx(level[np.argmin(minus_two_log)], rel=1e-3)
+
+
 def test_too_little_is_not_judged() -> None:
     """A quarter of a second says nothing."""
     assert estimate([[np.zeros((15, 2))]], 1 / 60, np.array([np.nan])) is None

@@ -26,7 +26,7 @@ from runner.commands._jobs import overridden, write_config
 from runner.commands._launch import is_alone, literal, spread
 from runner.commands._sweep import explain_sweep, sweep, whole_chunk
 from runner.commands._trust import check_kept, of_launcher
-from runner.errors import ConfigError
+from runner.errors import ConfigError, LauncherError
 from runner.processes.interruption import going_on
 from runner.storage.holding import holding
 from runner.storage.limits import check_size
@@ -142,7 +142,10 @@ def _swept(
 ) -> int:
     again = f"Go on with: {shlex.join(['runner', *name.split(), f'resume={folder}'])}"
     with running(folder, sweep_belongs(name, overrides), _say) as note, going_on(again, note.interrupted):
-        code = sweep(name, command, hydra, folder, overrides, chunk)
+        try:
+            code = sweep(name, command, hydra, folder, overrides, chunk)
+        except LauncherError as error:
+            raise LauncherError(f"{error} {again}") from error
         if code:
             note.fails("some of its runs failed")
         return code

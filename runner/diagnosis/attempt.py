@@ -95,7 +95,7 @@ def attempt(
 ) -> Attempt:
     """Search for the explanation of some episodes and hold what was found against the others."""
     first = _first_look(system, simulator, fitted, observer)
-    if other := better_solved(first.fitter, _nearest(first)):
+    if system.solved and (other := better_solved(first.fitter, _nearest(first))):
         # what pieces suggest of joints that creep makes up for that
         first = _solved_otherwise(first, other, {}, fitted, observer)
     fitter, found = _explained(first, held_out)

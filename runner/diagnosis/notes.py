@@ -8,13 +8,14 @@ import numpy as np
 
 from runner.diagnosis.split import HELD_OUT
 from runner.inference.contender import Contender
-from runner.noise.measured import Measured
+from runner.noise.measured import Measured, off_from_stated
 from runner.recording import Span
+from runner.systems.base import AbstractSystem
 from runner.systems.recorded import Recorded
 
 
 def notes(
-    recording: Recorded,
+    system: AbstractSystem,
     measured: Measured,
     top: Contender,
     held_out: Sequence[int],
@@ -27,7 +28,7 @@ def notes(
     """Say what a reader should know before believing the figures.
 
     Args:
-        recording: What was diagnosed.
+        system: What was diagnosed.
         measured: Its channels and their noise, whole episodes.
         top: The explanation that is put into the corrected model.
         held_out: The episodes that it was checked on.
@@ -36,9 +37,13 @@ def notes(
         astray: Stretches that were not fitted and of which no explanation foretells what most others show.
         outside: What was said of effects that have no name, and of what happened once.
     """
+    recording: Recorded = system.recording
     out = [*recording.notes, *outside]
-    if not measured.stated.all():
+    if not np.isfinite(measured.stated).all():
         out.append("The noise was not stated for every channel and was estimated from the recording.")
+    if off := off_from_stated(measured, system):
+        each = ", ".join(f"{times:.2g} times in {channels}" for channels, times in off.items())
+        out.append(f"The noise is not what is stated, by what the recording shows, but {each}.")
     for e, sample in measured.hung.items():
         episode = recording.episodes[e]
         out.append(

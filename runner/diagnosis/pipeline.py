@@ -112,7 +112,7 @@ def diagnose(
         abstention=helps,
         disturbances=disturbances,
         notes=notes(
-            recording,
+            system,
             measured,
             top,
             found.held_out,

@@ -111,7 +111,7 @@ def unknown_by_episodes(confirmed: Confirmed, nominal_excess: float, system: Abs
     A machine may have been driven so much harder in those left out that the gap is many times as large there: what an
     explanation leaves of them is then held against that.
     """
-    there = max(nominal_excess, confirmed.gap_unseen) if system.errors_overdisperse else nominal_excess
+    there = max(nominal_excess, confirmed.gap_unseen)
     return (
         unknown_by_excess(confirmed.excess_fitted, nominal_excess, system.unknown_share),
         unknown_by_excess(confirmed.excess_unseen, there, system.unknown_share),

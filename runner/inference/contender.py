@@ -74,8 +74,6 @@ def dispersion_of(fit: Fit, fitter: Fitter) -> float:
     dispersion (Wedderburn 1974): what leaves almost as little is almost as likely, and what leaves many times as much
     is as unlikely as ever.
     """
-    if not fitter.system.errors_overdisperse:
-        return 1.0
     return 1.0 + max(fitter.measured.excess(fit.total, fit.episodes), 0.0) * memory(fit, fitter)
 
 

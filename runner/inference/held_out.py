@@ -30,6 +30,7 @@ RESTS = 0.5  # squared noises: start states that leave less have found where the
 STUCK = 4.0  # units of the loss by which another explanation leaves less of an episode: two in log likelihood
 GROWN = 0.125, 0.25, 0.5, 1.0  # of an episode: to what its start state is fitted, one after the other
 ROUGHLY = 3  # steps of start states by which nothing is chosen
+VALUES_AT_ONCE = 1_000_000  # measured ones whose start states are fitted together: some hundred megabytes
 CLOSE = 20.0  # and whatever is so near in log odds
 # errors of the model that what the best explanation leaves is the doing of: of the unseen episodes, and of the fitted
 # ones, where parameters may have taken up some of them
@@ -338,5 +339,21 @@ def _grown_start(held: Fitter, episode: int, start: np.ndarray) -> np.ndarray:
 
 def start_states(contender: Contender, fitter: Fitter, episodes: Sequence[int]) -> dict[int, np.ndarray]:
     """Return start states (S,), by which nothing is chosen, of stretches, with a contender at its parameters."""
-    fit = _holding(contender, fitter).fit(NONE, episodes, iterations=ROUGHLY, polish=False)
-    return dict(zip(fit.episodes, fit.starts, strict=True))
+    held, starts = _holding(contender, fitter), dict[int, np.ndarray]()
+    for some in _portions(fitter, episodes):
+        fit = held.fit(NONE, some, iterations=ROUGHLY, polish=False)
+        starts |= zip(fit.episodes, fit.starts, strict=True)
+    return starts
+
+
+def _portions(fitter: Fitter, episodes: Sequence[int]) -> list[list[int]]:
+    """Part stretches into portions that memory allows; none of them depends on another."""
+    out, count = list[list[int]](), np.inf
+    for e in episodes:
+        size = fitter.measured.values[e].size
+        if count + size > VALUES_AT_ONCE:
+            out.append([])
+            count = 0
+        out[-1].append(e)
+        count += size
+    return out

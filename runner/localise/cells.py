@@ -7,13 +7,16 @@ place stands out only if it is worse than what was done there.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 
 from runner.localise.excess import WindowExcess, probability_by_noise
 from runner.systems.base import AbstractSystem
 
-PERMUTATIONS = 3999
+PERMUTATIONS, AT_ONCE = 3999, 100  # and so many of those are in memory
 BLOCK = 4  # windows that change places together where whole episodes are compared
 
 
@@ -25,30 +28,21 @@ def tested_cells(system: AbstractSystem, windows: WindowExcess) -> pd.DataFrame:
     size = np.sign(amount) * np.sqrt(np.abs(amount))  # so that no window outweighs all others
     regime = table["regime"].to_numpy()
     beyond = size - pd.Series(size).groupby(regime).transform("mean").to_numpy()
-    rng = np.random.default_rng(0)
-    episode = table["episode"].to_numpy()
-    shifts, blocks = _shifts(episode, rng), _blocks(len(table), rng)
     rows = []
     for c, channel in enumerate(system.channels):
         own = float(excess[:, c].sum())
         row = _row("channel", channel.name, len(table), own, total, 1.0 / len(system.channels))
         rows.append(row | {"p": probability_by_noise(own, float(windows.freedom[:, c].sum()))})
-    for factor in system.factors:
-        labels = table[factor].to_numpy(dtype=object)
-        names = sorted({label for label in labels if isinstance(label, str)})
-        inside = np.stack([labels == name for name in names], axis=1) if names else np.zeros((len(table), 0), bool)
-        values = size if factor == "regime" else beyond
-        order = blocks if factor == "episode" else shifts
-        by_chance = values[order] @ inside
-        found = values @ inside
-        p = (1 + (by_chance >= found - 1e-9).sum(axis=0)) / (1 + len(order))
-        for i, name in enumerate(names):
-            which = inside[:, i]
+    labels = {factor: table[factor].to_numpy(dtype=object) for factor in system.factors}
+    factors = {factor: _Factor.of(own, size if factor == "regime" else beyond) for factor, own in labels.items()}
+    by_chance = _by_chance(factors, table["episode"].to_numpy())
+    for factor, of in factors.items():
+        for name, which, p in zip(of.names, of.inside.T, by_chance[factor], strict=True):
             row = _row(factor, name, int(which.sum()), float(amount[which].sum()), total, float(which.mean()))
             x, y = windows.labels.places.get(name, (np.nan, np.nan)) if factor == "place" else (np.nan, np.nan)
             # a cell without excess is none that stands out, and all windows in one cell stand out from nothing
             fine = float(amount[which].sum()) > 0 and not which.all()
-            rows.append(row | {"p": float(p[i]) if fine else 1.0, "x_m": x, "y_m": y})
+            rows.append(row | {"p": float(p) if fine else 1.0, "x_m": x, "y_m": y})
     cells = pd.DataFrame(rows)
     cells["q"] = 1.0
     for chosen in (cells["factor"] == "channel", cells["factor"] != "channel"):
@@ -71,22 +65,58 @@ def _row(factor: str, cell: str, n: int, excess: float, total: float, part: floa
     }
 
 
-def _shifts(episode: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return orders of windows, shifted in circles within each episode, (P, W)."""
-    out = np.empty((PERMUTATIONS, len(episode)), dtype=int)
-    for name in dict.fromkeys(episode):
-        index = np.flatnonzero(episode == name)
-        start = rng.integers(len(index), size=(PERMUTATIONS, 1))
-        out[:, index] = index[(np.arange(len(index)) + start) % len(index)]
-    return out
+@dataclass(frozen=True)
+class _Factor:
+    """What is tested of a factor: its cells, which windows are in each, (W, cells), and the size of windows, (W,)."""
+
+    names: list[str]
+    inside: np.ndarray
+    size: np.ndarray
+
+    @classmethod
+    def of(cls, labels: np.ndarray, size: np.ndarray) -> _Factor:
+        """Return the factor of which windows have these labels; those without one are in no cell."""
+        names = sorted({label for label in labels if isinstance(label, str)})
+        inside = np.stack([labels == name for name in names], axis=1) if names else np.zeros((len(labels), 0), bool)
+        return cls(names, inside, size)
+
+    def as_large(self, order: np.ndarray) -> np.ndarray:
+        """Return in how many orders of the windows, (P, W), each cell has at least as much as it has, (cells,)."""
+        return (self.size[order] @ self.inside >= self.size @ self.inside - 1e-9).sum(axis=0)
 
 
-def _blocks(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Return orders of windows in which blocks of neighbours have changed places, (P, W)."""
+def _by_chance(factors: Mapping[str, _Factor], episode: np.ndarray) -> dict[str, np.ndarray]:
+    """Return how likely each cell of each factor has so much by chance, (cells,)."""
+    rng = np.random.default_rng(0)
+    counts = {factor: np.zeros(len(of.names), int) for factor, of in factors.items()}
+    for orders, whole in ((_shifts(episode, rng), False), (_blocks(len(episode), rng), True)):
+        tested = [factor for factor in factors if (factor == "episode") is whole]
+        for order in orders:
+            for factor in tested:
+                counts[factor] += factors[factor].as_large(order)
+    return {factor: (1 + count) / (1 + PERMUTATIONS) for factor, count in counts.items()}
+
+
+def _shifts(episode: np.ndarray, rng: np.random.Generator) -> Iterator[np.ndarray]:
+    """Yield orders of windows, shifted in circles within each episode, in portions (P, W)."""
+    of = [np.flatnonzero(episode == name) for name in dict.fromkeys(episode)]
+    starts = [rng.integers(len(index), size=(PERMUTATIONS, 1)) for index in of]
+    for begin in range(0, PERMUTATIONS, AT_ONCE):
+        out = np.empty((min(AT_ONCE, PERMUTATIONS - begin), len(episode)), dtype=int)
+        for index, start in zip(of, starts, strict=True):
+            out[:, index] = index[(np.arange(len(index)) + start[begin : begin + AT_ONCE]) % len(index)]
+        yield out
+
+
+def _blocks(count: int, rng: np.random.Generator) -> Iterator[np.ndarray]:
+    """Yield orders of windows in which blocks of neighbours have changed places, in portions (P, W)."""
     blocks = np.array_split(np.arange(count), max(1, count // BLOCK))
-    return np.array(
-        [np.concatenate([blocks[b] for b in rng.permutation(len(blocks))]) for _ in range(PERMUTATIONS)]
-    ).reshape(PERMUTATIONS, count)
+    filled = np.full((len(blocks), max(map(len, blocks))), -1)
+    for row, block in zip(filled, blocks, strict=True):
+        row[: len(block)] = block
+    for begin in range(0, PERMUTATIONS, AT_ONCE):
+        moved = (filled[rng.permutation(len(blocks))] for _ in range(min(AT_ONCE, PERMUTATIONS - begin)))
+        yield np.array([order[order >= 0] for order in moved])
 
 
 def false_discovery(p: np.ndarray) -> np.ndarray:

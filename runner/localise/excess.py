@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr  # of scipy.stats' import every diagnosis would wait for a second
 
-from runner.localise.linearised import Linearised, Model, linearised
+from runner.localise.linearised import Model, linearised
 from runner.localise.windows import FEWEST, WINDOWS_S, windows_of_length
 from runner.noise.measured import Measured
+from runner.simulate.shooting import WINDOWS_AT_ONCE
 from runner.systems.windows import Labels, Windows
 
 SURE = 0.01
@@ -27,18 +28,22 @@ class WindowExcess:
     """Windows of one length, and what they show.
 
     Args:
-        local: The model around their start states.
+        samples: Of each window.
         labels: What went on in them.
         excess: In squared noises, (W, C).
         freedom: What noise makes of the slow residual, (W, C).
         noise: How much more slow noise there is at rest than there should be, (C,).
+        force: The constant force that is missing in each, in steps of the system's disturbance, (W, D).
+        force_covariance: Of it, by the noise as it is stated, (W, D, D).
     """
 
-    local: Linearised
+    samples: int
     labels: Labels
     excess: np.ndarray
     freedom: np.ndarray
     noise: np.ndarray
+    force: np.ndarray
+    force_covariance: np.ndarray
 
     @property
     def p(self) -> float:
@@ -76,12 +81,17 @@ def shortest_that_tells(model: Model, measured: Measured, episodes: Sequence[int
 def window_excess(model: Model, windows: Windows, measured: Measured, shorter: np.ndarray) -> WindowExcess:
     """Return the excess in windows; `shorter`: the `noise` of windows of half the length, (C,), 1 if there are none."""
     system = model.system
-    first = linearised(model, windows, measured, system.initial.guess_windows(measured, windows, smooth=True))
-    local = linearised(model, windows, measured, first.fitted(), np.diag(system.disturbance.steps))
+    weak = system.disturbance.prior / system.disturbance.steps
+    parts = []
+    # what all windows do around their starts is more than fits into memory: of each only what it shows is kept
+    for _, some in windows.chunks(WINDOWS_AT_ONCE):
+        first = linearised(model, some, measured, system.initial.guess_windows(measured, some, smooth=True))
+        local = linearised(model, some, measured, first.fitted(), np.diag(system.disturbance.steps))
+        parts.append((*local.slow(), *local.missing_force(weak)))
+    slow, freedom, force, covariance = (np.concatenate(every) for every in zip(*parts, strict=True))
     labels = system.label(measured, windows)
-    slow, freedom = local.slow()
     noise = _noise_at_rest(slow, freedom, labels.table["regime"].to_numpy() == system.regimes[0], shorter)
-    return WindowExcess(local, labels, slow / noise - freedom, freedom, noise)
+    return WindowExcess(windows.samples, labels, slow / noise - freedom, freedom, noise, force, covariance)
 
 
 def _noise_at_rest(slow: np.ndarray, freedom: np.ndarray, rest: np.ndarray, shorter: np.ndarray) -> np.ndarray:

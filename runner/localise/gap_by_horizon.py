@@ -11,7 +11,7 @@ from runner.localise.linearised import Model, linearised
 from runner.noise.measured import Measured
 from runner.recording import Span
 from runner.simulate.gap import HORIZONS_S, WHOLE_EPISODE, of_a_sample
-from runner.simulate.shooting import windows_of
+from runner.simulate.shooting import WINDOWS_AT_ONCE, windows_of
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import Run
 
@@ -37,9 +37,12 @@ def gap_by_horizon(
         windows = windows_of(lengths, round(horizon * rate), episodes)
         if len(windows):
             windows = windows.some(max(FEWEST, int(min(TOLD * system.searched_s / horizon, len(windows)))))
-            smoothed = system.initial.guess_windows(measured, windows, smooth=True)
-            one = linearised(model, windows, measured, smoothed)
-            rows += _rows(system, f"{horizon:g} s", *one.left(), measured)
+            parts = []
+            for _, some in windows.chunks(WINDOWS_AT_ONCE):
+                smoothed = system.initial.guess_windows(measured, some, smooth=True)
+                parts.append(linearised(model, some, measured, smoothed).left())
+            squares, count = (np.sum(every, axis=0) for every in zip(*parts, strict=True))
+            rows += _rows(system, f"{horizon:g} s", squares, count, measured)
     parts, order = measured.parts(stretches), sorted(starts)
     replayed = simulator.parts(stretches)
     whole = [replayed.predict(i, [Run(model.effects, starts[i])])[0] - parts.values[i] for i in order]

@@ -83,12 +83,10 @@ class _Force:
         told = sorted(((w, s) for w, s in shares.items() if s > LEAST_SHARE), key=lambda s: -s[1])
         return tuple(told[:TOLD])
 
-    def share(self, columns: FloatArray, tried: int = 1) -> float:
+    def share(self, columns: FloatArray) -> float:
         """Return the share of the mean square that columns (n, k) account for; 0 where that may be chance.
 
-        Args:
-            columns: They, NaN where a shape is not defined: it accounts for nothing there.
-            tried: How many such shapes were looked through for the best.
+        NaN is where a shape is not defined: it accounts for nothing there.
         """
         x = np.nan_to_num(columns) * np.sqrt(self.weight)[:, None]
         y = self.value * np.sqrt(self.weight)
@@ -98,11 +96,7 @@ class _Force:
         if not 0 < k < n:
             return 0.0
         gram = x.T @ x + RIDGE * np.eye(k)
-        taken = float(y @ x @ np.linalg.solve(gram, x.T @ y))
-        left = max(float(y @ y) - taken, 1e-300)
-        if fdtrc(k, n - k, taken / k / (left / (n - k))) * tried > SURE:
-            return 0.0
-        return float(np.clip(1.0 - left / float(y @ y) * n / (n - k), 0.0, 1.0))
+        return _share(float(y @ x @ np.linalg.solve(gram, x.T @ y)), float(y @ y), n, k)
 
     def beat(self) -> tuple[float, float]:
         """Return the frequency of the sine that accounts for most, in Hz, and its share."""
@@ -114,9 +108,40 @@ class _Force:
         if not len(between) or not longest > 2 * float(np.median(between)):
             return 0.0, 0.0
         best = (0.0, 0.0)
-        of_episode = numbers[:, None] == np.unique(numbers)
         for hz in np.geomspace(1.0 / longest, 0.5 / float(np.median(between)), FREQUENCIES):
-            angle = 2 * np.pi * hz * t_s[:, None]
-            share = self.share(np.hstack([np.sin(angle) * of_episode, np.cos(angle) * of_episode]), FREQUENCIES)
-            best = max(best, (share, float(hz)))
+            best = max(best, (self._share_of_beat(2 * np.pi * hz * t_s, numbers), float(hz)))
         return best[1], best[0]
+
+    def _share_of_beat(self, angle: FloatArray, numbers: np.ndarray) -> float:
+        """Return the share of sine and cosine of an angle (n,), each in every episode by itself.
+
+        Columns of different episodes have nothing in common: their normal equations are pairs, however many there are.
+        """
+        columns = np.stack([np.sin(angle), np.cos(angle)]) * np.sqrt(self.weight)
+        y = self.value * np.sqrt(self.weight)
+        size = np.sqrt([np.bincount(numbers, column**2) for column in columns])
+        n, k = len(y), int((size > 0).sum())
+        if not 0 < k < n:
+            return 0.0
+        size = np.where(size > 0, size, 1.0)
+        right = np.stack([np.bincount(numbers, column * y) for column in columns]) / size
+        across = np.bincount(numbers, columns.prod(axis=0)) / size.prod(axis=0)
+        along = 1.0 + RIDGE
+        taken = (along * (right**2).sum(axis=0) - 2 * across * right.prod(axis=0)) / (along**2 - across**2)
+        return _share(float(taken.sum()), float(y @ y), n, k, FREQUENCIES)
+
+
+def _share(taken: float, whole: float, n: int, k: int, tried: int = 1) -> float:
+    """Return the share of a sum of squares that k columns account for; 0 where that may be chance.
+
+    Args:
+        taken: What they take off it.
+        whole: The sum, of n values.
+        n: How many values.
+        k: How many columns.
+        tried: How many such shapes were looked through for the best.
+    """
+    left = max(whole - taken, 1e-300)
+    if fdtrc(k, n - k, taken / k / (left / (n - k))) * tried > SURE:
+        return 0.0
+    return float(np.clip(1.0 - left / whole * n / (n - k), 0.0, 1.0))

@@ -13,7 +13,7 @@ import numpy as np
 
 from runner.effects.base import Effects
 from runner.noise.measured import Measured
-from runner.simulate.shooting import PRIOR_SIGMAS, WINDOWS_AT_ONCE, whiten
+from runner.simulate.shooting import PRIOR_SIGMAS, whiten
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import AbstractSimulator
 from runner.systems.windows import Windows
@@ -108,15 +108,16 @@ class Linearised:
 def linearised(
     model: Model, windows: Windows, measured: Measured, starts: np.ndarray, forces: np.ndarray | None = None
 ) -> Linearised:
-    """Return the model around start states, (W, S), and around forces in each window, (D, D), none if None."""
+    """Return the model around start states, (W, S), and around forces in each window, (D, D), none if None.
+
+    It holds some 30 numbers for each that was measured: of many windows, so many at a time as memory allows.
+    """
     steps, scale = model.system.initial.steps, model.system.initial.scale(measured.sigma)
     size, d = len(steps), len(model.system.disturbance.steps)
     extra = np.zeros((0, d)) if forces is None else forces
     offsets = np.vstack([np.zeros(size), np.diag(steps), np.zeros((len(extra), size))])
     push = np.vstack([np.zeros((1 + size, d)), extra]) if len(extra) else None
-    rows = np.concatenate(
-        [model.predict(some, starts[part, None] + offsets, push) for part, some in windows.chunks(WINDOWS_AT_ONCE)]
-    )
+    rows = model.predict(windows, starts[:, None] + offsets, push)
     values, valid = windows.of(measured.values), windows.of(measured.valid)
     raw = rows[:, 0] - values
     moved = (rows[:, 1 : 1 + size] - rows[:, :1]) / steps[:, None, None] * scale[:, None, None]

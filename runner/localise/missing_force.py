@@ -17,9 +17,9 @@ WEAK = 0.25  # a force known no better than this share of its prior is not known
 
 def missing_force(system: AbstractSystem, windows: WindowExcess) -> tuple[np.ndarray, np.ndarray]:
     """Return the force that is missing in each window, (W, D), and its covariance, (W, D, D)."""
-    step, prior = system.disturbance.steps, system.disturbance.prior
-    steps, covariance = windows.local.missing_force(prior / step)
-    return steps * step, covariance * float(windows.noise.max()) * step[:, None] * step
+    step = system.disturbance.steps
+    covariance = windows.force_covariance * float(windows.noise.max())
+    return windows.force * step, covariance * step[:, None] * step
 
 
 def missing_force_table(system: AbstractSystem, windows: WindowExcess) -> pd.DataFrame:

@@ -100,7 +100,7 @@ def localise(
         windows=table,
         missing_force=pd.concat([shortest.labels.table, missing_force_table(system, shortest)], axis=1),
         cells=cells,
-        window_s=(telling.local.raw.shape[1] - 1) / system.rate_hz,
+        window_s=(telling.samples - 1) / system.rate_hz,
         excess=float(telling.excess.sum()),
         freedom=float(telling.freedom.sum()),
         p=telling.p,

@@ -1,8 +1,8 @@
 """What was measured, ready for fitting: one array per episode, the noise of each channel, and which samples count.
 
 How noisy a channel is is estimated here: by `measure` from where the object rests or its counts are rounded, and by
-`refine` from what the best model leaves. Nothing here knows what moved, or how. A channel is a column of numbers with a
-noise level and a colour (`runner.noise.model`).
+`refine` from what the best model leaves, to which what the owner states is a prior. Nothing here knows what moved, or
+how. A channel is a column of numbers with a noise level and a colour (`runner.noise.model`).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from runner.systems.base import AbstractSystem
 from runner.systems.channels import Space
 
 OUTLIER_SIGMAS = 6.0
+STATED = 0.5  # log-normal: a data sheet's noise is that of some range and rate, and off by a factor of 1.6 as a rule
 MATERIAL = 0.05  # a noise level that moved by this share, or a colour by twice as much, is another one
 
 
@@ -33,7 +34,7 @@ class Measured:
         sigma: Noise standard deviation of each channel, (C,).
         noise_model: Of each channel: which part of the noise is slow.
         valid: Per episode (T, C): False for outliers and what was not measured.
-        stated: Whether the owner stated the noise of each channel, (C,).
+        stated: Noise that the owner states for each channel, (C,), NaN where none is: `sigma` is what it is.
         scatter: What counts as noise at least, (C,), whatever the sensors do; None: nothing else does.
         hung: The first sample of an episode that hangs on a breakaway: from there on it says nothing to a fit.
     """
@@ -116,10 +117,13 @@ def measure(system: AbstractSystem, *, scatter: np.ndarray | None = None) -> Mea
     times = [e.t_s for e in system.recording.episodes]
     each = [[(t, c) for t, v in zip(times, values, strict=True) for c in v[:, columns].T] for columns in groups]
     white = np.array([white_noise(series) for series in each])
-    sigma, noise_model = _noise(rests, _step_s(system), groups, stated, white, _rounding_noise(values, groups))
+    # a sensor may be stiller at rest than in motion: what is stated holds until a fit shows what it is
+    rounding = _rounding_noise(values, groups)
+    sigma, noise_model = _noise(rests, _step_s(system), groups, stated, white, rounding, doubt=0.0)
     spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
     valid = tuple(_inliers(v, sigma * noise_model.innovation()) for v in values)
-    return Measured(spans, values, _at_least(sigma, scatter), noise_model, valid, system.owner_states_noise(), scatter)
+    by_owner = np.where(system.owner_states_noise(), stated, np.nan)
+    return Measured(spans, values, _at_least(sigma, scatter), noise_model, valid, by_owner, scatter)
 
 
 def _at_least(sigma: np.ndarray, scatter: np.ndarray | None) -> np.ndarray:
@@ -128,6 +132,9 @@ def _at_least(sigma: np.ndarray, scatter: np.ndarray | None) -> np.ndarray:
 
 def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.ndarray]) -> Measured:
     """Look at the noise again in what a model leaves, which is far closer to noise than a motion is.
+
+    What the owner states is a belief like any other: taken for the truth, noise of 1.3 times as much is a gap of 0.7
+    squared noises that no explanation closes, and noise of less is taken for slow noise, in which slow effects hide.
 
     Args:
         measured: What is known so far.
@@ -149,7 +156,8 @@ def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.n
     groups = _groups(system)
     otherwise = measured.sigma[[columns[0] for columns in groups]]
     rounding = _rounding_noise(system.values(), groups)
-    sigma, noise_model = _noise(stretches, _step_s(system), groups, system.stated_noise(), otherwise, rounding)
+    stated = system.stated_noise()
+    sigma, noise_model = _noise(stretches, _step_s(system), groups, stated, otherwise, rounding, doubt=STATED)
     sigma = _at_least(sigma, measured.scatter)
     return without_outliers(replace(measured, sigma=sigma, noise_model=noise_model), residuals)
 
@@ -176,6 +184,16 @@ def materially_different(a: Measured, b: Measured) -> bool:
     )
 
 
+def off_from_stated(measured: Measured, system: AbstractSystem) -> dict[str, float]:
+    """Return how many times as large as its owner states the noise of each group of channels is, where materially."""
+    out = {}
+    for columns in _groups(system):
+        stated, found = measured.stated[columns[0]], measured.sigma[columns[0]]
+        if np.isfinite(stated) and abs(np.log(found / stated)) > 2 * MATERIAL:
+            out[", ".join(system.channels[c].name for c in columns)] = float(found / stated)
+    return out
+
+
 def _groups(system: AbstractSystem) -> list[list[int]]:
     """Return the channels of each group, which share a noise level, in the order of their first."""
     groups = [c.group for c in system.channels]
@@ -193,19 +211,21 @@ def _noise(
     stated: np.ndarray,
     otherwise: np.ndarray,
     rounding: np.ndarray,
+    *,
+    doubt: float,
 ) -> tuple[np.ndarray, NoiseModel]:
     """Return the noise of each channel, (C,), and its colour.
 
-    `otherwise` per group where too little is there, and `rounding` where nothing is stated and less was found. Rows of
-    `stretches` in which a group was not measured are passed over: where topics have stamps of their own, each has only
-    its share of the rows.
+    `doubt` is that of what is stated, see `estimate`; `otherwise` is taken per group where too little is there, and
+    `rounding` where less was found. Rows of `stretches` in which a group was not measured are passed over: where topics
+    have stamps of their own, each has only its share of the rows.
     """
     known = stated[[columns[0] for columns in groups]]
     kinds = [[s[np.isfinite(s[:, c]).all(axis=1)][:, c] for s in stretches] for c in groups]
     counts = np.array([sum(map(len, kind)) for kind in kinds])
     rows, told, showing = sum(map(len, stretches)), int(counts.max(initial=0)), np.flatnonzero(counts)
     each_s = step_s * max(rows, 1) / max(told, 1)
-    found = estimate([kinds[k] for k in showing], each_s, known[showing]) if len(showing) else None
+    found = estimate([kinds[k] for k in showing], each_s, known[showing], doubt=doubt) if len(showing) else None
     levels = np.where(np.isfinite(known), known, otherwise)
     if found is None:
         found = Found(levels, 0.0, 0.0)
@@ -213,7 +233,7 @@ def _noise(
         levels[showing] = found.level
     sigma = np.empty(len(stated))
     for c, level, told, least in zip(groups, levels, known, rounding, strict=True):
-        sigma[c] = level if np.isfinite(told) else max(level, least)
+        sigma[c] = level if level == told else max(level, least)
     return sigma, NoiseModel(np.full(len(stated), found.share), np.full(len(stated), found.memory))
 
 

@@ -27,6 +27,7 @@ KNOCKED = 3.0  # windows with so many times the median power, in all or in what 
 # Of what no cubic follows, the slowest so many terms: what a push that is in no log leaves of a window is there, and
 # its power hardly tells beside that of all the noise.
 SLOW_TERMS = 8
+BELIEF_STEPS = 12  # of Newton's method, in the logarithm: from what the data show it takes few
 MEMORIES_S = 0.006, 0.25  # the slow part lasts at least and at most so long
 
 
@@ -105,7 +106,30 @@ class Found:
     memory: float
 
 
-def estimate(kinds: Sequence[Sequence[np.ndarray]], step_s: float, known: np.ndarray) -> Found | None:
+def _with_belief(shown: np.ndarray, freedom: np.ndarray, known: np.ndarray, doubt: float) -> tuple[np.ndarray, float]:
+    """Return the likeliest variances, (K,), and minus twice the log density of the belief there.
+
+    Args:
+        shown: Variance that the data show, (K,).
+        freedom: Of how many values, (K,).
+        known: Believed levels, NaN where there is none, (K,).
+        doubt: Standard deviation of their logarithm; 0: they hold.
+    """
+    believed = np.where(np.isfinite(known), known**2, shown)
+    if doubt == 0.0:
+        return believed, 0.0
+    stiff = np.where(np.isfinite(known), 0.5 / doubt**2, 0.0)  # by the log of the variance: its curvature
+    log = np.log(shown)
+    for _ in range(BELIEF_STEPS):
+        data = shown * np.exp(-log)
+        slope = freedom * (1.0 - data) + stiff * (log - np.log(believed))
+        log = log - slope / (freedom * np.maximum(data, 1.0) + stiff)
+    return np.exp(log), float(stiff @ (log - np.log(believed)) ** 2) / 2.0
+
+
+def estimate(
+    kinds: Sequence[Sequence[np.ndarray]], step_s: float, known: np.ndarray, *, doubt: float = 0.0
+) -> Found | None:
     """Estimate the noise from stretches of what a model leaves, or of rest.
 
     Half-second windows, of which only what no cubic follows is looked at: neither a motion nor a model's error is
@@ -116,6 +140,7 @@ def estimate(kinds: Sequence[Sequence[np.ndarray]], step_s: float, known: np.nda
         kinds: Stretches of each kind of channel, each (T, k), without NaN.
         step_s: Between samples.
         known: Level of each kind where it is known, else NaN, (K,).
+        doubt: How well it is known: standard deviation of its logarithm (a log-normal prior); 0: exactly.
 
     Returns:
         None with too little to tell.
@@ -141,9 +166,11 @@ def estimate(kinds: Sequence[Sequence[np.ndarray]], step_s: float, known: np.nda
         factor = cho_factor(rough.T @ (share * toeplitz(memory ** np.arange(n)) + (1 - share) * np.eye(n)) @ rough)
         square = np.array([np.trace(cho_solve(factor, one)) for one in spread])
         # a channel that never moves at rest has no noise to speak of; its likelihood must stay finite
-        variance = np.where(np.isfinite(known), known**2, np.maximum(square / dimension, LEAST_VARIANCE))
+        shown = np.maximum(square / dimension, LEAST_VARIANCE)
+        variance, against = _with_belief(shown, count * dimension, known, doubt)
         volume = 2 * np.log(np.diag(factor[0])).sum()
-        return float(count @ (volume + dimension * np.log(variance) + square / variance)), np.sqrt(variance)
+        loss = count @ (volume + dimension * np.log(variance) + square / variance)
+        return float(loss + against), np.sqrt(variance)
 
     white, level = fit(0.0, 0.0)
     longest, shortest = np.exp(-step_s / MEMORIES_S[1]), np.exp(-step_s / MEMORIES_S[0])

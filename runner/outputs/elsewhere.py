@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from runner.errors import WriteError
+from runner.errors import ConfigError, LauncherError
+from runner.storage.holding import holding, is_held
 from runner.storage.reading import read_json
 from runner.storage.writing import write_json
 
@@ -32,8 +33,12 @@ def elsewhere(
         folders: Of each; made if they are not there.
 
     Raises:
+        ConfigError: If a process that has outlived whoever made such calls before is still at one.
         WriteError: If a folder can't be written to.
     """
+    for name in calls:
+        if is_held(folders[name]):
+            raise ConfigError(f"out: '{folders[name]}': a process is still at it; end it, or wait.")
     for name in calls:
         _noted(folders[name]).unlink(missing_ok=True)
     fresh, suspects = list(calls), list[str]()
@@ -60,18 +65,17 @@ def _lost(spread: Spread, calls: Sequence[Callable[[], object]]) -> str:
     """Make calls, and return what the launcher says of processes that it lost."""
     try:
         spread(calls)
-    except WriteError:
-        raise
-    except Exception as error:  # each launcher has words of its own
-        return f": {type(error).__name__}: {' '.join(str(error).split())[:200]}"
+    except LauncherError as error:
+        return f": {str(error).rstrip('.')}"
     return ""
 
 
 def _call(call: Callable[[], str | None], folder: Path) -> None:
     """Make a call where the launcher has put it."""
     folder.mkdir(parents=True, exist_ok=True)
-    write_json(_noted(folder), None)
-    write_json(_noted(folder), call() or "")
+    with holding(folder):
+        write_json(_noted(folder), None)
+        write_json(_noted(folder), call() or "")
 
 
 def _noted(folder: Path) -> Path:

@@ -280,11 +280,15 @@ def noise(diagnosis: Diagnosis) -> list[dict[str, str]]:
     for i, channel in enumerate(diagnosis.system.channels):
         unit, scale = small(channel.unit)
         lag_one = float(measured.noise_model.lag_one[i])
+        stated = float(measured.stated[i])
+        source = "estimated from the recording"
+        if np.isfinite(stated):
+            source += f"; stated: {number(scale * stated, 2)}"
         out.append(
             {
                 "name": channel.label,
                 "sigma": f"{number(scale * float(measured.sigma[i]), 2)} {unit}".strip(),
-                "source": "stated in nominal.yaml" if measured.stated[i] else "estimated from the recording",
+                "source": source,
                 "kind": f"correlated from sample to sample ({lag_one:.2f})" if lag_one > 0 else "white",
             }
         )

@@ -211,7 +211,7 @@ def _rows(
             "unit": channel.unit,
             "rms": float(rms[c]),
             "noise": float(signals.sigma[c]),
-            "stated": bool(signals.stated[c]),
+            "stated": bool(np.isfinite(signals.stated[c])),
             "noises": float(rms[c] / signals.sigma[c]),
             "noises_expected": float(expected[c]),
             "windows": sums.windows,

@@ -67,8 +67,6 @@ class AbstractSystem(ABC):
         experiment: What is done to it: "push"; `reach`: what limits that so far; `reach_further`: what would go beyond.
         mismatch_levels: How far any simulator of such an object may be off in the direction of each effect, in units of
             `runner.inference.evidence.SHARE`: equally likely multiples, 1 among them. How far is not known beforehand.
-        errors_overdisperse: Whether what the best explanation leaves beyond noise and mismatch makes the comparison of
-            explanations that much less sure.
         unknown_share: Share of the gap that an explanation may leave and still be as likely as none of them.
         most_effects: So many may be at work at once.
         leaps: Whether a search begins with what the linear model proposes together.
@@ -101,7 +99,6 @@ class AbstractSystem(ABC):
     reach_further: str = "command more, or otherwise"
     mismatch_levels: tuple[float, ...] = (1 / 16, 1 / 8, 1 / 4, 0.5, 1.0, 2.0, 4.0, 8.0)
     screening_level: float = 1 / 16
-    errors_overdisperse: bool = True
     unknown_share: float = 0.05
     most_effects: int = 6
     leaps: bool = True

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from runner.physics import dry_friction
 from runner.physics.scene import push_columns
 from runner.recording import Episode, Recording
 
+KEPT_BYTES = 100e6  # what was made last, as models and windows that ask for the same follow one another
+
 
 @dataclass(frozen=True)
 class Commands:
@@ -21,9 +23,25 @@ class Commands:
     recording: Recording
     steps_per_sample: int
     step_s: float
+    _kept: dict[tuple[tuple[PlanarEffect, ...], int], FloatArray] = field(
+        init=False, default_factory=dict, repr=False, compare=False
+    )
 
     def control(self, effects: Sequence[PlanarEffect], episode: int) -> FloatArray:
-        """Return what the engine is given over a whole episode with these effects, (n, USERDATA_SIZE)."""
+        """Return what the engine is given over a whole episode with these effects, (n, USERDATA_SIZE); not to write to.
+
+        Of a long recording all of that is gigabytes: only some is kept.
+        """
+        key = tuple(effects), episode
+        if key not in self._kept:
+            made = self._control(effects, episode)
+            made.setflags(write=False)
+            if sum(k.nbytes for k in self._kept.values()) + made.nbytes > KEPT_BYTES:
+                self._kept.clear()
+            self._kept[key] = made
+        return self._kept[key]
+
+    def _control(self, effects: Sequence[PlanarEffect], episode: int) -> FloatArray:
         recorded = self.recording.episodes[episode]
         steps = (len(recorded) - 1) * self.steps_per_sample
         out = np.zeros((steps, dry_friction.USERDATA_SIZE))

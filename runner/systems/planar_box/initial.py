@@ -56,25 +56,25 @@ class PlanarStart(AbstractInitialState):
         sigma = self.scale(signals.sigma)
         out = np.empty((len(windows), 6))
         for w, (e, f) in enumerate(zip(windows.episode, windows.first, strict=True)):
-            valid, values = self._states(signals, e)
             # at the edge of an episode one side has to do
-            span = np.arange(max(0, f - reach), min(len(values), f + reach + 1))
-            t = (span - f) / rate_hz
+            near = slice(max(0, f - reach), min(len(signals.values[e]), f + reach + 1))
+            valid, values = self._states(signals, e, near)
+            t = (np.arange(near.start, near.stop) - f) / rate_hz
             pose = np.stack([np.ones_like(t), t, t**2 / 2, t**3 / 6], axis=1)
             rate = np.stack([np.zeros_like(t), np.ones_like(t), t, t**2 / 2], axis=1)
             for c in range(3):
-                weight = valid[span][:, [c, c + 3]] / sigma[[c, c + 3]]
+                weight = valid[:, [c, c + 3]] / sigma[[c, c + 3]]
                 matrix = np.vstack([pose * weight[:, :1], rate * weight[:, 1:]])
-                right = (values[span][:, [c, c + 3]] * weight).T.ravel()
+                right = (values[:, [c, c + 3]] * weight).T.ravel()
                 out[w, [c, c + 3]] = np.linalg.lstsq(matrix, right, rcond=None)[0][:2]
         return out
 
-    def _states(self, signals: Signals, episode: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return what of the six numbers counts at each sample, and their values, 0 where not, both (T, 6)."""
-        shape = (len(signals.values[episode]), 6)
-        valid, values = np.zeros(shape, bool), np.zeros(shape)
-        valid[:, self._columns] = signals.valid[episode]
-        values[:, self._columns] = np.where(signals.valid[episode], signals.values[episode], 0.0)
+    def _states(self, signals: Signals, episode: int, near: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Return what of the six numbers counts at some samples, and their values, 0 where not, both (T, 6)."""
+        there = signals.valid[episode][near]
+        valid, values = np.zeros((len(there), 6), bool), np.zeros((len(there), 6))
+        valid[:, self._columns] = there
+        values[:, self._columns] = np.where(there, signals.values[episode][near], 0.0)
         return valid, values
 
 

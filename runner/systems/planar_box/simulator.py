@@ -32,8 +32,8 @@ from runner.systems.windows import Windows
 OBJECT = "object"
 STEP_RATE_HZ = 120.0  # at least so many physics steps a second: pose errors are then below 0.1 mm (second order)
 PIN_STEP_RATE_HZ = 1000.0  # where a pin pushes, whose contact is of first order and rolls on in between
-MODELS, PUSHED_BYTES = 128, 100e6  # kept for the next span: models, and commands
-KEPT_WINDOWS = 4  # models whose commands are ready for windows: as believed, corrected
+MODELS = 128  # kept for the next span
+KEPT_WINDOWS = 4  # models that are ready for windows: as believed, corrected
 BASE_POINTS = 8  # along each edge: everything replays the same base
 # Of surveys: how a prediction changes with an effect is told to some percent by half the steps and points, whose own
 # errors, of second order in the steps and of the sixth in the points, are the same with the effect and without.
@@ -124,7 +124,6 @@ class Simulator(AbstractSimulator):
         self._pool = rollout.Rollout(nthread=self._threads if self._threads > 1 else 0)
         self._compiled: dict[tuple[type[PlanarEffect], ...], _Compiled] = {}
         self._models: dict[Effects, mujoco.MjModel] = {}  # the latest, as many spans are simulated with the same
-        self._pushed: dict[tuple[Effects, int], np.ndarray] = {}
         self._commands = Commands(self.recording, self.steps_per_sample, self.step_s)
         self._windows: dict[Effects, WindowSimulator] = {}
         whole = tuple(Span(i, 0, len(e)) for i, e in enumerate(self.recording.episodes))
@@ -166,16 +165,6 @@ class Simulator(AbstractSimulator):
             self._compiled[key] = _Compiled(model, model.body(OBJECT).id, data)
         return self._compiled[key]
 
-    def _push(self, effects: Effects, episode: int) -> np.ndarray:
-        """Return the command that the body really gets over a whole episode, (n, USERDATA_SIZE)."""
-        key = effects, episode
-        if key not in self._pushed:
-            control = self._commands.control(effects, episode)
-            if len(self._pushed) * control.nbytes > PUSHED_BYTES:
-                self._pushed.clear()
-            self._pushed[key] = control
-        return self._pushed[key]
-
     def parts(self, spans: Sequence[Span]) -> Simulator:
         """Return a simulator of parts of what this one simulates; `episode` counts what that is."""
         whole = [self._spans[s.episode] for s in spans]
@@ -208,7 +197,6 @@ class Simulator(AbstractSimulator):
         n = (span.end - 1 - span.begin) * self.steps_per_sample
         if len(self._models) > MODELS:
             self._models.clear()
-            self._pushed.clear()
         models, control = [], np.zeros((len(runs), n, dry_friction.USERDATA_SIZE))
         start = np.zeros((len(runs), mujoco.mj_stateSize(base.model, FULL)))
         for i, run in enumerate(runs):
@@ -216,7 +204,7 @@ class Simulator(AbstractSimulator):
             if effects not in self._models:
                 self._models[effects] = self.model(effects)
             models.append(self._models[effects])
-            control[i] = self._push(effects, span.episode)[before : before + n]
+            control[i] = self._commands.control(effects, span.episode)[before : before + n]
             start[i, 0] = before * self.step_s
             start[i, 1:7] = run.start
             # half a step ahead: MuJoCo's pose is then the one at the middle of each step (leapfrog), second order
@@ -242,7 +230,7 @@ class Simulator(AbstractSimulator):
         model = self.model(effects)
         data = mujoco.MjData(model)
         data.qpos[:], data.qvel[:] = run.start[:3] + 0.5 * self.step_s * run.start[3:], run.start[3:]
-        control = self._push(effects, episode)
+        control = self._commands.control(effects, episode)
         force = np.empty((len(control), 2))
         said = dry_friction.PUSH_SIZE + dry_friction.OUT_PIN
         for k, row in enumerate(control):
@@ -263,9 +251,7 @@ class Simulator(AbstractSimulator):
         if effects not in self._windows:
             if len(self._windows) >= KEPT_WINDOWS:
                 self._windows.clear()
-            self._windows[effects] = WindowSimulator(
-                self.recording, self.model(effects), effects, self.steps_per_sample, self.step_s
-            )
+            self._windows[effects] = WindowSimulator(self._commands, self.model(effects), effects)
         one = self._windows[effects]
         before = one.simulated_s
         out = one.predict(windows, starts, disturbance)

@@ -68,7 +68,6 @@ class PlanarBox(AbstractSystem):
     most_effects = 3
     leaps = False
     dates_disturbances = False  # a box is touched by all that pushes it: its commands are that
-    errors_overdisperse = False  # the odds of boxes were calibrated without
     worth_another = 0.5
     # so much tells what there is to tell, and the time that a search takes grows with it
     searched_s = 120.0

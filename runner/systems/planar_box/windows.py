@@ -14,7 +14,6 @@ from mujoco import rollout
 from runner.effects.base import AbstractEffect
 from runner.effects.planar_box import ActuatorDelay, Motion, ObservationDelay, PlanarEffect
 from runner.physics import dry_friction
-from runner.recording import Recording
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.planar_box.commands import Commands
 from runner.systems.planar_box.motion import measured_columns, motion
@@ -23,7 +22,7 @@ from runner.systems.windows import Windows
 Effects = tuple[PlanarEffect, ...]
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS.value
 USERDATA = mujoco.mjtState.mjSTATE_USERDATA.value
-WINDOWS_AT_ONCE = 400  # bounds the memory of one rollout
+BYTES_AT_ONCE = 60e6  # of commands and states in one rollout
 
 
 def planar(effects: Sequence[AbstractEffect]) -> Effects:
@@ -45,13 +44,10 @@ class WindowSimulator:
     instant, and the start state is the one that they would show as the given.
     """
 
-    recording: Recording
+    commands: Commands
     model: mujoco.MjModel
     effects: Effects
-    steps_per_sample: int
-    step_s: float
     simulated_s: float = field(init=False, default=0.0)
-    _commands: list[np.ndarray] = field(init=False)
     _yaw: list[np.ndarray] = field(init=False)
     _columns_seen: np.ndarray = field(init=False)
 
@@ -59,13 +55,9 @@ class WindowSimulator:
         threads = len(os.sched_getaffinity(0))
         self._data = [mujoco.MjData(self.model) for _ in range(threads)]
         self._pool = rollout.Rollout(nthread=threads if threads > 1 else 0)
-        self._yaw = []
-        n = self.steps_per_sample
-        commands = Commands(self.recording, n, self.step_s)
-        self._commands = [commands.control(self.effects, e) for e in range(len(self.recording.episodes))]
-        self._columns_seen = measured_columns(self.recording)
-        for states in motion(self.recording):
-            self._yaw.append(np.repeat(0.5 * (states[1:, 2] + states[:-1, 2]), n))
+        recording, n = self.commands.recording, self.commands.steps_per_sample
+        self._columns_seen = measured_columns(recording)
+        self._yaw = [np.repeat(0.5 * (states[1:, 2] + states[:-1, 2]), n) for states in motion(recording)]
 
     def predict(self, windows: Windows, starts: np.ndarray, wrench: np.ndarray | None = None) -> np.ndarray:
         """Return what would be measured in windows.
@@ -81,12 +73,15 @@ class WindowSimulator:
         """
         out = np.empty((*starts.shape[:2], windows.samples, len(self._columns_seen)))
         wrench = None if wrench is None else np.broadcast_to(wrench, (*starts.shape[:2], 3))
-        for part, some in windows.chunks(WINDOWS_AT_ONCE):
+        steps = (windows.samples - 1) * self.commands.steps_per_sample
+        width = dry_friction.USERDATA_SIZE + mujoco.mj_stateSize(self.model, FULL)
+        at_once = max(1, int(BYTES_AT_ONCE / (8.0 * starts.shape[1] * steps * width)))
+        for part, some in windows.chunks(at_once):
             out[part] = self._predict(some, starts[part], None if wrench is None else wrench[part])
         return out
 
     def _predict(self, windows: Windows, starts: np.ndarray, wrench: np.ndarray | None) -> np.ndarray:
-        per_sample, step_s = self.steps_per_sample, self.step_s
+        per_sample, step_s = self.commands.steps_per_sample, self.commands.step_s
         count, columns = starts.shape[:2]
         steps = (windows.samples - 1) * per_sample
         begin = windows.first * per_sample
@@ -94,7 +89,7 @@ class WindowSimulator:
         control = np.zeros((count, columns, steps, dry_friction.USERDATA_SIZE))
         for w in range(count):
             span = slice(begin[w], begin[w] + steps)
-            control[w] = self._commands[windows.episode[w]][span]
+            control[w] = self.commands.control(self.effects, int(windows.episode[w]))[span]
             if wrench is not None:
                 _add_wrench(control[w], wrench[w], self._yaw[windows.episode[w]][span])
         state = np.zeros((count, columns, mujoco.mj_stateSize(self.model, FULL)))
