@@ -210,7 +210,7 @@ def test_lost_samples_are_no_outliers(found: Any) -> None:
     values, valid = ([np.array(v) for v in of] for of in (measured.values, measured.valid))
     values[0][:9], valid[0][:9] = np.nan, False
     lost = replace(measured, values=tuple(values), valid=tuple(valid))
-    assert not any("stick out" in n for n in notes(found.recording, lost, top, (1, 2)))  # type: ignore[arg-type]
+    assert not any("stick out" in n for n in notes(found.system, lost, top, (1, 2)))  # type: ignore[arg-type]
     valid[0][20, 0] = False
-    said = notes(found.recording, replace(lost, valid=tuple(valid)), top, (1, 2))  # type: ignore[arg-type]
+    said = notes(found.system, replace(lost, valid=tuple(valid)), top, (1, 2))  # type: ignore[arg-type]
     assert "1 values stick out of their neighbours and were left out." in said
