@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from runner.errors import RecordingError
+from runner.importing.entries import Entry, Role
 from runner.importing.guess.clock import clock_times, guess_clock
 from runner.importing.guess.counter import guess_episodes
 from runner.importing.guess.fall import falls
 from runner.importing.guess.unit import unit_by_slope
+from runner.importing.plausible import within
 from runner.importing.signals import Log, Part, Signal
 
 RUNS, SAMPLES = 4, 50
@@ -100,3 +103,13 @@ def test_the_slope_of_the_position_tells_the_unit_of_a_velocity(unit: str, size:
     assert found is not None
     assert found.name == unit
     assert unit_by_slope(t, position, size * np.cos(8 * t), "rad/s") is None
+
+
+def test_a_range_in_radians_that_mujoco_reads_in_degrees_is_suspected() -> None:
+    """`range="-2 2"` of an MJCF without `angle="radian"` is 0.035 rad: a joint that moves by 0.7 rad says so."""
+    entry = Entry("channels.q", "q", "q_rad", Role.CHANNEL, unit="rad", si_unit="rad")
+    narrow = (np.radians(-2.0), np.radians(2.0))
+    with pytest.raises(RecordingError, match='lacks <compiler angle="radian"/>'):
+        within(np.array([-0.7, 0.7]), narrow, entry, "joint 'j'")
+    with pytest.raises(RecordingError, match=r"deg they would fit\.$"):
+        within(np.array([-70.0, 70.0]), (-1.5, 1.5), entry, "joint 'j'")

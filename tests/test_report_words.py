@@ -13,12 +13,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from runner.diagnosis.notes import notes
 from runner.diagnosis.result import Abstention, Nearest
 from runner.effects.planar_box import EFFECTS
 from runner.effects.wording import plus_minus
 from runner.localise.likeness import Likeness
 from runner.recording.data import BelievedPin
 from runner.report import html, words
+from runner.report.statement import caveats
 from runner.report.terminal import summary
 from runner.systems.planar_box.system import PlanarBox
 from tests.report_case import changed, diagnosis, ranked, said
@@ -181,3 +183,34 @@ def test_terminal_summary(found: Any) -> None:
     assert "The floor is more slippery than believed" in text
     assert re.search(r"friction +0\.98 +friction 0\.2704 ± 0\.0012 instead of 0\.300 +87 %", text)
     assert re.search(r"position x \[mm\] +4\.5 +0\.55 +0\.50", text)
+
+
+def test_what_can_hardly_be_told_apart_is_one_sentence(found: Any) -> None:
+    """Several rivals of one effect, and those of another, without beginning anew for each pair."""
+    rivals = [
+        SimpleNamespace(effect=effect, rival=rival, confounded=True)
+        for effect, rival in (("friction", "mass"), ("friction", "inertia"), ("wind", "floor_tilt"))
+    ]
+    assert words.confounded(changed(found, rivals=tuple(rivals))) == (
+        "Such data can hardly tell mass or inertia from friction; nor floor tilt from wind."
+    )
+
+
+def test_every_note_is_a_sentence_and_stands_once(found: Any) -> None:
+    """Notes of a recording come without a full stop, and are among those of the diagnosis, too."""
+    note = "'x' is not measured (NaN) in 3 of 90 rows"
+    noted = changed(found, notes=(note, "A caveat."), recording=replace(found.recording, notes=(note,)))
+    assert caveats(noted) == (f"{note}.", "A caveat.")
+
+
+def test_lost_samples_are_no_outliers(found: Any) -> None:
+    """What was not measured is not said to stick out of its neighbours."""
+    top = SimpleNamespace(fit=SimpleNamespace(converged=True))
+    measured = found.measured
+    values, valid = ([np.array(v) for v in of] for of in (measured.values, measured.valid))
+    values[0][:9], valid[0][:9] = np.nan, False
+    lost = replace(measured, values=tuple(values), valid=tuple(valid))
+    assert not any("stick out" in n for n in notes(found.system, lost, top, (1, 2)))  # type: ignore[arg-type]
+    valid[0][20, 0] = False
+    said = notes(found.system, replace(lost, valid=tuple(valid)), top, (1, 2))  # type: ignore[arg-type]
+    assert "1 values stick out of their neighbours and were left out." in said

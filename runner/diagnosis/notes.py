@@ -52,7 +52,7 @@ def notes(
         )
     if measured.noise_model.lag_one.any():
         out.append("The noise is correlated from sample to sample; this was taken into account.")
-    dropped = int(sum((~v).sum() for v in measured.valid))
+    dropped = sum(int((np.isfinite(x) & ~v).sum()) for x, v in zip(measured.values, measured.valid, strict=True))
     if dropped == 1:
         out.append("1 value sticks out of its neighbours and was left out.")
     elif dropped:

@@ -62,7 +62,7 @@ def check_plausible(table: pd.DataFrame, planned: Plan, mapping: ModelMapping, m
             notes += _position(table, source, entries[source.name], model)
     for name, command in mapping.commands.items():
         if command.limits is not None:
-            notes += _within(table[name].to_numpy(), command.limits, entries[name], f"actuator '{command.actuator}'")
+            notes += within(table[name].to_numpy(), command.limits, entries[name], f"actuator '{command.actuator}'")
     return notes + _rates(table, mapping, entries) + _coarse(table, mapping)
 
 
@@ -90,7 +90,7 @@ def _position(table: pd.DataFrame, source: ChannelSource, entry: Entry, model: m
         raise RecordingError(f"{entry.key}: signal '{entry.signal}' has no numbers.")
     if joint.limited[0]:
         limits = float(joint.range[0]), float(joint.range[1])
-        notes = _within(values, limits, entry, f"joint '{source.target}'")
+        notes = within(values, limits, entry, f"joint '{source.target}'")
         span = float(np.nanmax(values) - np.nanmin(values))
         if 0 < span < STILL * (limits[1] - limits[0]):
             notes.append(
@@ -119,7 +119,12 @@ def _check_place(table: pd.DataFrame, source: ChannelSource, entry: Entry) -> No
         )
 
 
-def _within(values: FloatArray, limits: tuple[float, float], entry: Entry, whose: str) -> list[str]:
+def within(values: FloatArray, limits: tuple[float, float], entry: Entry, whose: str) -> list[str]:
+    """Say how far values, SI, (T,), are outside of the limits of a joint or an actuator.
+
+    Raises:
+        RecordingError: If they are far outside, with the units in which they would not be.
+    """
     low, high = limits
     width = high - low
     least, largest = float(np.nanmin(values)), float(np.nanmax(values))
@@ -127,6 +132,10 @@ def _within(values: FloatArray, limits: tuple[float, float], entry: Entry, whose
     if beyond > FAR * width:
         fits = _fitting(entry, least, largest, limits)
         hint = f"in {fits} they would fit" if fits else "no unit makes them fit: wrong signal, scale, offset?"
+        degrees = np.pi / 180
+        turned = max(abs(least), abs(largest)) < 2 * np.pi
+        if entry.si_unit == "rad" and turned and max(low / degrees - least, largest - high / degrees) <= 0:
+            hint += '; or the range is meant in radians, and the MJCF lacks <compiler angle="radian"/>'
         raise RecordingError(
             f"{entry.key}: goes from {least:.4g} to {largest:.4g} {entry.si_unit}, the range of {whose} is {low:.4g} "
             f"to {high:.4g}; read in {entry.unit or 'its unit'}; {hint}."

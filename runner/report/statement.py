@@ -178,4 +178,4 @@ def _known(value: float | None) -> float | None:
 
 def caveats(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Return what a reader should know before believing the figures."""
-    return tuple(dict.fromkeys((*diagnosis.notes, *diagnosis.recording.notes)))
+    return tuple(dict.fromkeys(f"{note.rstrip('.')}." for note in (*diagnosis.notes, *diagnosis.recording.notes)))

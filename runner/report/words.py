@@ -207,9 +207,13 @@ def confounded(diagnosis: Diagnosis) -> str:
             f"{title(said.top.effects)}."
         )
     known = {n for e in others for n in e}
+    rivals: dict[str, list[str]] = {}
     for r in diagnosis.rivals if said.settled else ():
         if r.confounded and r.rival not in known:
-            parts.append(f"Such data can hardly tell {title((r.rival,))} from {title((r.effect,))}.")
+            rivals.setdefault(r.effect, []).append(title((r.rival,)))
+    if rivals:
+        pairs = [f"{listed(those, 'or')} from {title((effect,))}" for effect, those in rivals.items()]
+        parts.append(f"Such data can hardly tell {'; nor '.join(pairs)}.")
     return " ".join(parts)
 
 
