@@ -63,7 +63,7 @@ def diagnosis() -> Any:
     values = tuple(np.hstack([e.pose, e.twist]) for e in recording.episodes)
     valid = tuple(np.ones(v.shape, bool) for v in values)
     spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
-    measured = Measured(spans, values, SIGMA, NoiseModel.white(6), valid, np.ones(6, bool))
+    measured = Measured(spans, values, SIGMA, NoiseModel.white(6), valid, SIGMA)
     system = PlanarBox(recording)
     rows = [
         {"episode": 5, "channel": c.name, "before": 9 * s, "after": 1.1 * s, "noise": s, "unit": c.unit}

@@ -128,7 +128,7 @@ def test_outliers_stand_out_of_slow_noise() -> None:
     at = np.arange(50, n, 100)
     left[at] += 6.0
     model = NoiseModel(np.array([share]), np.array([memory]))
-    measured = Measured((Span(0, 0, n),), (-left,), np.ones(1), model, (np.ones((n, 1), bool),), np.array([True]))
+    measured = Measured((Span(0, 0, n),), (-left,), np.ones(1), model, (np.ones((n, 1), bool),), np.ones(1))
     dropped = np.flatnonzero(~without_outliers(measured, {0: left}).valid[0][:, 0])
     assert set(at) <= set(dropped)
     assert len(dropped) <= len(at) + 2

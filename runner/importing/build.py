@@ -59,7 +59,9 @@ def build(log: Log, path: Path, wanted: AnyMap, planned: Plan) -> Built:
         for part in log.parts:
             cuts += _episodes(part, planned.entries, wanted, told)
         clocks = _reports(cuts, log, wanted)
-        made = [r for one in cuts if (r := rows(_aligned(one), wanted.rows, told)) is not None]
+        made = [
+            r for one in cuts if (r := rows(_aligned(one), wanted.rows, told, sparse=wanted.log.sparse)) is not None
+        ]
         if not made:
             raise RecordingError(f"no episode is left: {'; '.join(told.sentences())}.")
         table = _table(made, planned, told)

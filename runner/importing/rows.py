@@ -72,14 +72,21 @@ def _known(series: Sequence[Series], keys: RowKeys) -> list[Series]:
     return list(series)
 
 
-def rows(episode: Cut, keys: RowKeys, told: Told) -> Rows | None:
+def rows(episode: Cut, keys: RowKeys, told: Told, *, sparse: bool) -> Rows | None:
     """Return an episode as rows; None if too little is left of it, which is noted.
+
+    Args:
+        episode: Its series.
+        keys: How rows are made of them.
+        told: What was done.
+        sparse: Whether a command without a sample holds: then none was lost.
 
     Raises:
         RecordingError: If a command is not a number, or a series has no samples.
     """
     series = [in_order(one, told) for one in _known(episode.series, keys)]
-    series = [with_lost(one, told) if one.entry.role is Role.COMMAND else one for one in series]
+    if not sparse:
+        series = [with_lost(one, told) if one.entry.role is Role.COMMAND else one for one in series]
     if any(not len(one.t_ns) for one in series if one.entry.role is Role.COMMAND) or not any(
         len(one.t_ns) for one in series if one.entry.role is Role.CHANNEL
     ):
