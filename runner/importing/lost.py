@@ -6,6 +6,8 @@ still is seen where nothing is lost: there each sample is foretold by its neighb
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from runner.importing.clocks import LOST, NS
@@ -13,10 +15,8 @@ from runner.importing.episodes import Series
 from runner.importing.told import Told
 from runner.numerics.arrays import FloatArray
 
-NEAR_STEPS, MOSTLY = (
-    0.3,
-    0.9,
-)  # of the usual step, and of all steps: an even clock, whose longer steps lost samples
+# of the usual step, and of all steps: an even clock, whose longer steps lost samples
+NEAR_STEPS, MOSTLY = 0.3, 0.9
 SMOOTH = 0.5  # of the error of holding: neighbours that foretell by less say what is between them; a step has 0.7
 FEWEST_SAMPLES = 8  # that show how a clock runs
 
@@ -28,7 +28,7 @@ def with_lost(one: Series, told: Told) -> Series:
         one: In the order of its stamps, one sample each, all of them numbers.
         told: What was done.
     """
-    counts = lost_steps(one.t_ns / NS)
+    counts = _lost_steps(one.t_ns / NS)
     gaps = np.flatnonzero(counts > 1)
     if not len(gaps):
         return one
@@ -46,16 +46,15 @@ def with_lost(one: Series, told: Told) -> Series:
     said = "{names}: {n} samples were lost; the line between those around them is taken, as that foretells the others"
     told.add(said, len(after), column=name)
     order = np.argsort(np.concatenate([one.t_ns, t]), kind="stable")
-    return Series(
-        one.entry,
-        one.signal,
-        np.concatenate([one.at, one.at[after]])[order],
-        np.concatenate([one.t_ns, t])[order],
-        np.concatenate([one.values, values])[order],
+    return replace(
+        one,
+        at=np.concatenate([one.at, one.at[after]])[order],
+        t_ns=np.concatenate([one.t_ns, t])[order],
+        values=np.concatenate([one.values, values])[order],
     )
 
 
-def lost_steps(t_s: FloatArray) -> np.ndarray:
+def _lost_steps(t_s: FloatArray) -> np.ndarray:
     """Return how many of the usual steps each step is, (T - 1,), where a clock is even and few are lost; else 1.
 
     Args:

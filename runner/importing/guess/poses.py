@@ -24,9 +24,8 @@ PLACES = frozenset(
     ["position", "translation", "point", "pos", "t", "p", "trans", "tvec", "location", "centre", "center"]
 )
 TURNS = frozenset(["orientation", "rotation", "quaternion", "quat"])
-UNIT_LENGTH = (
-    0.02  # four numbers whose length is that near to 1 all the time are a quaternion, whatever they are called
-)
+# Four numbers whose length is that near to 1 all the time are a quaternion, whatever they are called.
+UNIT_LENGTH = 0.02
 IDENTITY = 0.95  # of the scalar of a quaternion that is hardly turned
 FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 NEARER, APART_M = 0.3, 0.05  # y points up where that puts a body so much nearer to where the model has it
