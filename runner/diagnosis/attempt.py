@@ -28,6 +28,7 @@ from runner.numerics.arrays import spread_over
 from runner.progress import UNOBSERVED, ProgressObserver
 from runner.recording import Span
 from runner.systems.base import AbstractSystem
+from runner.systems.recorded import longest_part_s
 from runner.systems.simulator import AbstractSimulator, Run
 
 FEWEST_SEARCHED = 4  # stretches
@@ -77,13 +78,12 @@ class Attempt:
     @property
     def in_parts(self) -> bool:
         """Whether stretches are parts of episodes."""
-        lengths = [len(e) for e in self.fitter.system.recording.episodes]
-        return self.stretches != tuple(Span(e, 0, n) for e, n in enumerate(lengths))
+        return self.stretch_s is not None
 
     @property
     def stretch_s(self) -> float | None:
         """How long the longest stretch is, in seconds; None: stretches are whole episodes."""
-        return max(map(self.fitter.seconds, range(len(self.stretches)))) if self.in_parts else None
+        return longest_part_s(self.fitter.system.recording, self.stretches)
 
 
 def attempt(

@@ -17,6 +17,7 @@ from runner.report.before_after import headline_miss
 from runner.report.motions import replay
 from runner.report.statement import NONE, Statement, caveats, state
 from runner.storage.writing import write_text
+from runner.systems.recorded import longest_part_s
 
 if TYPE_CHECKING:
     from runner.diagnosis.result import Diagnosis, Ranked
@@ -80,7 +81,7 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "looks": unknown.looks(diagnosis),
         "corrected": said.corrected,
         "trajectories": sections.trajectories(diagnosis, paths),
-        "restarts_s": sections.restarts_s(diagnosis),
+        "stretch_s": longest_part_s(diagnosis.recording, diagnosis.stretches),
         "closure": sections.closure(diagnosis),
         "whiteness": sections.whiteness(diagnosis, said, paths),
         "where": sections.where(diagnosis, said, paths),

@@ -72,16 +72,6 @@ def trajectories(diagnosis: Diagnosis, paths: list[Paths]) -> list[dict[str, Any
     return out
 
 
-def restarts_s(diagnosis: Diagnosis) -> str | None:
-    """Return after how long at most a replay begins anew from the recording, s; None: episodes are replayed whole."""
-    episodes = diagnosis.recording.episodes
-    if all(span.end - span.begin == len(episodes[span.episode]) for span in diagnosis.stretches):
-        return None
-    return (
-        f"{max(episodes[s.episode].t_s[s.end - 1] - episodes[s.episode].t_s[s.begin] for s in diagnosis.stretches):.2g}"
-    )
-
-
 def _marked(drawings: Sequence[str]) -> list[Markup]:
     return [Markup(d) for d in drawings]
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 from runner.numerics.arrays import FloatArray
+from runner.recording import Span
 
 
 class RecordedEpisode(Protocol):
@@ -47,3 +48,11 @@ class Recorded(Protocol):
     def notes(self) -> tuple[str, ...]:
         """What was odd about the files, yet no error."""
         ...
+
+
+def longest_part_s(recording: Recorded, spans: Sequence[Span]) -> float | None:
+    """Return how long the longest of some parts of episodes is, in seconds; None: they are the episodes, whole."""
+    episodes = recording.episodes
+    if list(spans) == [Span(e, 0, len(episode)) for e, episode in enumerate(episodes)]:
+        return None
+    return max((s.end - s.begin - 1) * episodes[s.episode].step_s for s in spans)
