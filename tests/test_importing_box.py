@@ -113,11 +113,12 @@ def test_decimal_commas_are_seen(tmp_path: Path) -> None:
     np.testing.assert_allclose(case.episodes[1].pose[:, 0], log["box_x_mm"][60:120] / 1000, atol=1e-12)
 
 
-def test_the_only_other_place_is_where_the_force_acts(tmp_path: Path) -> None:
+@pytest.mark.parametrize("names", [("angriff_x_mm", "angriff_y_mm"), ("Cx (mm)", "Cy (mm)")])
+def test_the_only_other_place_is_where_the_force_acts(names: tuple[str, str], tmp_path: Path) -> None:
     """Where it acts is told in words that nobody here knows, but the log tells two places only."""
-    log = tracker().rename(columns={"contact_u_mm": "angriff_x_mm", "contact_v_mm": "angriff_y_mm"})
+    log = tracker().rename(columns=dict(zip(("contact_u_mm", "contact_v_mm"), names, strict=True)))
     text = yaml.safe_load(imported(log, tmp_path))
-    assert [text["commands"][c]["signal"] for c in ("px", "py")] == ["angriff_x_mm", "angriff_y_mm"]
+    assert [text["commands"][c]["signal"] for c in ("px", "py")] == list(names)
     assert [text["channels"][c]["signal"] for c in ("x", "y")] == ["box_x_mm", "box_y_mm"]
 
 

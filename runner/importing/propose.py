@@ -81,7 +81,8 @@ def propose(log: Log, model: mujoco.MjModel, *, rate_hz: float | None = None) ->
     for element, signal, why in found.pairs:
         _add(draft, element, signal, why, log, _by_slope(draft, part, element, signal, times))
     draft.notes += found.notes
-    poses, up = guess_frame(part, guess_poses(part, model), model, times)
+    known = {*clock.names, *(s.name for s in draft.used)}
+    poses, up = guess_frame(part, guess_poses(part, model, besides=known, times_s=times), model, times)
     for pose in poses:
         _add_pose(draft, pose, part, up.axis)
     _lacking(draft, elements)
@@ -215,7 +216,8 @@ def _lacking(draft: _Draft, elements: Sequence[Element]) -> None:
     elif idle:
         draft.notes.append(f"no command for {_listed(idle)}: such an actuator gets 0")
     if not draft.channels:
-        draft.missing.append(f"channels: no signal was recognised for joints {_listed(joints)}")
+        what = f"joints {_listed(joints)}" if joints else "the pose of a body"
+        draft.missing.append(f"channels: no signal was recognised for {what}")
     elif blind:
         draft.notes.append(f"no position for joints {_listed(blind)}")
 
