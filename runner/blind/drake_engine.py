@@ -24,7 +24,7 @@ def drake(module: str) -> Any:
         found = importlib.import_module(f"pydrake.{module}")
     except ImportError as error:
         raise ConfigError(
-            f"system: this one needs Drake, which is not here: pip install '.[blind]' ({error})."
+            f"system: this one needs Drake, which is not here: pip install 'runner[blind]' ({error})."
         ) from None
     # it says of every floor that is a half space that deformable bodies would not touch it
     logging.getLogger("drake").setLevel(logging.ERROR)
