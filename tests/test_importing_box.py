@@ -122,6 +122,14 @@ def test_the_only_other_place_is_where_the_force_acts(names: tuple[str, str], tm
     assert [text["channels"][c]["signal"] for c in ("x", "y")] == ["box_x_mm", "box_y_mm"]
 
 
+def test_a_box_is_in_the_unit_of_where_the_force_acts(tmp_path: Path) -> None:
+    """No name tells a unit: the size of the box tells that of the point, and a log has one for its lengths."""
+    log = tracker().rename(columns=lambda name: name.removesuffix("_mm"))
+    text = yaml.safe_load(imported(log, tmp_path))
+    assert [text["commands"][c]["unit"] for c in ("px", "py")] == ["mm", "mm"]
+    assert [text["channels"][c]["unit"] for c in ("x", "y")] == ["mm", "mm"]
+
+
 def test_what_is_not_recognised_waits_to_be_filled_in(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A column whose name says nothing is left open, and the import refuses the map until it is filled in."""
     log = tracker().rename(columns={"theta_deg": "third"})
