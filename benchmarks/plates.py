@@ -34,7 +34,7 @@ from runner.systems.simulator import Run
 
 # of a fit: bounds of the offsets in m, of the pin's friction, of the floor's friction; of each number of a pressure
 BOUNDS = ((-2.5e-3, 2.5e-3), (-2.5e-3, 2.5e-3), (0.05, 0.5), (0.15, 0.6))
-SHAPE = ((-2.5, 2.5),) * 3
+SHAPE, USUAL = ((-2.5, 2.5),) * 3, 0.7  # ... and how uneven a pressure usually is: few pushes tell little of it
 ERRORS = np.array([1e-3, 1e-3, 8e-3])  # m, m, rad
 FIT_RATE_HZ, EVERY, POPULATION = 250.0, 8, 5  # steps a second; samples that count; candidates per number
 PUSHES = 0.1  # of the plate's friction: a force above it is a push
@@ -75,7 +75,7 @@ def fitted(systems: list[PlanarBox], generations: int, bounds: tuple[tuple[float
     simulators = [Simulator(s.recording, step_rate_hz=FIT_RATE_HZ) for s in systems]
 
     def costs(candidates: np.ndarray) -> np.ndarray:
-        total = np.zeros(candidates.shape[1])
+        total = ((candidates[len(BOUNDS) :] / USUAL) ** 2).sum(axis=0)
         for simulator in simulators:
             for k, episode in enumerate(simulator.recording.episodes):
                 start = np.array([*episode.pose[0], 0.0, 0.0, 0.0])
