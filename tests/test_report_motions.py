@@ -7,12 +7,13 @@ import re
 from dataclasses import replace
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 
 from runner.recording import Span
 from runner.report.before_after import misses, of_whole_episodes
-from runner.report.figures import new, svg
+from runner.report.figures import STYLE, new, svg
 from runner.report.missing_force import by_regime
 from runner.report.motions import autocorrelation, replay
 from tests.report_case import SIGMA, changed, diagnosis
@@ -55,11 +56,12 @@ def test_parts_of_episodes_are_not_called_episodes(found: Any) -> None:
 
 def test_letters_of_a_figure_are_as_drawn() -> None:
     """Coordinates are cut to hundredths, the numbers at an axis are not: 0.0025 is not 0.00."""
-    figure = new(3.0, 2.0)
-    ax = figure.add_subplot()
-    ax.plot([0.0, 0.005], [0.0, 1.0])
-    ax.set_xticks([0.0, 0.0025, 0.005])
-    text = svg(figure, "a", "a line")
+    with mpl.rc_context(STYLE):
+        figure = new(3.0, 2.0)
+        ax = figure.add_subplot()
+        ax.plot([0.0, 0.005], [0.0, 1.0])
+        ax.set_xticks([0.0, 0.0025, 0.005])
+        text = svg(figure, "a", "a line")
     assert ">0.0025<" in text
     assert not re.search(r'="[^"]*\d\.\d{3}', text)
 
