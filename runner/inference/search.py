@@ -21,6 +21,7 @@ from runner.inference.evidence import (
     joined,
     sensitivities,
 )
+from runner.inference.exchange import one_for_two
 from runner.inference.leap import leap
 from runner.inference.least_squares import NONE, Fit, Fitter, are_near
 from runner.inference.probability import not_none, shares, unknown_by_excess
@@ -343,6 +344,9 @@ class _Rounds:
         while True:
             new = sorted(self._and_with_one_less(new, around_best), key=lambda c: -c.log_posterior)
             likeliest = len(new[0].fit.explanation.candidates)
+            if self.fitter.system.leaps and not 1 < likeliest < size:
+                new = sorted(self._and_with_one_for_two(new, around_best), key=lambda c: -c.log_posterior)
+                likeliest = len(new[0].fit.explanation.candidates)
             if not (self.fitter.system.leaps and 1 < likeliest < size):
                 return new
             size = likeliest
@@ -364,6 +368,16 @@ class _Rounds:
                     self.contenders = [*others, fewer]
                     new = [*(c for c in new if key_of(c.fit.explanation) != key), fewer]
         return new
+
+    def _and_with_one_for_two(self, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
+        """Add what the likeliest is with one effect in the place of two."""
+        if len(new[0].fit.explanation.candidates) < 2:
+            return new
+        fits = one_for_two(self.fitter, new[0], self.seen)
+        self.seen |= {key_of(f.explanation) for f in fits}
+        fewer = [self._worthy(fit, around_best) for fit in fits]
+        self.contenders += fewer
+        return [*new, *fewer]
 
     def _worthy(self, fit: Fit, around_best: Sensitivities) -> Contender:
         """Return a fit as a contender; a single effect that hardly matters has that against it."""

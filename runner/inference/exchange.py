@@ -1,0 +1,92 @@
+"""One effect in the place of two: a mass that is wrong looks like a gain and a damping that are.
+
+Forward selection never comes there where one of the two takes off more by itself, nor does leaving them out one by one.
+The linear model around a fit says what is left with the two taken out, the one put in and all others moved. Those that
+promise to make up for most of what is lost are fitted (sequential replacement; Miller 2002, section 3.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Set
+from itertools import combinations
+
+import numpy as np
+
+from runner.effects.vocabulary import Candidate
+from runner.inference.contender import Contender
+from runner.inference.evidence import clip, moved_by
+from runner.inference.least_squares import Explanation, Fit, Fitter
+from runner.inference.parameters import bounds
+from runner.inference.warm_start import Key, key_of
+from runner.numerics.arrays import FloatArray
+
+TRIED = 5  # effects that are put in the place of two: who promise most
+MAKES_UP = 0.5  # share of what is lost without the two that the one has to make up for in the linear model
+STEPS, PATIENCE = 25, 3  # of a fit at most; and before it is judged by whether it will come near
+FARTHEST = 4.0  # usual sizes of an effect: beyond that the linear model says nothing
+RIDGE = 0.05  # of the information: what nothing measured depends on has none
+
+
+def one_for_two(fitter: Fitter, whole: Contender, seen: Set[Key]) -> list[Fit]:
+    """Return fits with one effect in the place of two.
+
+    Args:
+        fitter: Of the explanation.
+        whole: It, amid the directions of all effects.
+        seen: What has been fitted, and is not fitted again.
+    """
+    fits: dict[Key, Fit] = {}
+    for _, explanation, x in sorted(_promised(fitter, whole, seen), key=lambda promise: promise[0]):
+        key = key_of(explanation)
+        if key in fits:
+            continue
+        if len(fits) == TRIED:
+            break
+        x = np.clip(x, *bounds(explanation.parameters(fitter.context)))
+        how = {"target": whole.fit.total, "patience": PATIENCE, "iterations": STEPS}
+        fits[key] = fitter.fit(explanation, whole.fit.episodes, x=x, near=whole.fit, **how)
+    return list(fits.values())
+
+
+def _promised(fitter: Fitter, whole: Contender, seen: Set[Key]) -> Iterator[tuple[float, Explanation, FloatArray]]:
+    """Go through what promises enough: the loss that is left in the linear model, the explanation, where to begin."""
+    fit, around, own = whole.fit, whole.around, len(whole.fit.x)
+    normal = around.gram.sum(axis=0)
+    # what has a place is not moved to another by a linear model
+    parts = [(c, p) for c, p in fit.explanation.parts(fitter.context) if not len(c.starts(fitter.context))]
+    for two in combinations(parts, 2):
+        rest = Explanation(tuple(c for c in fit.explanation.candidates if all(c != gone for gone, _ in two)))
+        out = np.concatenate([np.arange(p.start, p.stop) for _, p in two])
+        kept = np.setdiff1d(np.arange(own), out)
+        without, _ = _least(normal, out, -fit.x[out], kept)
+        for candidate, ways in around.ways.items():
+            explanation = rest + Explanation((candidate,))
+            if not candidate.may_join(rest.candidates) or key_of(explanation) in seen:
+                continue
+            for way in ways:
+                left, moved = _least(normal, out, -fit.x[out], np.concatenate([kept, own + np.array(way)]))
+                if without - left > MAKES_UP * (without - fit.total):
+                    begin = _begin(candidate, way, moved[len(kept) :], whole, fitter)
+                    yield left, explanation, np.concatenate([fit.x[kept] + moved[: len(kept)], begin])
+
+
+def _begin(candidate: Candidate, way: list[int], moved: FloatArray, whole: Contender, fitter: Fitter) -> FloatArray:
+    """Return where the fit of what is put in begins."""
+    amplitudes = np.clip(moved, -FARTHEST, FARTHEST)
+    return clip(candidate, moved_by(whole.around.directions, way, amplitudes), fitter.context)
+
+
+def _least(normal: FloatArray, out: np.ndarray, moved: FloatArray, free: np.ndarray) -> tuple[float, FloatArray]:
+    """Return the least loss with some entries moved by so much and others free, and by how much those move.
+
+    Args:
+        normal: Inner products of [entries | residual], (n + 1, n + 1).
+        out: Entries that are moved, (o,), by `moved`.
+        moved: How far, (o,).
+        free: Entries that are free, (f,).
+    """
+    lost = normal[-1, -1] + 2 * moved @ normal[out, -1] + moved @ normal[np.ix_(out, out)] @ moved
+    gradient = normal[free, -1] + normal[np.ix_(free, out)] @ moved
+    metric = normal[np.ix_(free, free)] + RIDGE * np.eye(len(free))
+    step = -np.linalg.lstsq(metric, gradient, rcond=None)[0]
+    return float(lost + gradient @ step), step

@@ -1,0 +1,57 @@
+"""One effect is found where two have taken its place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from runner.inference.contender import contend
+from runner.inference.evidence import directions, sensitivities
+from runner.inference.exchange import one_for_two
+from runner.inference.least_squares import NONE, Explanation, Fitter
+from runner.inference.warm_start import key_of
+from runner.noise.measured import measure
+from tests.mechanism_cases import MOTOR, SLIDE, joint_channels, system_of, write_case
+
+MASS_KG, BELIEVED_KG, DAMPING = 2.0, 1.4, 3.0
+NOISE = {"q_slide": 1e-4, "dq_slide": 1e-3}
+
+
+def driven(rng: np.random.Generator, tone_hz: float) -> dict[str, np.ndarray]:
+    """Return the motion of a mass on a damper that a sine drives, m dv/dt = u - d v, commands held for a sample."""
+    t = np.arange(0.0, 4.0, 0.005)
+    u = 6.0 * np.sin(2 * np.pi * tone_hz * t)
+
+    def slope(now: float, state: np.ndarray) -> list[float]:
+        force = u[min(int(now / 0.005 + 1e-9), len(u) - 1)]
+        return [state[1], (force - DAMPING * state[1]) / MASS_KG]
+
+    found = solve_ivp(slope, (0.0, t[-1]), (0.0, 0.0), t_eval=t, rtol=1e-8, atol=1e-10, max_step=0.005)
+    q, dq = (y + s * rng.normal(size=len(t)) for y, s in zip(found.y, NOISE.values(), strict=True))
+    return {"t": t, "u": u, "q_slide": q, "dq_slide": dq}
+
+
+def test_a_mass_is_found_behind_a_gain_and_a_damping(tmp_path: Path) -> None:
+    """Believed to be 0.7 times as heavy, a mass moves as one would whose drive and damper have 0.7 times the force."""
+    model = SLIDE.format(damping=DAMPING, friction=0, mass=BELIEVED_KG, actuator=MOTOR)
+    nominal = {"commands": {"u": {"actuator": "drive"}}, "channels": joint_channels(["slide"]), "noise": NOISE}
+    rng = np.random.default_rng(0)
+    case = write_case(tmp_path / "case", model, [driven(rng, 0.5), driven(rng, 1.1)], nominal)
+    system = system_of(case)
+    fitter = Fitter(system, system.simulator(threads=1), measure(system))
+    by_key = {c.name: c for c in system.vocabulary}
+    two = Explanation((by_key["actuator_gain[drive]"], by_key["joint_damping[slide]"]))
+    start = fitter.fit(NONE, [0, 1])
+    fit = fitter.fit(two, [0, 1], near=start, iterations=20)
+    whole = contend(fitter, fit, sensitivities(fitter, fit, directions(system)))
+    count = fitter.measured.count([0, 1])
+    assert fit.total == pytest.approx(count, rel=0.1)
+    mass = Explanation((by_key["mass[carriage]"],))
+    found = {key_of(f.explanation): f for f in one_for_two(fitter, whole, set())}
+    assert found[key_of(mass)].total < fit.total + 10.0  # one number less
+    assert BELIEVED_KG * np.exp(found[key_of(mass)].x[0]) == pytest.approx(MASS_KG, rel=2e-3)
+    # what has been fitted is not fitted again
+    assert key_of(mass) not in {key_of(f.explanation) for f in one_for_two(fitter, whole, {key_of(mass)})}
