@@ -177,8 +177,17 @@ def test_no_gap_to_close_is_not_a_gap_that_does_not_close() -> None:
     text = words.verdict(diagnosis)
     assert "19 %" not in text + str(html.facts(diagnosis, said)) + str(html.ranking(diagnosis, said))
     assert text.endswith(
-        "The episodes that were not fitted show no gap that could be closed (0.88 → 0.71 noise levels); in those that "
-        "were, 99.8 % of what is beyond the noise is closed (mean squares)."
+        "The episodes that were not fitted hardly show a gap that could be closed (0.88 → 0.71 noise levels); in "
+        "those that were, 99.8 % of what is beyond the noise is closed (mean squares)."
+    )
+
+
+def test_twice_the_noise_is_not_the_noise() -> None:
+    """However much of a large gap closed, what is left is called noise no further than 1.4 noise levels."""
+    diagnosis = made(FRICTION, 0.97, gap_closed=0.99, closable=0.9999, before=300.0, after=2.1, excess=0.05)
+    assert state(diagnosis).left is Left.SMALL_ERRORS
+    assert words.verdict(diagnosis).endswith(
+        "; of what is left, 2.1 times the noise, small errors of any simulator are the likeliest cause."
     )
 
 

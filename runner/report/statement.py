@@ -27,6 +27,9 @@ NONE, UNKNOWN = "none", "unknown"
 HALF = 0.5  # an explanation less likely than that is not an answer
 OVER = 0.05  # squared noises that the nominal model leaves: less is not worth a word
 NOISE_LEFT = 0.99  # of what can be closed: the rest is as good as noise
+MUCH_AS_NOISE = (
+    1.0  # of the noise's mean square: more than that, 1.4 noise levels, is not the noise, however much closed
+)
 TRACE = 0.25  # of the noise's mean square: 12 % in the root of it is as good as noise
 NOISY = 3.0  # noise levels missed as believed: of less, a good part is noise, which nothing takes away
 
@@ -147,7 +150,7 @@ def state(diagnosis: Diagnosis) -> Statement:
         corrected=bool(diagnosis.effects),
         gap_closed=gap_closed,
         interval=(low, high) if same and low is not None and high is not None else None,
-        closable_closed=_known(closure.closable_closed) if same else None,
+        closable_closed=_share(closure.closable_closed) if same else None,
         noises=_noises(closure.table),
         fitted_closed=_fitted_closed(diagnosis),
         held_out=bool(diagnosis.held_out),
@@ -159,6 +162,12 @@ def state(diagnosis: Diagnosis) -> Statement:
     )
     none = found.closes_nothing_seen
     return replace(found, gap_closed=None, interval=None, closable_closed=None) if none else found
+
+
+def _share(value: float) -> float | None:
+    """Return a share, at most all: what is left may by chance be less than the noise."""
+    known = _known(value)
+    return None if known is None else min(known, 1.0)
 
 
 def _noises(table: pd.DataFrame) -> tuple[float, float] | None:
@@ -195,7 +204,7 @@ def _left(diagnosis: Diagnosis, kind: Kind) -> tuple[Left, float, bool]:
         in_fitted = bool(diagnosis.held_out) and unseen <= TRACE < diagnosis.excess
         return Left.SOMETHING, max(unseen, diagnosis.excess), in_fitted
     closed = diagnosis.closure.closable_closed
-    as_noise = unseen <= TRACE or (closed is not None and closed >= NOISE_LEFT)
+    as_noise = unseen <= TRACE or (closed is not None and closed >= NOISE_LEFT and unseen <= MUCH_AS_NOISE)
     return (Left.NOISE if as_noise else Left.SMALL_ERRORS), unseen, False
 
 

@@ -114,6 +114,8 @@ def gain(said: Statement, applied: str = "With it") -> str:
             )
         elif said.left is Left.SOMETHING:
             left = f"; what is left is {beyond(said)}{mostly(said)}"
+        elif said.left is Left.SMALL_ERRORS:
+            left = f"; of what is left, {beyond(said)}, small errors of any simulator are the likeliest cause"
         else:
             left = "; what is left is the noise of the measurement"
     of = f" ({in_noises(said)} noise levels, the noise itself is 1)" if said.noisy else ""
@@ -122,14 +124,13 @@ def gain(said: Statement, applied: str = "With it") -> str:
 
 def _gain_where_fitted(said: Statement) -> str:
     """Return how much less the simulator misses where it was fitted, for want of a gap in what was not."""
-    at_a_time = f", replayed {said.stretch_s:.2g} s at a time," if said.stretch_s is not None else ""
-    sentence = (
-        f"The episodes that were not fitted{at_a_time} show no gap that could be closed ({in_noises(said)} noise levels"
-    )
+    levels = f"({in_noises(said)} noise levels)"
+    sentence = f"he episodes that were not fitted hardly show a gap that could be closed {levels}"
+    sentence = f"T{sentence}" if said.stretch_s is None else f"Replayed {said.stretch_s:.2g} s at a time, t{sentence}"
     if said.fitted_closed is None:
-        return f"{sentence})."
+        return f"{sentence}."
     closed = percent(max(said.fitted_closed, 0.0))
-    return f"{sentence}); in those that were, {closed} of what is beyond the noise is closed (mean squares)."
+    return f"{sentence}; in those that were, {closed} of what is beyond the noise is closed (mean squares)."
 
 
 def in_noises(said: Statement) -> str:
