@@ -20,9 +20,9 @@ DRAKE_BOX = (
 )
 DRAKE_BODY = (
     "What this set does not try: pushes; bodies that are no cube, box or cylinder; contacts of another kind than "
-    "linear springs, Coulomb's cone and a convex solver; the course of a toss after the engines part, soon after its first "
-    "touch: without any effect they do not differ by more than half a noise in an episode, which is cut there or "
-    "drawn anew. An effect that the vocabulary has a word for has the form that it has there."
+    "linear springs, Coulomb's cone and a convex solver; the course of a toss after the engines part, soon after its "
+    "first touch: without any effect they do not differ by more than half a noise in an episode, which is cut there "
+    "or drawn anew. An effect that the vocabulary has a word for has the form that it has there."
 )
 MECHANISM = (
     "What this set does not try: besides what is planted, the mechanism is exactly as believed, so that between a null "
