@@ -37,21 +37,22 @@ def restarts(case: Path, results: Path) -> pd.DataFrame:
     read = runner.read(case)
     system, effects = read.system, Corrected.read(results, read).effects
     held_out = set(json.loads((results / "verdict.json").read_text())["held_out"])
-    chosen = [k for k, e in enumerate(system.recording.episodes) if e.index in held_out]
-    lengths = [len(e) for e in system.recording.episodes]
-    windows = windows_of(lengths, round(RESTART_S * system.rate_hz), chosen)
-    starts = system.initial.guess_windows(measure(system), windows, smooth=True)
-    simulator = system.simulator()
-    values, places = system.values(), zip(windows.episode, windows.first, strict=True)
-    truth = np.array([values[e][f : f + windows.samples] for e, f in places])
-    rows = {}
-    for name, model in (("before", ()), ("after", effects)):
-        shown = simulator.predict_windows(model, windows, starts[:, None])[:, 0]
-        rows[name] = np.nanmedian(np.abs(shown - truth)[:, -1], axis=0)
+    measured, simulator, values = measure(system), system.simulator(), system.values()
+    off: dict[str, list[np.ndarray]] = {"before": [], "after": []}
+    for k, episode in enumerate(system.recording.episodes):
+        if episode.index not in held_out:
+            continue
+        # every episode has its own clock
+        windows = windows_of([len(v) for v in values], round(RESTART_S / episode.step_s), [k])
+        starts = system.initial.guess_windows(measured, windows, smooth=True)
+        ends = np.array([values[k][first + windows.samples - 1] for first in windows.first])
+        for name, model in (("before", ()), ("after", effects)):
+            off[name] += [*np.abs(simulator.predict_windows(model, windows, starts[:, None])[:, 0, -1] - ends)]
+    rows = {name: np.nanmedian(far, axis=0) for name, far in off.items()}
     table = pd.DataFrame(rows)
     table.insert(0, "unit", [c.unit for c in system.channels])
     table.insert(0, "channel", [c.name for c in system.channels])
-    return table[table["unit"].isin(["rad", "m"])].assign(restarts=len(windows))
+    return table[table["unit"].isin(["rad", "m"])].assign(restarts=len(off["after"]))
 
 
 @numba.njit(cache=True)

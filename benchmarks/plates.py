@@ -8,10 +8,11 @@ a folder for each plate, by its name, with the `corrected.yaml` of a diagnosis o
 end of a push, then means (and medians) over the pushes: position in mm and heading in degrees. The ratio of forces is
 the measured impulse over the simulated one, without regard to direction, while the pin pushes in the simulation.
 
-With `--fit N` five numbers are fitted to the pushes of `fitted` before, N generations of differential evolution (Storn
-and Price 1997), for each plate and for all together: where the pin is off in x and y, its friction, how concentrated
-the load is, and the friction of the floor. What is minimised is a mean over samples of 4 (sqrt(1 + z / 2) - 1), z the
-squared error in units of 1 mm and 8 mrad: pushes that went astray count by their error, not by its square.
+With `--fit N` numbers are fitted to the pushes of `fitted` before, N generations of differential evolution (Storn and
+Price 1997). For all plates together: where the pin is off in x and y, its friction, and the friction of the floor. For
+each plate by itself also the shape of its pressure, three numbers. What is minimised is a mean over samples of
+4 (sqrt(1 + z / 2) - 1), z the squared error in units of 1 mm and 8 mrad: pushes that went astray count by their error,
+not by its square.
 """
 
 from __future__ import annotations
@@ -25,14 +26,15 @@ from scipy.optimize import differential_evolution
 
 from runner.diagnosis.corrected import FILE, read_corrected
 from runner.effects.base import Effects
-from runner.effects.planar_box import ContactPressure, Friction, PinFriction, PinOffset
+from runner.effects.planar_box import Friction, PinFriction, PinOffset, PressureShape
 from runner.systems.case import open_case
 from runner.systems.planar_box.simulator import Simulator
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.simulator import Run
 
-# of a fit: bounds of the offsets in m, of the pin's friction, of the concentration, of the floor's friction
-BOUNDS = ((-2.5e-3, 2.5e-3), (-2.5e-3, 2.5e-3), (0.05, 0.5), (-3.0, 1.0), (0.15, 0.6))
+# of a fit: bounds of the offsets in m, of the pin's friction, of the floor's friction; of each number of a pressure
+BOUNDS = ((-2.5e-3, 2.5e-3), (-2.5e-3, 2.5e-3), (0.05, 0.5), (0.15, 0.6))
+SHAPE = ((-2.5, 2.5),) * 3
 ERRORS = np.array([1e-3, 1e-3, 8e-3])  # m, m, rad
 FIT_RATE_HZ, EVERY, POPULATION = 250.0, 8, 5  # steps a second; samples that count; candidates per number
 PUSHES = 0.1  # of the plate's friction: a force above it is a push
@@ -63,12 +65,13 @@ def ends_of(system: PlanarBox, effects: Effects) -> list[End]:
 
 
 def effects_of(x: np.ndarray) -> Effects:
-    """Return what five fitted numbers stand for."""
-    return (PinOffset(x[0], x[1]), PinFriction(x[2]), ContactPressure(x[3]), Friction(x[4]))
+    """Return what fitted numbers stand for: four, or seven with the shape of the pressure."""
+    shape = (PressureShape(x[4], x[5], x[6]),) if len(x) > len(BOUNDS) else ()
+    return (PinOffset(x[0], x[1]), PinFriction(x[2]), Friction(x[3]), *shape)
 
 
-def fitted(systems: list[PlanarBox], generations: int) -> np.ndarray:
-    """Return the five numbers that lead the pushes of these cases nearest to where they went."""
+def fitted(systems: list[PlanarBox], generations: int, bounds: tuple[tuple[float, float], ...]) -> np.ndarray:
+    """Return the numbers, within bounds, that lead the pushes of these cases nearest to where they went."""
     simulators = [Simulator(s.recording, step_rate_hz=FIT_RATE_HZ) for s in systems]
 
     def costs(candidates: np.ndarray) -> np.ndarray:
@@ -83,7 +86,7 @@ def fitted(systems: list[PlanarBox], generations: int) -> np.ndarray:
 
     found = differential_evolution(
         costs,
-        BOUNDS,
+        bounds,
         vectorized=True,
         updating="deferred",
         popsize=POPULATION,
@@ -115,18 +118,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Real pushes, replayed.")
     parser.add_argument("cases", type=Path)
     parser.add_argument("--corrected", type=Path, help="holds a folder for each plate, with corrected.yaml")
-    parser.add_argument("--fit", type=int, metavar="N", help="fit five numbers first, over N generations")
+    parser.add_argument("--fit", type=int, metavar="N", help="fit numbers first, over N generations")
     given = parser.parse_args()
     plates = sorted(p.parent for p in given.cases.glob("*/left_out"))
     print(f"{'':24} {'n':>3} {'mm':>7} {'median':>7} {'degrees':>8} {'median':>8} {'force':>7}")
     found: dict[str, list[End]] = {}
-    common = fitted([opened(p / "fitted") for p in plates], given.fit) if given.fit else np.empty(0)
+    common = fitted([opened(p / "fitted") for p in plates], given.fit, BOUNDS) if given.fit else np.empty(0)
     for plate in plates:
         system = opened(plate / "left_out")
         models: dict[str, Effects] = {"as believed": ()}
         if given.fit:
             models["fitted to all"] = effects_of(common)
-            own = fitted([opened(plate / "fitted")], given.fit)
+            own = fitted([opened(plate / "fitted")], given.fit, (*BOUNDS, *SHAPE))
             models["fitted to its own"] = effects_of(own)
             print(
                 f"{plate.name}: "

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runner.blind.drake_box import case, engine
+from runner.blind import drake_engine as engine
+from runner.blind.drake_box import case
 from runner.blind.drake_box.excite import FAMILIES, draw_episode
 from runner.blind.drake_box.outside import OUTSIDE
 from runner.blind.drake_box.physics import DrakeError, Scene, Strange, simulate
 from runner.blind.drake_box.physics.base import base_of
-from runner.blind.drake_box.physics.plant import half_of
 from runner.blind.drake_box.physics.push import lagged, pushed
 from runner.blind.drake_box.plants import VOCABULARY, draw
 from runner.blind.make import MadeCases, Mix, error_ratio, make_cases
@@ -189,7 +189,7 @@ def test_a_base_carries_what_a_spread_load_does() -> None:
     rim = base_of(replace(CUBE, pressure=0.8, pressure_where="rim"))
     middle = base_of(replace(CUBE, pressure=0.8, pressure_where="middle"))
     assert rim.share @ rim.x**2 > 0.5**2 / 3.0 > middle.share @ middle.x**2
-    mu = half_of(0.3)
+    mu = engine.half_of(0.3)
     assert 2.0 * mu * 1e6 / (mu + 1e6) == pytest.approx(0.3)
 
 
@@ -247,7 +247,7 @@ def test_without_drake_there_is_one_clear_line(monkeypatch: pytest.MonkeyPatch) 
     engine.drake.cache_clear()
     monkeypatch.setattr(importlib, "import_module", missing)
     assert not engine.available()
-    with pytest.raises(ConfigError, match=r"^system: planar_box_drake needs Drake.*\[blind\]") as caught:
+    with pytest.raises(ConfigError, match=r"^system: this one needs Drake.*\[blind\]") as caught:
         MAKERS["planar_box_drake"].check_ready()
     assert "\n" not in str(caught.value)
 

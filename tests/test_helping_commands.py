@@ -49,6 +49,22 @@ def test_lists_hold_all_effects_and_all_files() -> None:
     assert {row[0] for row in listed(Kind.formats)[1]} >= {".csv", ".mcap", ".rrd"}
 
 
+def test_parts_of_one_s_own_are_listed_and_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Those of a folder of configs that `--config-dir` names, beside those that are always there."""
+    (tmp_path / "forces").mkdir()
+    mine = tmp_path / "forces" / "mine.yaml"
+    mine.write_text("# A slow sine.\ndefaults: [schema_chirp, _self_]\nforce_n: 12.0\n")
+    own = ["--config-dir", str(tmp_path)]
+    assert main(["list", "forces", *own]) == 0
+    out = capsys.readouterr().out
+    assert "mine" in out
+    assert "A slow sine." in out
+    assert "chirp" in out
+    assert main(["show", "mine", *own]) == 0
+    assert "force_n: 12.0" in capsys.readouterr().out
+    assert main(["show", "mine"]) == 2
+
+
 @pytest.mark.parametrize("name", EFFECTS)
 def test_every_effect_can_be_shown(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """All variants: law, every parameter with its bounds, what it is confounded with, what to change."""

@@ -11,6 +11,7 @@ import yaml
 
 from runner.__main__ import main
 from runner.importing.guess.box import column_of
+from runner.importing.told import Told
 from runner.recording import read_case
 
 BELIEVED = "half_size: [0.08, 0.05, 0.03]\nmass: 1.2\nfriction: 0.3\ngravity: 9.81\n"
@@ -102,6 +103,14 @@ def test_lost_forces_stand_between_their_neighbours(tmp_path: Path, capsys: pyte
     np.testing.assert_allclose(force[lost], whole["push_x_N"][lost], atol=20.0 / RATE_HZ**2)
 
 
+@pytest.mark.parametrize(("count", "said"), [(1, "'x': 1 sample was lost"), (21, "'x': 21 samples were lost")])
+def test_one_is_one(count: int, said: str) -> None:
+    """A note of one sample is in the singular."""
+    told = Told()
+    told.add("{names}: {n} samples were lost", count, column="x")
+    assert told.sentences() == [said]
+
+
 def test_decimal_commas_are_seen(tmp_path: Path) -> None:
     """A table that somebody's locale wrote with semicolons and commas is read without a word, and the map says so."""
     log = tracker()
@@ -113,12 +122,21 @@ def test_decimal_commas_are_seen(tmp_path: Path) -> None:
     np.testing.assert_allclose(case.episodes[1].pose[:, 0], log["box_x_mm"][60:120] / 1000, atol=1e-12)
 
 
-def test_the_only_other_place_is_where_the_force_acts(tmp_path: Path) -> None:
+@pytest.mark.parametrize("names", [("angriff_x_mm", "angriff_y_mm"), ("Cx (mm)", "Cy (mm)")])
+def test_the_only_other_place_is_where_the_force_acts(names: tuple[str, str], tmp_path: Path) -> None:
     """Where it acts is told in words that nobody here knows, but the log tells two places only."""
-    log = tracker().rename(columns={"contact_u_mm": "angriff_x_mm", "contact_v_mm": "angriff_y_mm"})
+    log = tracker().rename(columns=dict(zip(("contact_u_mm", "contact_v_mm"), names, strict=True)))
     text = yaml.safe_load(imported(log, tmp_path))
-    assert [text["commands"][c]["signal"] for c in ("px", "py")] == ["angriff_x_mm", "angriff_y_mm"]
+    assert [text["commands"][c]["signal"] for c in ("px", "py")] == list(names)
     assert [text["channels"][c]["signal"] for c in ("x", "y")] == ["box_x_mm", "box_y_mm"]
+
+
+def test_a_box_is_in_the_unit_of_where_the_force_acts(tmp_path: Path) -> None:
+    """No name tells a unit: the size of the box tells that of the point, and a log has one for its lengths."""
+    log = tracker().rename(columns=lambda name: name.removesuffix("_mm"))
+    text = yaml.safe_load(imported(log, tmp_path))
+    assert [text["commands"][c]["unit"] for c in ("px", "py")] == ["mm", "mm"]
+    assert [text["channels"][c]["unit"] for c in ("x", "y")] == ["mm", "mm"]
 
 
 def test_what_is_not_recognised_waits_to_be_filled_in(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -54,3 +54,33 @@ def test_four_numbers_of_unit_length_are_a_quaternion(names: tuple[str, ...]) ->
         assert (pose.order, list(pose.signals.values())) == (order, list(names))
     longer = Part("log", {n: Signal(n, "log", 1.1 * turns[:, i]) for i, n in enumerate(names)})
     assert not guess_poses(longer, model)
+
+
+def flight(*names: str, order: str = "wxyz") -> Part:
+    """A log of a toss, metres and seconds, as nine columns: run, time, position, quaternion."""
+    t = np.arange(60) / 100
+    half = 2.0 * t + 0.7
+    turn = {"w": np.cos(half), "x": 0.6 * np.sin(half), "y": 0.8 * np.sin(half), "z": 0 * t}
+    columns = [0 * t, t, 0.3 * t, -0.2 * t, 2.0 + t - 9.81 / 2 * t**2, *(turn[a] for a in order)]
+    return Part("log", {n: Signal(n, "log", c) for n, c in zip(names, columns, strict=True)})
+
+
+@pytest.mark.parametrize(
+    ("four", "order", "as_mapped"),
+    [
+        (("a", "b", "c", "d"), "TODO", ("a", "b", "c", "d")),
+        (("c5", "c6", "c7", "c8"), "TODO", ("c5", "c6", "c7", "c8")),
+        (("qr", "qi", "qj", "qk"), "xyzw", ("qi", "qj", "qk", "qr")),
+        (("r_real", "r_i", "r_j", "r_k"), "xyzw", ("r_i", "r_j", "r_k", "r_real")),
+    ],
+)
+def test_a_pose_is_known_by_what_it_does(four: tuple[str, ...], order: str, as_mapped: tuple[str, ...]) -> None:
+    """Names that say nothing: four columns of length 1 are the orientation of the only free body, three that fall its
+    position; where names do not tell the order of a quaternion, it is asked for."""
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    log = flight("run", "t", "c2", "c3", "c4", *four)
+    times = log.signals["t"].values
+    poses, up = guess_frame(log, guess_poses(log, model, besides=("t",), times_s=times), model, times)
+    turn, place = poses
+    assert (turn.order, tuple(turn.signals.values())) == (order, as_mapped)
+    assert (tuple(place.signals.values()), place.unit, up.axis) == (("c2", "c3", "c4"), "m", "z")

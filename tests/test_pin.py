@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 from test_outline import BENT, DISC, HEX, WEDGE, G, around, fine
 
-from runner.effects.planar_box import ActuatorDelay, ObservationDelay, PinFriction, PinOffset
+from runner.effects.planar_box import ActuatorDelay, ObservationDelay, PinFriction, PinOffset, PressureShape
 from runner.numerics.polygon import Polygon
 from runner.physics import dry_friction
 from runner.recording import BelievedPin, Episode, Form, Nominal, Recording, Support
@@ -88,24 +88,36 @@ def test_a_rod_on_two_feet_turns_about_the_far_one(share: float) -> None:
     assert force[60, 1] == pytest.approx(-FRICTION * MASS_KG * G * far / (far + at), rel=0.01)
 
 
+@pytest.mark.parametrize("shape", [None, (0.8, 0.0, -0.9), (-0.5, 1.2, 0.3)], ids=["even", "two ends", "aslant"])
 @pytest.mark.parametrize("outline", [HEX, BENT, WEDGE], ids=["hex", "bent", "wedge"])
-def test_a_sticking_pin_moves_a_slider_by_the_least_power(outline: Polygon) -> None:
+def test_a_sticking_pin_moves_a_slider_by_the_least_power(
+    outline: Polygon, shape: tuple[float, float, float] | None
+) -> None:
     """Slowly pushed at a point that sticks, a body turns at the rate at which friction takes the least power.
 
     Peshkin and Sanderson, "Minimization of energy in quasi-static manipulation", IEEE Trans. Robotics and Automation 5,
-    1989. The base is a fine grid there, and the first moments of a push are compared, before the body has turned.
+    1989. The base is a fine grid there, and the first moments of a push are compared, before the body has turned. A
+    load that is spread otherwise is tilted so that its centre is below that of the mass, as on the floor.
     """
     low, _ = outline.bounds_m
     near = outline.corners[np.argsort(outline.corners[:, 1])[:2]]  # the lowest side, which is level
     x = float(0.35 * near[:, 0].max() + 0.65 * near[:, 0].min())
     velocity = np.array([0.001, 0.008])
     nominal = plate(outline, around(outline, 1e-4), 3.0)
-    motion = moved(nominal, line((x, float(low[1]) - RADIUS_M), tuple(velocity), 0.2))
+    effects = () if shape is None else (PressureShape(*shape),)
+    motion = moved(nominal, line((x, float(low[1]) - RADIUS_M), tuple(velocity), 0.2), effects)
     places, touched = fine(outline), np.array([x, low[1]])
+    load = np.ones(len(places))
+    if shape is not None:
+        p, q = places.T / math.sqrt(np.mean(np.sum(places**2, axis=1)))
+        load = np.exp(shape[0] * p**2 + shape[1] * p * q + shape[2] * q**2)
+        design = np.column_stack([np.ones(len(places)), places])
+        load *= design @ np.linalg.solve(design.T @ (load[:, None] * design), [1.0, 0.0, 0.0])
+    assert load.min() > 0
 
     def power(rate: float) -> float:
         off = places - touched
-        return float(np.hypot(velocity[0] - rate * off[:, 1], velocity[1] + rate * off[:, 0]).mean())
+        return float(np.average(np.hypot(velocity[0] - rate * off[:, 1], velocity[1] + rate * off[:, 0]), weights=load))
 
     best = minimize_scalar(power, bracket=(-0.2, 0.0, 0.2), tol=1e-10).x
     assert motion[10, 5] == pytest.approx(best, rel=0.02, abs=1e-3)

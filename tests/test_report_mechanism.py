@@ -21,9 +21,11 @@ from runner.report import before_after, html, words
 from runner.report.before_after import misses
 from runner.report.motions import replay
 from runner.report.record import write_rrd
+from runner.report.record_shapes import shapes
 from runner.report.suspects import suspects
 from runner.simulate.gap import of_a_sample
 from runner.systems.case import open_case
+from runner.systems.mechanism.drawing import drawn_bodies
 
 RATE_HZ, DURATION_S, STEPS = 50.0, 3.0, 20  # physics steps to a sample
 MODEL = """<mujoco model="arm"><option timestep="0.001" integrator="implicitfast"/>
@@ -143,21 +145,37 @@ def test_log_of_a_mechanism(found: Any, tmp_path: Path) -> None:
     """Every body of every model moves as forward kinematics has it, and every joint has its plots."""
     path = write_rrd(found, tmp_path / "arm.rrd")
     rows: dict[str, int] = {}
-    shapes = set()
+    drawn = set()
     for chunk in rr.chunk.RrdReader(path).stream():
         batch, entity = chunk.to_record_batch(), chunk.entity_path.lstrip("/")
         if "sim_time" in batch.schema.names:
             rows[entity] = rows.get(entity, 0) + batch.num_rows
-        shapes |= {entity} if entity.endswith("/capsule") else set()
+        drawn |= {entity} if entity.endswith("/capsule") else set()
     for episode in found.recording.episodes:
         root = f"episode_{episode.index}"
         bodies = [f"{root}/{model}/{body}" for model in ("measured", "nominal") for body in ("upper", "forearm")]
         frames = [f"{root}/corrected/{body}" for body in ("upper", "forearm")]
         for entity in (*bodies, *frames, f"{root}/residual/q_shoulder", f"{root}/residual/q_elbow"):
             assert rows[entity] == len(episode)
-        assert {f"{body}/capsule" for body in bodies} <= shapes
+        assert {f"{body}/capsule" for body in bodies} <= drawn
         assert {f"{root}/missing_force/{name}" for name in found.system.disturbance.names} <= rows.keys()
     assert not any(entity.endswith(("/command", "/missing_arrow")) for entity in rows)
+
+
+def test_round_bodies_are_drawn_round() -> None:
+    """A ball and an egg are ellipsoids with the half axes that MuJoCo has, turned as their geoms are."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody>
+      <body name="ball"><freejoint/><geom type="sphere" size=".03"/></body>
+      <body name="egg"><freejoint/><geom type="ellipsoid" size=".05 .04 .03" quat="0 1 0 0"/></body>
+    </worldbody></mujoco>""")
+    ball, egg = drawn_bodies(model)
+    assert [(s.kind, s.size_m) for s in (*ball.shapes, *egg.shapes)] == [
+        ("ellipsoid", (0.03, 0.03, 0.03)),
+        ("ellipsoid", (0.05, 0.04, 0.03)),
+    ]
+    drawn: Any = shapes(egg, "ellipsoid", solid=True, colour=None, grown=1.0, line_m=0.001)
+    np.testing.assert_allclose(drawn.half_sizes.as_arrow_array().to_pylist()[0], [0.05, 0.04, 0.03], rtol=1e-6)
+    assert drawn.quaternions.as_arrow_array().to_pylist() == [[1.0, 0.0, 0.0, 0.0]]
 
 
 def test_log_of_what_has_no_shape(found: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 
-from runner.report.before_after import misses
+from runner.recording import Span
+from runner.report.before_after import misses, of_whole_episodes
+from runner.report.figures import STYLE, new, svg
 from runner.report.missing_force import by_regime
 from runner.report.motions import autocorrelation, replay
-from tests.report_case import SIGMA, diagnosis
+from tests.report_case import SIGMA, changed, diagnosis
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +45,25 @@ def test_misses_are_in_small_units(found: Any) -> None:
     for row in rows:
         assert row.after < 1.4 * row.noise
         assert row.noise > 0
+
+
+def test_parts_of_episodes_are_not_called_episodes(found: Any) -> None:
+    """Where models are replayed over parts, the last horizon says so, and how long they are."""
+    halves = tuple(Span(e, b, b + 90) for e in range(3) for b in (0, 90))
+    rows = of_whole_episodes(changed(found, stretches=halves))
+    assert {r.horizon for r in rows} == {"parts of 1.5 s"}
+
+
+def test_letters_of_a_figure_are_as_drawn() -> None:
+    """Coordinates are cut to hundredths, the numbers at an axis are not: 0.0025 is not 0.00."""
+    with mpl.rc_context(STYLE):
+        figure = new(3.0, 2.0)
+        ax = figure.add_subplot()
+        ax.plot([0.0, 0.005], [0.0, 1.0])
+        ax.set_xticks([0.0, 0.0025, 0.005])
+        text = svg(figure, "a", "a line")
+    assert ">0.0025<" in text
+    assert not re.search(r'="[^"]*\d\.\d{3}', text)
 
 
 def test_autocorrelation_of_a_first_order_process() -> None:

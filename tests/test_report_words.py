@@ -170,10 +170,13 @@ def test_every_effect_has_its_words(found: Any, variant: Any) -> None:
         (1234.0, 40.0, "1230 ± 40"),
         (0.5, math.nan, "0.500"),
         (0.5, None, "0.500"),
+        (-2.18e-10, 36.0, "0 ± 40"),
+        (-0.004, 0.03, "0 ± 0.03"),
+        (-0.006, 0.03, "−0.01 ± 0.03"),
     ],
 )
 def test_numbers_are_rounded_to_their_error(value: float, error: float | None, text: str) -> None:
-    """The error keeps one digit, two below 2, and the value goes as far as the error."""
+    """The error keeps one digit, two below 2, and the value goes as far as the error; what is nothing then is 0."""
     assert plus_minus(value, error) == text
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from runner.effects.wording import number, percent
 from runner.localise.where import Where
-from runner.recording import Episode, Form, Nominal, Recording
+from runner.recording import Episode, Form, Nominal, Recording, Span
 from runner.report import html, words
 from runner.report.statement import Kind, Left, caveats, state
 from runner.report.suspects import suspects
@@ -51,9 +51,10 @@ def made(
     after: float = 1.1,
     excess: float = 0.01,
     nominal_excess: float = 4.0,
+    before: float = 9.0,
     left: dict[int, float] | None = None,
 ) -> Any:
-    """Return a diagnosis; `after` is what is missed of unseen episodes in the end, in noise levels."""
+    """Return a diagnosis; `before` and `after` are what is missed of unseen episodes, in noise levels."""
     effects, parameters = explained
     named = effects[0] not in ("none", "unknown")
     top = SimpleNamespace(
@@ -64,7 +65,7 @@ def made(
         effects=("mass",), equivalent=(), probability=0.6 * (1 - chance), parameters={"mass": {"mass_kg": 3.1}},
         errors={}, gap_closed=gap_closed if effects == ("unknown",) else None,
     )  # fmt: skip
-    rows = [{"channel": c.name, "before": 9.0, "after": after, "noise": 1.0} for c in SYSTEM.channels]
+    rows = [{"channel": c.name, "before": before, "after": after, "noise": 1.0} for c in SYSTEM.channels]
     return SimpleNamespace(
         case="made", system=SYSTEM, recording=SYSTEM.recording, ranked=(other, top), gap_closed=gap_closed,
         effects=() if effects == ("none",) else ("made",), held_out=(1,), excess=excess, nominal_excess=nominal_excess,
@@ -74,6 +75,7 @@ def made(
             closable_closed=closable,
         ),
         where=None, rivals=(), abstention=None, next_push=None, notes=("A caveat.",),
+        stretches=tuple(Span(e, 0, 31) for e in range(2)),
     )  # fmt: skip
 
 
@@ -158,6 +160,35 @@ def test_small_errors_are_neither_noise_nor_a_cause() -> None:
     said = state(made(FRICTION, 0.97, closable=0.9, after=1.5, excess=0.02))
     assert said.left is Left.SMALL_ERRORS
     assert said.over_noise == pytest.approx(0.5)
+
+
+def test_a_share_of_what_is_mostly_noise_says_so() -> None:
+    """A gap of 1.4 noise levels closes by 29 % at most: headline and tiles say of what it is a share."""
+    diagnosis = made(FRICTION, 0.97, gap_closed=0.29, closable=0.995, before=1.4, after=1.0)
+    assert "misses 29 % less on episodes that were not fitted (1.4 → 1.0 noise levels" in words.verdict(diagnosis)
+    tiles = dict(html.facts(diagnosis, state(diagnosis)))
+    assert tiles["noise levels missed on episodes that were not fitted (1: the noise)"] == "1.4 → 1.0"
+
+
+def test_no_gap_to_close_is_not_a_gap_that_does_not_close() -> None:
+    """Where unseen stretches show nothing but noise, no share of it is told, but what closed of what was fitted."""
+    diagnosis = made(FRICTION, 0.97, gap_closed=0.19, closable=1.0, before=0.88, after=0.71)
+    said = state(diagnosis)
+    text = words.verdict(diagnosis)
+    assert "19 %" not in text + str(html.facts(diagnosis, said)) + str(html.ranking(diagnosis, said))
+    assert text.endswith(
+        "The episodes that were not fitted hardly show a gap that could be closed (0.88 → 0.71 noise levels); in "
+        "those that were, 99.8 % of what is beyond the noise is closed (mean squares)."
+    )
+
+
+def test_twice_the_noise_is_not_the_noise() -> None:
+    """However much of a large gap closed, what is left is called noise no further than 1.4 noise levels."""
+    diagnosis = made(FRICTION, 0.97, gap_closed=0.99, closable=0.9999, before=300.0, after=2.1, excess=0.05)
+    assert state(diagnosis).left is Left.SMALL_ERRORS
+    assert words.verdict(diagnosis).endswith(
+        "; of what is left, 2.1 times the noise, small errors of any simulator are the likeliest cause."
+    )
 
 
 def test_what_is_left_of_the_gap_is_told_in_the_measure_of_the_gap() -> None:

@@ -61,6 +61,17 @@ def test_several_folders_one_table(sweep: Path, capsys: pytest.CaptureFixture[st
     assert [Path(run).name for run in table["run"]] == ["10", "0"]
 
 
+@pytest.mark.parametrize("runs", [1, 2, 3, 5])
+def test_text_fits_the_terminal(runs: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """80 columns, however long a value is; one that fits is as it was."""
+    monkeypatch.setenv("COLUMNS", "80")
+    rows = pd.DataFrame([{"mass_final_kg": 3.0, "versions": "mujoco 3.17.0, " * 30, "host": "vm"}] * runs)
+    text = written(rows, Format.text)
+    assert max(map(len, text.splitlines())) <= 80
+    assert "…" in text
+    assert text.count("vm") == runs
+
+
 def test_markdown_has_a_cell_for_every_value() -> None:
     """Every row of the Markdown has as many cells as the header, signs that separate cells are escaped."""
     lines = written(pd.DataFrame(ROWS), Format.markdown).splitlines()

@@ -1,18 +1,22 @@
 """Make cases of the tosses of an acrylic cube that ContactNets published, ready for `runner gap` and `runner diagnose`.
 
-    python examples/tosses/make_cases.py FOLDER OUT [--tosses 60] [--friction 1.0]
+    python examples/tosses/make_cases.py FOLDER OUT [--tosses 60] [--friction 1.0] [--belief KEY=VALUE ...]
 
 FOLDER holds `train.parquet`: episode, t, x, y, z, qw, qx, qy, qz of every toss. Which tosses are left out of every fit
 is decided by a hash of their numbers alone: those whose SHA-256 of "toss NUMBER" is divisible by three. OUT gets two
 cases, `fitted` and `left_out`, each with its table, `nominal.yaml` and a stock MJCF of the cube on a table, whose
 contacts are what MuJoCo has where nobody sets anything. Velocities of the log are smoothed differences of the poses,
 half a sample late; they tell nothing that the poses do not, and are left out.
+
+A belief makes the case wrong on purpose, to see whether a diagnosis says so: `size` and `friction` are factors,
+`tilt_deg` turns gravity about y, `com_m` moves the centre of mass along x, and `clock` is a factor on the time stamps.
 """
 
 from __future__ import annotations
 
 import argparse
 import hashlib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,18 +26,20 @@ import yaml
 SIDE_M, MASS_KG, INERTIA_KG_M2 = 0.1048, 0.37, 0.00081  # as published
 POSE = ["x", "y", "z", "qw", "qx", "qy", "qz"]
 SHARE = 3  # one toss in so many is left out
-MODEL = f"""<mujoco model="cube">
-  <option timestep="0.001" integrator="implicitfast"/>
+MODEL = """<mujoco model="cube">
+  <option timestep="0.001" integrator="implicitfast" {option}/>
   <worldbody>
     <geom name="table" type="plane" size="2 2 0.1"/>
     <body name="cube" pos="0 0 0.2">
       <freejoint name="cube"/>
-      <inertial pos="0 0 0" mass="{MASS_KG}" diaginertia="{INERTIA_KG_M2} {INERTIA_KG_M2} {INERTIA_KG_M2}"/>
-      <geom name="cube" type="box" size="{SIDE_M / 2} {SIDE_M / 2} {SIDE_M / 2}" FRICTION/>
+      <inertial pos="{com_m} 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>
+      <geom name="cube" type="box" size="{half} {half} {half}" {geom}/>
     </body>
   </worldbody>
 </mujoco>
 """
+BELIEFS = {"size": 1.0, "friction": 1.0, "tilt_deg": 0.0, "com_m": 0.0, "clock": 1.0}
+GRAVITY_M_S2 = 9.81
 NOMINAL = {
     "model": "model.xml",
     "channels": {
@@ -48,9 +54,33 @@ def is_left_out(toss: int) -> bool:
     return int(hashlib.sha256(f"toss {toss}".encode()).hexdigest(), 16) % SHARE == 0
 
 
-def model(friction: float) -> str:
-    """Return the stock MJCF; friction 1 is what MuJoCo has by itself."""
-    return MODEL.replace("FRICTION", f'friction="{friction:g}" priority="1"' if friction != 1.0 else "")
+def model(friction: float, cone: str | None = None, beliefs: Mapping[str, float] = BELIEFS) -> str:
+    """Return the stock MJCF; friction 1 and the pyramidal cone are what MuJoCo has by itself."""
+    friction, option = friction * beliefs["friction"], []
+    if beliefs["tilt_deg"]:
+        tilt = np.radians(beliefs["tilt_deg"])
+        option.append(f'gravity="{-GRAVITY_M_S2 * np.sin(tilt):.9g} 0 {-GRAVITY_M_S2 * np.cos(tilt):.9g}"')
+    if cone:
+        option.append(f'cone="{cone}"')
+    return MODEL.format(
+        option=" ".join(option),
+        com_m=beliefs["com_m"],
+        mass=MASS_KG,
+        inertia=INERTIA_KG_M2,
+        half=SIDE_M / 2 * beliefs["size"],
+        geom=f'friction="{friction:g}" priority="1"' if friction != 1.0 else "",
+    )
+
+
+def beliefs_of(given: Sequence[str]) -> dict[str, float]:
+    """Return all beliefs from those that were given as KEY=VALUE."""
+    out = dict(BELIEFS)
+    for item in given:
+        key, _, value = item.partition("=")
+        if key not in out:
+            raise SystemExit(f"--belief: '{key}' is none of {', '.join(out)}")
+        out[key] = float(value)
+    return out
 
 
 def spread(tosses: list[int], count: int | None) -> list[int]:
@@ -60,12 +90,12 @@ def spread(tosses: list[int], count: int | None) -> list[int]:
     return [tosses[i] for i in np.linspace(0, len(tosses) - 1, count).round().astype(int)]
 
 
-def write_case(folder: Path, table: pd.DataFrame, tosses: list[int], friction: float) -> None:
+def write_case(folder: Path, table: pd.DataFrame, tosses: list[int], mjcf: str, clock: float) -> None:
     """Write a case of some tosses, with the numbers that they have in the table."""
     folder.mkdir(parents=True, exist_ok=True)
     rows = table.loc[table["episode"].isin(tosses), ["episode", "t", *POSE]].sort_values(["episode", "t"])
-    rows.to_parquet(folder / "recording.parquet", index=False)
-    (folder / "model.xml").write_text(model(friction))
+    rows.assign(t=rows["t"] * clock).to_parquet(folder / "recording.parquet", index=False)
+    (folder / "model.xml").write_text(mjcf)
     (folder / "nominal.yaml").write_text(yaml.safe_dump(NOMINAL, sort_keys=False))
 
 
@@ -76,12 +106,16 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--tosses", type=int, help="of each case, spread evenly; default: all")
     parser.add_argument("--friction", type=float, default=1.0, help="in the MJCF; default: MuJoCo's own")
+    parser.add_argument("--cone", choices=("pyramidal", "elliptic"), help="in the MJCF; default: MuJoCo's own")
+    parser.add_argument("--belief", action="append", default=[], metavar="KEY=VALUE", help="see above; may be repeated")
     given = parser.parse_args()
+    beliefs = beliefs_of(given.belief)
+    mjcf = model(given.friction, given.cone, beliefs)
     table = pd.read_parquet(given.folder / "train.parquet")
     tosses = sorted(int(e) for e in table["episode"].unique())
     for name, left_out in (("fitted", False), ("left_out", True)):
         chosen = spread([e for e in tosses if is_left_out(e) == left_out], given.tosses)
-        write_case(given.out / name, table, chosen, given.friction)
+        write_case(given.out / name, table, chosen, mjcf, beliefs["clock"])
         print(f"{given.out / name}: {len(chosen)} tosses")
 
 

@@ -34,6 +34,7 @@ class Job:
         number: Place in the sweep, from 0; None outside a sweep.
         experiment: The experiment that was chosen, None if there was none to choose.
         provenance: Columns that say what makes the result: versions, commit, hashes of the config and of what is read.
+        config_dirs: Folders of configs that are looked in beside `conf/`.
         spread: Makes calls, each in a process of the launcher that was asked for, and waits for them; None: none was.
     """
 
@@ -43,6 +44,7 @@ class Job:
     number: int | None = None
     experiment: str | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    config_dirs: tuple[Path, ...] = ()
     spread: Callable[[Sequence[Callable[[], object]]], None] | None = None
 
     @property

@@ -83,8 +83,8 @@ class Described:
         return f"{self.effect.name}[{self.target.upper()}]" if self.target else self.effect.name
 
 
-def listed(kind: Kind) -> tuple[Sequence[str], Rows]:
-    """Return heading and rows of what there is of a kind."""
+def listed(kind: Kind, config_dirs: Sequence[Path] = ()) -> tuple[Sequence[str], Rows]:
+    """Return heading and rows of what there is of a kind, in folders of configs of the user's own, too."""
     if kind is Kind.effects:
         found: Rows = [(name, _of(system, cls), cls.label) for name, system, cls in _effects()]
         return ("effect", "of", "what differs"), list(dict.fromkeys(sorted(found)))
@@ -96,12 +96,14 @@ def listed(kind: Kind) -> tuple[Sequence[str], Rows]:
             *((ending, _first(reader)) for ending, reader in READERS.items()),
             ("folder", "Of a LeRobot data set, of a bag of ROS 2, or of files of one format."),
         ]
-    return (GROUPS[kind], "what it is"), [(file.stem, told(file)) for file in files(kind)]
+    return (GROUPS[kind], "what it is"), [(file.stem, told(file)) for file in files(kind, config_dirs)]
 
 
-def files(kind: Kind) -> list[Path]:
-    """Return the files in `conf/` of a kind that is chosen by name."""
-    return sorted((config_dir() / GROUPS[kind]).glob("*.yaml")) if kind in GROUPS else []
+def files(kind: Kind, config_dirs: Sequence[Path] = ()) -> list[Path]:
+    """Return the files in `conf/` of a kind that is chosen by name, and those in further folders of configs."""
+    groups = [folder / GROUPS[kind] for folder in (config_dir(), *config_dirs)] if kind in GROUPS else []
+    by_name = {file.stem: file for group in reversed(groups) for file in group.glob("*.yaml")}  # conf/ wins
+    return [by_name[name] for name in sorted(by_name)]
 
 
 def told(file: Path) -> str:
@@ -110,9 +112,9 @@ def told(file: Path) -> str:
     return " ".join(line[1:].strip() for line in itertools.takewhile(lambda line: line.startswith("#"), lines))
 
 
-def names() -> tuple[str, ...]:
+def names(config_dirs: Sequence[Path] = ()) -> tuple[str, ...]:
     """Return all names that can be shown."""
-    of_files = [file.stem for kind in GROUPS for file in files(kind)]
+    of_files = [file.stem for kind in GROUPS for file in files(kind, config_dirs)]
     return tuple(dict.fromkeys([*sorted({name for name, _, _ in _effects()}), *of_files]))
 
 

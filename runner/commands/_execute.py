@@ -25,7 +25,7 @@ from runner.commands._explain import built, explain
 from runner.commands._jobs import overridden, write_config
 from runner.commands._launch import is_alone, literal, spread
 from runner.commands._sweep import explain_sweep, sweep, whole_chunk
-from runner.commands._trust import check_kept, of_launcher
+from runner.commands._trust import SOURCE, check_kept, of_launcher
 from runner.errors import ConfigError, LauncherError
 from runner.processes.interruption import going_on
 from runner.storage.holding import holding
@@ -249,4 +249,5 @@ def _job(folder: Path | None, composed: DictConfig) -> Job:
         config={str(k): v for k, v in plain.items()},
         overrides=overridden(parsed),
         experiment=composed.hydra.runtime.choices.get("experiment"),
+        config_dirs=tuple(Path(place.removeprefix(SOURCE)) for place in composed.hydra.searchpath),
     )

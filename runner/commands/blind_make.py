@@ -6,9 +6,9 @@ nobody can change them after a diagnosis. Without `seed` one is drawn, and print
 after an interruption, it goes on with the cases that are missing.
 
 `system` says of what: `planar_box` (the default), `pendulum`, `arm2` (two links in a vertical plane) or `slider_servo`,
-each by a physics of its own, or `planar_box_drake`: boxes in a second world, by Drake (`pip install '.[blind]'`), with
-pushes and outsiders of its own. How far that world is from what its owner believes is `roughness`: 0 not at all, 1 (the
-default there) by up to two noises.
+each by a physics of its own, or `planar_box_drake`: boxes in a second world, by Drake (`pip install 'runner[blind]'`),
+with pushes and outsiders of its own. How far that world is from what its owner believes is `roughness`: 0 not at all, 1
+(the default there) by up to two noises.
 
 With `purpose=tuning` half of the kinds of effects that no verdict has a word for are left out, the same half in every
 such set: what a diagnosis does with the others shows only in a set that is made to be scored (`purpose=sealed`, the

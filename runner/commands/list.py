@@ -33,7 +33,7 @@ class ListConfig:
 def main(config: ListConfig, job: Job) -> None:
     """Print the names."""
     console = Console()
-    print_table(console, config.what.value, listed(config.what))
+    print_table(console, config.what.value, listed(config.what, job.config_dirs))
     console.print(USES[config.what], highlight=False, markup=False)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import inspect
 from dataclasses import dataclass
+from pathlib import Path
 
 from rich.console import Console
 from rich.padding import Padding
@@ -17,6 +18,7 @@ from rich.text import Text
 
 from runner.commands import Command, Job
 from runner.commands._catalogue import BOX, GROUPS, Described, described, files, names
+from runner.commands._compose import config_dir
 from runner.commands._print import print_table
 from runner.effects.wording import number
 from runner.errors import ConfigError, nearest
@@ -35,13 +37,18 @@ def main(config: ShowConfig, job: Job) -> None:
     variants = described(name)
     for variant in variants:
         _print(variant, console)
-    found = [file for kind in GROUPS for file in files(kind) if file.stem == name]
+    found = [file for kind in GROUPS for file in files(kind, job.config_dirs) if file.stem == name]
     for file in found:
         group = file.parent.name
-        console.print(Text(f"{group}={name}: conf/{group}/{file.name}", style="bold"))
+        console.print(Text(f"{group}={name}: {_place(file)}", style="bold"))
         console.print(Padding(Text(file.read_text(encoding="utf-8").rstrip()), (0, 0, 1, 2)))
     if not variants and not found:
-        raise ConfigError(f"name: nothing is called '{name}'. {nearest(name, names())}")
+        raise ConfigError(f"name: nothing is called '{name}'. {nearest(name, names(job.config_dirs))}")
+
+
+def _place(file: Path) -> str:
+    """Return where a file of settings is: within `conf/`, or all of its path."""
+    return f"conf/{file.relative_to(config_dir())}" if file.is_relative_to(config_dir()) else str(file)
 
 
 def _print(of: Described, console: Console) -> None:

@@ -2,8 +2,8 @@
 
 `runner table PATH...` takes run folders, sweep folders, or folders of these: a row for each run. Where there is no run,
 it takes what `runner diagnose` left, a row for each number of each explanation, or what `runner gap` left. `--format
-csv`, `markdown` and `parquet` give the table in full; `text` is for reading. `out=FILE` writes it there, in the format
-of the file's ending unless a format is given.
+csv`, `markdown` and `parquet` give the table in full; `text` is for reading, and cuts long values short. `out=FILE`
+writes it there, in the format of the file's ending unless a format is given.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ class Format(Enum):
 
 
 ENDINGS = {".txt": Format.text, ".csv": Format.csv, ".md": Format.markdown, ".parquet": Format.parquet}
-FEW = 4  # so many runs are printed side by side, one value a line
+FEW = 4  # fewer runs are printed side by side, one value a line
+LONG = 32  # characters of a value that is printed in a row with others
 
 
 @dataclass(frozen=True)
@@ -82,9 +83,17 @@ def written(table: pd.DataFrame, style: Format) -> str:
     if style is Format.markdown:
         rows = [list(cells.columns), ["---"] * cells.shape[1], *cells.to_numpy().tolist()]
         return "\n".join("| " + " | ".join(str(c).replace("|", "\\|") for c in row) + " |" for row in rows)
+    width = max(80, shutil.get_terminal_size((160, 24)).columns)
     if len(cells) < FEW:
-        return cells.T.to_string(header=False)
-    return cells.to_string(index=False, line_width=max(80, shutil.get_terminal_size((160, 24)).columns))
+        room = (width - max(map(len, map(str, cells.columns)))) // max(len(cells), 1) - 2  # pandas parts columns by two
+        return cells.map(lambda cell: _short(cell, room)).T.to_string(header=False)
+    return cells.map(lambda cell: _short(cell, LONG)).to_string(index=False, line_width=width)
+
+
+def _short(cell: object, room: int) -> str:
+    """Return a cell without its end where it is longer than its room."""
+    text = str(cell)
+    return text if len(text) <= room else f"{text[: room - 1]}…"
 
 
 def _cell(value: object) -> str:

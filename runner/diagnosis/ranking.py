@@ -135,8 +135,12 @@ def strained(best: Contender, nominal: Fit, fitter: Fitter) -> float:
 
 
 def values_of(contender: Contender, context: Scope) -> tuple[dict[str, dict[str, float]], dict[str, dict[str, float]]]:
-    """Return parameters and their standard errors by effect, in physical units (the delta method)."""
-    x, covariance = contender.fit.x, contender.evidence.covariance
+    """Return parameters and their standard errors by effect, in physical units (the delta method).
+
+    A number that the data hardly tell, such as how far a centre of mass is off along the axis that its body turns
+    about, is as uncertain as its prior: as data scatter, it would not move, and would seem to be known.
+    """
+    x, of = contender.fit.x, contender.evidence
     parameters, errors = {}, {}
     for candidate, part in contender.fit.explanation.parts(context):
         value = candidate.make(x[part], context)[0].report()
@@ -145,9 +149,9 @@ def values_of(contender: Contender, context: Scope) -> tuple[dict[str, dict[str,
             moved = candidate.make(x[part] + step, context)[0].report()
             slopes.append([_turn(name, moved[name] - value[name]) / step.sum() for name in value])
         slope = np.array(slopes).T
-        spread = slope @ covariance[part, part] @ slope.T
+        charged, prior = (np.diag(slope @ c[part, part] @ slope.T) for c in (CHARGED**2 * of.covariance, of.by_prior))
         parameters[candidate.name] = dict(value)
-        stated = CHARGED * np.sqrt(np.maximum(np.diag(spread), 0.0))
+        stated = np.sqrt(np.maximum(np.maximum(charged, prior), 0.0))
         errors[candidate.name] = dict(zip(value, stated.tolist(), strict=True))
     return parameters, errors
 

@@ -28,9 +28,9 @@ def plus_minus(value: float, error: float | None = None, unit: str = "") -> str:
     place = -math.floor(math.log10(error))
     if error * 10**place < 1.95:
         place += 1
-    decimals = max(place, 0)
-    text = f"{round(value, place):.{decimals}f} ± {round(error, place):.{decimals}f}"
-    return text.replace("-", "−") + tail
+    decimals, rounded = max(place, 0), round(value, place)
+    shown = f"{rounded:.{decimals}f}" if rounded else "0"  # no "−0.00", and no digits of what is none
+    return f"{shown} ± {round(error, place):.{decimals}f}".replace("-", "−") + tail
 
 
 def percent(share: float) -> str:

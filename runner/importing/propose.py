@@ -21,7 +21,7 @@ from runner.importing.guess.clock import ClockGuess, clock_times, guess_clock
 from runner.importing.guess.counter import guess_episodes
 from runner.importing.guess.elements import Element, elements_of, match
 from runner.importing.guess.poses import Pose, guess_frame, guess_poses
-from runner.importing.guess.unit import UnitGuess, guess_unit, unit_by_name, unit_by_slope
+from runner.importing.guess.unit import MUCH_M, UnitGuess, guess_unit, unit_by_name, unit_by_slope
 from runner.importing.map_file import ALL, COLUMN, NEAREST, TAKEN, TO_FILL
 from runner.importing.plausible import coarse_step
 from runner.importing.signals import Log, Part, Signal
@@ -81,7 +81,8 @@ def propose(log: Log, model: mujoco.MjModel, *, rate_hz: float | None = None) ->
     for element, signal, why in found.pairs:
         _add(draft, element, signal, why, log, _by_slope(draft, part, element, signal, times))
     draft.notes += found.notes
-    poses, up = guess_frame(part, guess_poses(part, model), model, times)
+    known = {*clock.names, *(s.name for s in draft.used)}
+    poses, up = guess_frame(part, guess_poses(part, model, besides=known, times_s=times), model, times)
     for pose in poses:
         _add_pose(draft, pose, part, up.axis)
     _lacking(draft, elements)
@@ -104,7 +105,7 @@ def propose_box(log: Log, nominal: Nominal, *, rate_hz: float | None = None) -> 
     elements = box_elements(nominal)
     found = match_box(list(part.signals.values()), elements, besides=clock.names)
     for element, signal, why in found.pairs:
-        _add(draft, element, signal, why, log)
+        _add(draft, element, signal, why, log, _as_the_point(draft, part, element, signal))
     draft.notes += found.notes
     named = {*draft.commands, *draft.channels}
     for column in REQUIRED[Form.PLANAR]:
@@ -163,13 +164,27 @@ def _by_slope(
     return unit_by_slope(times_s, values * size, signal.values, element.si_unit)
 
 
+def _as_the_point(draft: _Draft, part: Part, element: Element, signal: Signal) -> UnitGuess | None:
+    """Return the unit of where a box is by that of where the force acts, which its size tells; None: it is not told."""
+    point = draft.commands.get(f"p{element.target}", {})
+    size = UNITS["m"].get(point.get("unit", ""))
+    if (
+        element.si_unit != "m"
+        or size is None
+        or not np.nanmax(np.abs(part.signals[point["signal"]].values), initial=0.0)
+    ):
+        return None
+    within = np.nanmax(np.abs(signal.values), initial=0.0) * size <= MUCH_M
+    return UnitGuess(point["unit"], f"in the unit of '{point['signal']}'") if within else None
+
+
 def _add(
-    draft: _Draft, element: Element, signal: Signal, why: str, log: Log, by_slope: UnitGuess | None = None
+    draft: _Draft, element: Element, signal: Signal, why: str, log: Log, by_another: UnitGuess | None = None
 ) -> None:
     """Add a command or a channel of one number."""
     group = draft.commands if element.is_command else draft.channels
     column = _free(element.column, {*draft.commands, *draft.channels})
-    unit = unit_by_name(signal.name, element.si_unit) or by_slope or guess_unit(signal, element, log)
+    unit = unit_by_name(signal.name, element.si_unit) or by_another or guess_unit(signal, element, log)
     entry: dict = {"signal": signal.name, **element.keys}
     if unit.name is not None:
         entry["unit"] = unit.name
@@ -215,7 +230,8 @@ def _lacking(draft: _Draft, elements: Sequence[Element]) -> None:
     elif idle:
         draft.notes.append(f"no command for {_listed(idle)}: such an actuator gets 0")
     if not draft.channels:
-        draft.missing.append(f"channels: no signal was recognised for joints {_listed(joints)}")
+        what = f"joints {_listed(joints)}" if joints else "the pose of a body"
+        draft.missing.append(f"channels: no signal was recognised for {what}")
     elif blind:
         draft.notes.append(f"no position for joints {_listed(blind)}")
 

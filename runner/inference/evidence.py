@@ -168,7 +168,9 @@ class Evidence:
         loss: Sum of squared residuals after the mismatch has taken its part, at level 1: what the simulator is trusted
             with beforehand.
         covariance: Of the parameters as they were fitted, by plain least squares, (p, p): the mismatch has moved them
-            by what it looks like to them, so that it counts in full (the "sandwich" of White 1982).
+            by what it looks like to them, so that it counts in full (the "sandwich" of White 1982). Zero along what the
+            data do not tell: nothing moves it.
+        by_prior: What the width of the prior adds to that, (p, p): all there is of what the data do not tell.
         dispersion: How many times as uncertain as noise residuals were taken for.
     """
 
@@ -176,6 +178,7 @@ class Evidence:
     level: np.ndarray
     loss: float
     covariance: np.ndarray
+    by_prior: np.ndarray
     dispersion: float
 
 
@@ -212,7 +215,7 @@ def evidence(
     context, levels = system.context, system.mismatch_levels
     if is_out_of_range(fit.explanation.parameters(context), fit.x):
         nothing = np.full((whole, whole), np.nan)
-        return Evidence(-np.inf, np.full(len(levels), -np.inf), float(fit.total), nothing, dispersion)
+        return Evidence(-np.inf, np.full(len(levels), -np.inf), float(fit.total), nothing, nothing, dispersion)
     free = np.flatnonzero(~fit.at_bound)
     total = around.gram.sum(axis=0) / dispersion
     keep = np.concatenate([free, np.arange(whole, len(total))])
@@ -248,13 +251,16 @@ def evidence(
         losses.append(loss)
     inverse = np.linalg.inv(h_oo + width)
     moved = h_or * (spread[mismatch] * levels[int(np.argmax(logs))])
-    covariance = np.diag(np.exp(-2 * every_density) / (2 * np.pi))  # of what rests on its bound: its prior's
+    by_prior = np.diag(np.exp(-2 * every_density) / (2 * np.pi))  # of what rests on its bound: all of its prior
+    covariance = by_prior.copy()
     covariance[np.ix_(free, free)] = inverse @ (h_oo + moved @ moved.T) @ inverse
+    by_prior[np.ix_(free, free)] = inverse @ width @ inverse
     return Evidence(
         float(np.logaddexp.reduce(logs) - np.log(len(levels))),
         np.array(logs),
         float(losses[levels.index(1.0)]) * dispersion,
         covariance,
+        by_prior,
         dispersion,
     )
 

@@ -19,7 +19,7 @@ def _excesses(fit: Fit, fitter: Fitter) -> FloatArray:
     return np.array([fitter.measured.excess(float(loss), [e]) for e, loss in zip(fit.episodes, fit.loss, strict=True)])
 
 
-def failing(before: Fit, after: Fit, fitter: Fitter) -> list[int]:
+def _failing(before: Fit, after: Fit, fitter: Fitter) -> list[int]:
     """Return in which episodes, by their place, an explanation leaves most of what is plain to see, or makes it."""
     gap, left = _excesses(before, fitter), _excesses(after, fitter)
     return np.flatnonzero((np.maximum(gap, left) > PLAIN) & (left > LEAVES * gap)).tolist()
@@ -41,12 +41,12 @@ def astray(before: Fit, after: Sequence[Fit], fitter: Fitter, fitted: int) -> tu
     if not after:
         return ()
     best = min(after, key=lambda f: usually_left(before, f, fitter))
-    off = failing(before, best, fitter)
+    off = _failing(before, best, fitter)
     # an episode in which nothing is to be explained tells nothing of explanations
     told = [k for k, gap in enumerate(_excesses(before, fitter)) if gap > PLAIN and k not in off]
     few = len(off) <= min(len(told), FEW * (fitted + len(before.episodes)))
     # what comes near the one part by chance, and is off in others, does not foretell it
-    if not few or not all(failing(before, f, fitter) for f in after):
+    if not few or not all(_failing(before, f, fitter) for f in after):
         return ()
     return tuple(before.episodes[k] for k in off)
 

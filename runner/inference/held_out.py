@@ -18,7 +18,7 @@ from runner.effects.vocabulary import Candidate
 from runner.inference.breakaway import SHORTEST
 from runner.inference.contender import Contender
 from runner.inference.evidence import directions, evidence, normal_equations, sensitivities, together
-from runner.inference.foretold import LEAVES, PLAIN, astray, failing, usually_left
+from runner.inference.foretold import LEAVES, PLAIN, astray, usually_left
 from runner.inference.least_squares import NONE, Fit, Fitter, amplitudes
 from runner.inference.materiality import causes_of
 from runner.inference.search import Search
@@ -28,7 +28,7 @@ LEADERS = 6  # so many at most are held against the episodes left out, and the n
 HOPELESS = 200.0  # behind in log odds by more than that: what is left out will not turn it
 RESTS = 0.5  # squared noises: start states that leave less have found where they belong
 STUCK = 4.0  # units of the loss by which another explanation leaves less of an episode: two in log likelihood
-GROWN = 0.125, 0.25, 0.5, 1.0  # of an episode: to what its start state is fitted, one after the other
+GROWN = 0.125, 0.18, 0.25, 0.35, 0.5, 0.7, 1.0  # of a stretch: to what its start state is fitted, one after the other
 ROUGHLY = 3  # steps of start states by which nothing is chosen
 VALUES_AT_ONCE = 1_000_000  # measured ones whose start states are fitted together: some hundred megabytes
 CLOSE = 20.0  # and whatever is so near in log odds
@@ -284,15 +284,20 @@ def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nomina
     gains = nominal is not None and not (fitter.system.leaps and best.total < nominal.total)
     if gains and fitter.measured.excess(best.total, held_out) > RESTS:
         best = min(best, held.fit(NONE, held_out), key=lambda f: f.total)
-    holds = nominal is not None and usually_left(nominal, best, fitter) <= LEAVES
-    # it holds in most: where it does not, the start may be what is wrong
-    off = failing(nominal, best, fitter) if nominal is not None and holds else []
+    # what is replayed much worse than all that was fitted may begin where it did not: a motion forgets its start
+    worst = max(_left_of(e, own, fitter) for e, own in zip(contender.fit.episodes, contender.fit.loss, strict=True))
+    off = [k for k, e in enumerate(best.episodes) if _left_of(e, best.loss[k], fitter) > max(worst, RESTS)]
     if not off:
         return fitter.fit(explanation, held_out, x=x, near=best, iterations=0)
     starts = best.starts.copy()
     for k in off:
         starts[k] = _grown_start(held, best.episodes[k], starts[k])
     return fitter.fit(explanation, held_out, x=x, starts=starts, iterations=0)
+
+
+def _left_of(episode: int, loss: float, fitter: Fitter) -> float:
+    """Return what a fit leaves of one stretch, in squared noises."""
+    return fitter.measured.excess(float(loss), [episode])
 
 
 def _holding(contender: Contender, fitter: Fitter) -> Fitter:

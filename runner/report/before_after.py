@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from runner.effects.wording import DEGREES, change, length, number
 from runner.simulate.gap import measure_gap, of_a_sample
 from runner.systems.channels import Channel
+from runner.systems.recorded import longest_part_s
 
 if TYPE_CHECKING:
     from runner.diagnosis.result import Diagnosis
@@ -28,7 +29,10 @@ def small(unit: str) -> tuple[str, float]:
 
 @dataclass(frozen=True)
 class Miss:
-    """Root mean square of what is missed of one channel over one horizon, in `unit`; NaN horizon: whole episodes."""
+    """Root mean square of what is missed of one channel over one horizon, in `unit`.
+
+    NaN horizon: whole episodes, or where these are replayed in parts, those, the longest of which lasts `part_s`.
+    """
 
     channel: Channel
     unit: str
@@ -36,6 +40,7 @@ class Miss:
     before: float
     after: float
     noise: float
+    part_s: float | None = None
 
     @property
     def title(self) -> str:
@@ -45,7 +50,9 @@ class Miss:
     @property
     def horizon(self) -> str:
         """The horizon in words."""
-        return "whole episode" if math.isnan(self.horizon_s) else f"{self.horizon_s:.3g} s"
+        if math.isnan(self.horizon_s):
+            return "whole episode" if self.part_s is None else f"parts of {self.part_s:.2g} s"
+        return f"{self.horizon_s:.3g} s"
 
 
 def misses(diagnosis: Diagnosis) -> list[Miss]:
@@ -82,12 +89,13 @@ def misses(diagnosis: Diagnosis) -> list[Miss]:
 
 def of_whole_episodes(diagnosis: Diagnosis) -> list[Miss]:
     """Return the misses over whole held-out episodes, one per channel, as the verdict has them."""
-    out = []
+    out, part_s = [], longest_part_s(diagnosis.recording, diagnosis.stretches)
     for channel in diagnosis.system.channels:
         unit, scale = small(channel.unit)
         part = diagnosis.closure.table[diagnosis.closure.table["channel"] == channel.name]
         if len(part):
-            out.append(Miss(channel, unit, math.nan, *(scale * _rms(part[c]) for c in ("before", "after", "noise"))))
+            before, after, noise = (scale * _rms(part[c]) for c in ("before", "after", "noise"))
+            out.append(Miss(channel, unit, math.nan, before, after, noise, part_s))
     return out
 
 

@@ -69,7 +69,8 @@ def svg(figure: Figure, name: str, description: str) -> str:
     text = re.sub(r"font: ([\d.]+px) [^;\"]*", r"font: \1 var(--sans)", text)
     text = re.sub(r"<svg ([^>]*?)width=\"[^\"]*\" height=\"[^\"]*\"", r"<svg \1", text, count=1)
     text = re.sub(r"<svg ", f'<svg role="img" aria-label="{_escaped(description)}" ', text, count=1)
-    return re.sub(r"(\d+\.\d{2})\d+", r"\1", text)
+    # coordinates go as far as the eye; what stands between tags is read
+    return re.sub(r"<[^>]*>", lambda tag: re.sub(r"(\d+\.\d{2})\d+", r"\1", tag[0]), text)
 
 
 def _escaped(text: str) -> str:

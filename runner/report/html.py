@@ -110,6 +110,11 @@ def facts(diagnosis: Diagnosis, said: Statement) -> list[tuple[str, str]]:
         out.append((f"of the gap closed{unseen}", value))
         if said.settled and said.closable_closed is not None:
             out.append(("of what can be closed, all but the noise", percent(said.closable_closed)))
+    elif said.closes_nothing_seen and said.settled and said.fitted_closed is not None:
+        closed = percent(max(said.fitted_closed, 0.0))
+        out.append(("of what is beyond the noise closed, in the episodes that were fitted", closed))
+    if said.noisy and said.settled:
+        out.append((f"noise levels missed{unseen} (1: the noise)", words.in_noises(said)))
     much, what = words.left(said)
     out.append((what, much))
     if (miss := headline_miss(diagnosis)) is not None:

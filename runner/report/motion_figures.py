@@ -98,7 +98,7 @@ def horizons(found: Sequence[Miss], name: str, *, after: str = ORANGE) -> list[s
             ax.plot(x, [m.after for m in part], "o-", color=after, ms=4)
             ax.plot(x, [m.noise for m in part], color=INK, lw=0.9, ls=(0, (1, 2)))
             ax.set_ylim(0, 1.12 * max(max(m.before, m.after, m.noise) for m in part))
-            ax.set_xticks(x, [m.horizon.replace("whole ", "") for m in part])
+            ax.set_xticks(x, [m.horizon.replace("whole ", "").replace("parts of", "parts\nof") for m in part])
             titled(ax, part[0].title)
             out.append(svg(figure, f"{name}{i}", f"{channel.label}: error before and after over the horizon"))
     return out

@@ -255,7 +255,9 @@ def _radius(shape: Shape) -> float:
     """Return the radius of the ball around a shape."""
     if shape.kind == "capsule":
         return float(sum(shape.size_m[:2]))
-    return float(np.linalg.norm(shape.size_m if shape.kind != "sphere" else shape.size_m[:1]))
+    if shape.kind == "ellipsoid":
+        return max(shape.size_m)
+    return float(np.linalg.norm(shape.size_m))
 
 
 def _length(way: np.ndarray) -> float:

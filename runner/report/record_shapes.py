@@ -12,7 +12,7 @@ from runner.systems.drawing import DrawnBody, Shape
 
 ARCHETYPES: dict[str, Any] = {
     "box": rr.Boxes3D,
-    "sphere": rr.Ellipsoids3D,
+    "ellipsoid": rr.Ellipsoids3D,
     "cylinder": rr.Cylinders3D,
     "capsule": rr.Capsules3D,
 }
@@ -51,8 +51,8 @@ def shapes(
     if kind == "box":
         return rr.Boxes3D(half_sizes=size, centers=at, quaternions=turned, radii=line_m, **look)
     look["line_radii"] = line_m
-    if kind == "sphere":
-        return rr.Ellipsoids3D(half_sizes=[np.full(3, s[0]) for s in size], centers=at, **look)
+    if kind == "ellipsoid":
+        return rr.Ellipsoids3D(half_sizes=size, centers=at, quaternions=turned, **look)
     radii, lengths = [float(s[0]) for s in size], [2 * float(s[1]) for s in size]
     if kind == "cylinder":
         return rr.Cylinders3D(lengths=lengths, radii=radii, centers=at, quaternions=turned, **look)

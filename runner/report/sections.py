@@ -178,7 +178,7 @@ def where(diagnosis: Diagnosis, said: Statement, paths: list[Paths]) -> dict[str
     alike = after if after is not None and math.isclose(after.window_s, found.window_s) else None
     places = _places(found)
     mapped = found.exceeds and len(places) > 1 and diagnosis.system.plan_view is not None
-    share = percent(max(alike.excess, 0.0) / found.excess) if alike is not None and found.excess > 0 else ""
+    share = percent(max(alike.excess, 0.0) / found.excess) if alike is not None and alike.excess < found.excess else ""
     return {
         "exceeds": found.exceeds,
         "sentence": spelt(diagnosis, found.sentence),
@@ -253,7 +253,7 @@ def _factor(diagnosis: Diagnosis, cells: pd.DataFrame, factor: str) -> dict[str,
         even = share / lift if lift else 0.0
         rows.append(
             {
-                "name": labels.get(str(row["cell"]), re.sub(r"^-", "−", str(row["cell"]))),
+                "name": labels.get(str(row["cell"]), re.sub(r"(?<!\w)-(?=\d)", "−", str(row["cell"]))),
                 "share": percent(max(share, 0.0)) if np.isfinite(share) else "–",
                 "width": f"{100 * float(np.clip(np.nan_to_num(share) / top, 0, 1)):.1f}",
                 "even": f"{100 * float(np.clip(np.nan_to_num(even) / top, 0, 1)):.1f}",

@@ -11,11 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+
+from runner.systems.recorded import longest_part_s
 
 if TYPE_CHECKING:
     from runner.diagnosis.result import Diagnosis, Ranked
@@ -24,7 +27,11 @@ NONE, UNKNOWN = "none", "unknown"
 HALF = 0.5  # an explanation less likely than that is not an answer
 OVER = 0.05  # squared noises that the nominal model leaves: less is not worth a word
 NOISE_LEFT = 0.99  # of what can be closed: the rest is as good as noise
+MUCH_AS_NOISE = (
+    1.0  # of the noise's mean square: more than that, 1.4 noise levels, is not the noise, however much closed
+)
 TRACE = 0.25  # of the noise's mean square: 12 % in the root of it is as good as noise
+NOISY = 3.0  # noise levels missed as believed: of less, a good part is noise, which nothing takes away
 
 
 class Kind(Enum):
@@ -52,10 +59,15 @@ class Statement:
         kind: The sort of answer.
         order: All explanations, likeliest first.
         corrected: Whether there is a corrected model, so that before and after differ.
-        gap_closed: Share of what is missed that the named explanation takes away, where it is known.
+        gap_closed: Share of what is missed that the named explanation takes away, where it is known, and where anything
+            is missed beyond the noise.
         interval: The 95 % interval of that, where it is known.
         closable_closed: Share of what can be closed (what is missed less the noise, mean squares), where it is known.
-        held_out: Whether both are of episodes that were not fitted.
+        noises: What is missed of those episodes as believed and corrected, noise included, root mean squares in noise
+            levels; None: not known.
+        fitted_closed: As `closable_closed`, of the episodes that were fitted; None: they show no gap either.
+        held_out: Whether all but the last are of episodes that were not fitted.
+        stretch_s: Over how long the model is replayed; None: over whole episodes.
         left: What is left by the best model.
         over_noise: How much more than the noise that is on episodes that were not fitted, or on those that were where
             that is more: root mean squares, as a share of the noise's.
@@ -69,7 +81,10 @@ class Statement:
     gap_closed: float | None
     interval: tuple[float, float] | None
     closable_closed: float | None
+    noises: tuple[float, float] | None
+    fitted_closed: float | None
     held_out: bool
+    stretch_s: float | None
     left: Left
     over_noise: float
     in_fitted: bool
@@ -89,6 +104,19 @@ class Statement:
         """Return the likeliest explanations, and those that are summed up, which are two or more."""
         count = len(self.order) if len(self.order) == most + 1 else most
         return self.order[:count], self.order[count:]
+
+    @property
+    def closes_nothing_seen(self) -> bool:
+        """Whether the episodes that were not fitted show no gap that could be closed.
+
+        So it is of tosses that are replayed a third of a second at a time: most of that is flight.
+        """
+        return self.held_out and self.noises is not None and self.noises[0] ** 2 < 1.0 + TRACE
+
+    @property
+    def noisy(self) -> bool:
+        """Whether what is missed of them as believed is in good part noise, so that its share says little by itself."""
+        return self.noises is not None and self.noises[0] < NOISY
 
     @property
     def settled(self) -> bool:
@@ -116,19 +144,43 @@ def state(diagnosis: Diagnosis) -> Statement:
     same = gap_closed is not None and gap_closed == diagnosis.gap_closed
     low, high = _known(closure.gap_closed_low), _known(closure.gap_closed_high)
     left, over_noise, in_fitted = _left(diagnosis, kind)
-    return Statement(
+    found = Statement(
         kind=kind,
         order=order,
         corrected=bool(diagnosis.effects),
         gap_closed=gap_closed,
         interval=(low, high) if same and low is not None and high is not None else None,
-        closable_closed=_known(closure.closable_closed) if same else None,
+        closable_closed=_share(closure.closable_closed) if same else None,
+        noises=_noises(closure.table),
+        fitted_closed=_fitted_closed(diagnosis),
         held_out=bool(diagnosis.held_out),
+        stretch_s=longest_part_s(diagnosis.recording, diagnosis.stretches),
         left=left,
         over_noise=math.sqrt(1.0 + over_noise) - 1.0,
         in_fitted=in_fitted,
         mostly_in=_mostly(diagnosis.left_by_episode) if left is Left.SOMETHING else None,
     )
+    none = found.closes_nothing_seen
+    return replace(found, gap_closed=None, interval=None, closable_closed=None) if none else found
+
+
+def _share(value: float) -> float | None:
+    """Return a share, at most all: what is left may by chance be less than the noise."""
+    known = _known(value)
+    return None if known is None else min(known, 1.0)
+
+
+def _noises(table: pd.DataFrame) -> tuple[float, float] | None:
+    """Return what is missed of all channels, as believed and corrected, in noise levels."""
+    if not len(table):
+        return None
+    before, after = ((table[c].to_numpy(float) / table["noise"].to_numpy(float)) ** 2 for c in ("before", "after"))
+    return math.sqrt(float(np.nanmean(before))), math.sqrt(float(np.nanmean(after)))
+
+
+def _fitted_closed(diagnosis: Diagnosis) -> float | None:
+    gap = diagnosis.nominal_excess
+    return min(1.0 - diagnosis.excess / gap, 1.0) if gap > TRACE else None
 
 
 def _kind(top: Ranked) -> Kind:
@@ -152,7 +204,7 @@ def _left(diagnosis: Diagnosis, kind: Kind) -> tuple[Left, float, bool]:
         in_fitted = bool(diagnosis.held_out) and unseen <= TRACE < diagnosis.excess
         return Left.SOMETHING, max(unseen, diagnosis.excess), in_fitted
     closed = diagnosis.closure.closable_closed
-    as_noise = unseen <= TRACE or (closed is not None and closed >= NOISE_LEFT)
+    as_noise = unseen <= TRACE or (closed is not None and closed >= NOISE_LEFT and unseen <= MUCH_AS_NOISE)
     return (Left.NOISE if as_noise else Left.SMALL_ERRORS), unseen, False
 
 
@@ -165,11 +217,8 @@ def _mostly(left: Mapping[int, float]) -> int | None:
 
 def _unseen_excess(diagnosis: Diagnosis) -> float:
     """Return the mean square of what is left of episodes that were not fitted, beyond the noise's, at least 0."""
-    table = diagnosis.closure.table
-    if not len(table):
-        return max(diagnosis.excess, 0.0)
-    ratio = table["after"].to_numpy(float) / table["noise"].to_numpy(float)
-    return max(float(np.nanmean(ratio**2)) - 1.0, 0.0)
+    noises = _noises(diagnosis.closure.table)
+    return max(diagnosis.excess, 0.0) if noises is None else max(noises[1] ** 2 - 1.0, 0.0)
 
 
 def _known(value: float | None) -> float | None:

@@ -7,6 +7,7 @@ that all of a report is made of (`runner.report.statement`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING
@@ -96,6 +97,8 @@ def explanation(system: AbstractSystem, ranked: Ranked) -> str:
 
 def gain(said: Statement, applied: str = "With it") -> str:
     """Return how much less the simulator misses once it is corrected, and what is left; empty: not known."""
+    if said.closes_nothing_seen and said.settled:
+        return _gain_where_fitted(said)
     if said.gap_closed is None:
         return ""
     where = " on episodes that were not fitted" if said.held_out else ""
@@ -111,9 +114,29 @@ def gain(said: Statement, applied: str = "With it") -> str:
             )
         elif said.left is Left.SOMETHING:
             left = f"; what is left is {beyond(said)}{mostly(said)}"
+        elif said.left is Left.SMALL_ERRORS:
+            left = f"; of what is left, {beyond(said)}, small errors of any simulator are the likeliest cause"
         else:
             left = "; what is left is the noise of the measurement"
-    return f"{applied} the simulator misses {percent(said.gap_closed)} less{where}{left}."
+    of = f" ({in_noises(said)} noise levels, the noise itself is 1)" if said.noisy else ""
+    return f"{applied} the simulator misses {percent(said.gap_closed)} less{where}{of}{left}."
+
+
+def _gain_where_fitted(said: Statement) -> str:
+    """Return how much less the simulator misses where it was fitted, for want of a gap in what was not."""
+    levels = f"({in_noises(said)} noise levels)"
+    sentence = f"he episodes that were not fitted hardly show a gap that could be closed {levels}"
+    sentence = f"T{sentence}" if said.stretch_s is None else f"Replayed {said.stretch_s:.2g} s at a time, t{sentence}"
+    if said.fitted_closed is None:
+        return f"{sentence}."
+    closed = percent(max(said.fitted_closed, 0.0))
+    return f"{sentence}; in those that were, {closed} of what is beyond the noise is closed (mean squares)."
+
+
+def in_noises(said: Statement) -> str:
+    """Return what is missed of episodes that were not fitted, as believed and corrected, in noise levels."""
+    before, after = said.noises or (math.nan, math.nan)
+    return f"{number(before, 2)} → {number(after, 2)}" if said.corrected else number(before, 2)
 
 
 def verdict(diagnosis: Diagnosis) -> str:

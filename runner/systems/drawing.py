@@ -9,7 +9,7 @@ from runner.numerics.polygon import Polygon
 
 @dataclass(frozen=True)
 class Shape:
-    """A shape of a drawn body: `kind` box | sphere | cylinder | capsule | prism, `size_m` as MuJoCo has it.
+    """A shape of a drawn body: `kind` box | ellipsoid | cylinder | capsule | prism, `size_m` as MuJoCo has it.
 
     `position_m` (3,), `quaternion_wxyz` (4,): where on the body, in its frame. A prism's size is half that of the box
     around it, and `outline` what it looks like from above.

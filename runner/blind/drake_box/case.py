@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from runner.blind.drake_box.engine import drake
 from runner.blind.drake_box.excite import draw_episode, draw_episodes
 from runner.blind.drake_box.outside import OUTSIDE
 from runner.blind.drake_box.physics import Scene
 from runner.blind.drake_box.plants import VOCABULARY, ScenePlant, draw
 from runner.blind.drake_box.roughness import FINE, misstated, roughened, simulate_or_none
-from runner.blind.make import BANDS, AbstractMaker, CasePlan, error_ratio, find_size
+from runner.blind.drake_engine import drake
+from runner.blind.make import RATIOS, AbstractMaker, CasePlan, draw_size, error_ratio, nearest_band
 from runner.blind.make.noise import draw_character
 from runner.blind.planar_box.case import KINDS
 from runner.blind.planar_box.excite import Drive
@@ -30,7 +30,6 @@ from runner.blind.planar_box.reality import simulate_or_none as by_equations
 from runner.errors import ConfigError, check_range
 
 ATTEMPTS = 20
-RATIOS = {"single": (1.3, 60.0), "unknown": (3.0, 60.0), "pair": (3.0, 30.0)}  # error ratios, without gaps
 APART = 0.5  # noises by which the engine may differ from the equations of motion, in an episode without any effect
 REDRAWS = 6  # of an episode that differs by more
 
@@ -106,7 +105,7 @@ def _try_case(plan: CasePlan, maker: DrakeBoxMaker, g: np.random.Generator) -> t
     scene, sizes = real, []
     for name, _ in plan.wanted:
         plant = draw(name, replace(case, world=real.world), g)
-        size = _size(_excess(plant, real, plain, case, sigma), plant.largest, RATIOS[plan.kind], g)
+        size = draw_size(_excess(plant, real, plain, case, sigma), plant.largest, RATIOS[plan.kind], g)
         if size is None:
             return None
         sizes.append((plant, scene, size))
@@ -185,26 +184,9 @@ def _excess(
     return cache(lambda size: error_ratio(simulate_or_none(plant.edit(real, size), case), plain, sigma))
 
 
-def _size(
-    excess: Callable[[float], float], largest: float, ratios: tuple[float, float], g: np.random.Generator
-) -> float | None:
-    """Return a size whose error ratio is drawn evenly in its logarithm, below what the largest size does."""
-    low, high = ratios
-    share = float(g.random())
-    size = find_size(excess, largest, math.sqrt((low * (high / low) ** share) ** 2 - 1.0))
-    if size is not None:
-        return size
-    top = math.sqrt(1.0 + excess(largest) ** 2)
-    if not low < top < math.inf:
-        return None
-    return find_size(excess, largest, math.sqrt((low * (min(top, high) / low) ** (0.97 * share)) ** 2 - 1.0))
-
-
 def _told(plan: CasePlan, plant: ScenePlant, true: dict[str, float | str], moved: float) -> dict[str, Any]:
-    middle = {name: math.sqrt(low * high) for name, (low, high) in BANDS.items()}
-    severity = min(middle, key=lambda name: abs(math.log(moved / middle[name])))
     values = {k: v if isinstance(v, str) else float(v) for k, v in true.items()}
     if plan.kind == "unknown":
         values = {"what": plant.name, **values}
     name = "unknown" if plan.kind == "unknown" else plant.name
-    return {"name": name, "severity": severity, "true": values}
+    return {"name": name, "severity": nearest_band(moved), "true": values}

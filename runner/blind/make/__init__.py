@@ -13,20 +13,23 @@ from __future__ import annotations
 from runner.blind.make.case_set import HASH_FILE, MadeCases, make_cases, part_of
 from runner.blind.make.maker import BANDS, PAIR_BANDS, AbstractMaker, CasePlan, Purpose
 from runner.blind.make.plan import Mix, plan_cases
-from runner.blind.make.size import error_ratio, find_size, size_for
+from runner.blind.make.size import RATIOS, draw_size, error_ratio, find_size, nearest_band, size_for
 
 __all__ = [
     "BANDS",
     "HASH_FILE",
     "PAIR_BANDS",
+    "RATIOS",
     "AbstractMaker",
     "CasePlan",
     "MadeCases",
     "Mix",
     "Purpose",
+    "draw_size",
     "error_ratio",
     "find_size",
     "make_cases",
+    "nearest_band",
     "part_of",
     "plan_cases",
     "size_for",

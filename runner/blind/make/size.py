@@ -8,7 +8,11 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from runner.blind.make.maker import BANDS
+
 SMALLEST = 1e-5  # of the largest size: below, an effect is not looked for
+# error ratios, without gaps, from which to which effects go whose size is drawn evenly in its logarithm
+RATIOS = {"single": (1.3, 60.0), "unknown": (3.0, 60.0), "pair": (3.0, 30.0)}
 FIRST_SIZE = 0.03  # of the largest size: where the search begins
 
 
@@ -53,6 +57,27 @@ def size_for(
         if size is not None:
             return size, name
     return None
+
+
+def draw_size(
+    excess: Callable[[float], float], largest: float, ratios: tuple[float, float], g: np.random.Generator
+) -> float | None:
+    """Return a size whose error ratio is drawn evenly in its logarithm, below what the largest size does."""
+    low, high = ratios
+    share = float(g.random())
+    size = find_size(excess, largest, math.sqrt((low * (high / low) ** share) ** 2 - 1.0))
+    if size is not None:
+        return size
+    top = math.sqrt(1.0 + excess(largest) ** 2)
+    if not low < top < math.inf:
+        return None
+    return find_size(excess, largest, math.sqrt((low * (min(top, high) / low) ** (0.97 * share)) ** 2 - 1.0))
+
+
+def nearest_band(moved: float) -> str:
+    """Return the severity whose band is nearest to an error ratio."""
+    middle = {name: math.sqrt(low * high) for name, (low, high) in BANDS.items()}
+    return min(middle, key=lambda name: abs(math.log(moved / middle[name])))
 
 
 def find_size(excess: Callable[[float], float], largest: float, target: float) -> float | None:

@@ -14,8 +14,9 @@ ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPAREN
 
 
 def attribute(*values: float) -> str:
-    """Return numbers as an attribute of MJCF has them."""
-    return " ".join(f"{float(value):.5g}" for value in values)
+    """Return numbers as an attribute of MJCF has them; one that is nothing beside the largest is 0."""
+    least = 1e-9 * max(abs(value) for value in values)
+    return " ".join(f"{0.0 if abs(value) <= least else float(value):.5g}" for value in values)
 
 
 def joint_of(model: mujoco.MjModel, name: str | None) -> int:

@@ -25,6 +25,7 @@ from runner.effects.planar_box.stribeck import StribeckFromRest as StribeckFromR
 from runner.effects.planar_box.stiction import Stiction as Stiction
 from runner.effects.planar_box.friction_patch import FrictionPatch as FrictionPatch
 from runner.effects.planar_box.contact_pressure import ContactPressure as ContactPressure
+from runner.effects.planar_box.pressure_shape import PressureShape as PressureShape
 from runner.effects.planar_box.viscous_drag import ViscousDrag as ViscousDrag
 from runner.effects.planar_box.viscous_drag import ViscousFilm as ViscousFilm
 from runner.effects.planar_box.mass import Mass as Mass

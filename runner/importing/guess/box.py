@@ -22,6 +22,7 @@ from runner.recording.table import UNITS as SI_UNITS
 WIDER = 1.1  # of the box: a force that acts on its skin is measured a little outside of it
 TURNS = 2  # that a box is pushed round at most: what goes further is in degrees
 COMPACT = re.compile(r"(f|v|w|p|pos|force|vel|tip)([xyz])$")
+ONE_OF_TWO = re.compile(r"(.*)([xy])((?:[ _.]*[\[(]?[a-z]+[\])]?)?)$", re.IGNORECASE)
 PUSH = frozenset(["push", "load", "thrust", "pull", "pushed", "press"])
 STRONG = frozenset(["f", "force", "forces"])
 PLACE = frozenset(["p", "point", "contact", "at", "application", "applied", "hit", "cop", "lever", "where"])
@@ -60,13 +61,28 @@ def match_box(signals: Sequence[Signal], elements: dict[str, Element], *, beside
         else:
             matches.pairs.append((element, signal, "by its name"))
     points = {axis: elements.get(f"p{axis}") for axis in ("x", "y")}
-    if all(e is not None and not matches.has(e) and len(further.get(a, ())) == 1 for a, e in points.items()):
+    if all(e is not None and not matches.has(e) for e in points.values()):
         # two places are told, and it takes two: of the box, and of the force
-        matches.pairs += [(e, further.pop(a)[0], "the only other place") for a, e in points.items() if e is not None]
+        others = {a: further[a] for a in points if a in further} or _pairs(free, further, matches)
+        if all(len(others.get(a, ())) == 1 for a in points):
+            matches.pairs += [(e, others[a][0], "the only other place") for a, e in points.items() if e is not None]
+            further = {c: those for c, those in further.items() if c not in points}
     matches.notes += [f"'{s.name}' may be {column} as well" for column, those in further.items() for s in those]
     order = {name: k for k, name in enumerate(elements)}
     matches.pairs.sort(key=lambda pair: order[pair[0].target])
     return matches
+
+
+def _pairs(signals: Sequence[Signal], further: dict[str, list[Signal]], matches: Matches) -> dict[str, list[Signal]]:
+    """Return signals that are nothing else, by x or y, where their names differ by that alone: `Cx (mm)`, `Cy (mm)`."""
+    known = {s.name for _, s, _ in matches.pairs} | {s.name for those in further.values() for s in those}
+    by_stem: dict[tuple[str, str], dict[str, Signal]] = {}
+    for signal in signals:
+        found = ONE_OF_TWO.match(signal.name)
+        if found and signal.name not in known and (not found[3] or unit_by_name(signal.name, "m") is not None):
+            by_stem.setdefault((found[1], found[3]), {})[found[2].lower()] = signal
+    both = [axes for axes in by_stem.values() if {*axes} == {"x", "y"}]
+    return {a: [axes[a] for axes in both] for a in ("x", "y")}
 
 
 def column_of(name: str) -> str | None:

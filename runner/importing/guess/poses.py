@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -26,6 +26,8 @@ PLACES = frozenset(
 TURNS = frozenset(["orientation", "rotation", "quaternion", "quat"])
 # Four numbers whose length is that near to 1 all the time are a quaternion, whatever they are called.
 UNIT_LENGTH = 0.02
+# the last letter of a part's name, or what is written out
+PARTS = {"i": "x", "j": "y", "k": "z", "r": "w", "s": "w", "real": "w", "scalar": "w"} | {a: a for a in "xyzw"}
 IDENTITY = 0.95  # of the scalar of a quaternion that is hardly turned
 FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 NEARER, APART_M = 0.3, 0.05  # y points up where that puts a body so much nearer to where the model has it
@@ -64,8 +66,17 @@ class UpGuess:
     note: str
 
 
-def guess_poses(part: Part, model: mujoco.MjModel) -> list[Pose]:
-    """Return the poses in a part."""
+def guess_poses(
+    part: Part, model: mujoco.MjModel, *, besides: Collection[str] = (), times_s: FloatArray | None = None
+) -> list[Pose]:
+    """Return the poses in a part: by names, and of the only free body by what four or three columns in a row show.
+
+    Args:
+        part: Of the log.
+        model: The compiled MJCF.
+        besides: Names of signals that are something else, such as clocks.
+        times_s: Of the samples, where the clock tells them.
+    """
     bodies = [model.body(i).name for i in range(1, model.nbody)]
     free = [model.body(int(model.jnt_bodyid[j])).name for j in range(model.njnt) if int(model.jnt_type[j]) == FREE]
     groups: dict[tuple[str, str | None], dict[str, str]] = {}
@@ -96,7 +107,55 @@ def guess_poses(part: Part, model: mujoco.MjModel) -> list[Pose]:
             poses.append(Pose(body, {a: members[a] for a in "xyz"}, False, "", said, unit))
         elif placed and {"0", "1", "2"} == set(members):
             poses.append(Pose(body, dict(zip("xyz", (members[k] for k in "012"), strict=True)), False, "", why, unit))
+    if len(free) == 1:
+        taken = {*besides, *(name for p in poses for name in p.signals.values())}
+        own = [p for p in poses if p.body == free[0]]
+        if not any(p.turned for p in own) and (turn := _unnamed_turn(part, taken, free[0])) is not None:
+            poses.append(turn)
+            taken |= set(turn.signals.values())
+        if all(p.turned for p in own) and (place := _unnamed_place(part, taken, free[0], model, times_s)) is not None:
+            poses.append(place)
     return poses
+
+
+def _in_a_row(part: Part, count: int, taken: Collection[str]) -> Iterator[tuple[str, ...]]:
+    """Return so many names that follow each other in the log and are nothing else."""
+    names = list(part.signals)
+    for k in range(len(names) - count + 1):
+        row = tuple(names[k : k + count])
+        if not set(row) & set(taken):
+            yield row
+
+
+def _unnamed_turn(part: Part, taken: Collection[str], body: str) -> Pose | None:
+    """Return the orientation that no name tells: four columns in a row that make up a unit vector, and move."""
+    for row in _in_a_row(part, 4, taken):
+        moves = sum(bool(np.ptp(part.signals[n].values[np.isfinite(part.signals[n].values)])) for n in row) > 1
+        members = dict(zip("0123", row, strict=True))
+        if not moves or not _of_unit_length(part, members):
+            continue
+        axes = [PARTS.get(last, PARTS.get(last[-1], "")) for last in (words_of(n)[-1] for n in row)]
+        if {*axes} == {*"wxyz"}:
+            members = dict(zip(axes, row, strict=True))
+        order, said = _order(part, members)
+        ordered = dict(sorted(members.items(), key=lambda m: "xyzw".find(m[0])))
+        return Pose(body, ordered, True, order, f"always of length 1; {said}")
+    return None
+
+
+def _unnamed_place(
+    part: Part, taken: Collection[str], body: str, model: mujoco.MjModel, times_s: FloatArray | None
+) -> Pose | None:
+    """Return the position that no name tells: three columns in a row that fall."""
+    if times_s is None:
+        return None
+    for row in _in_a_row(part, 3, taken):
+        values = [part.signals[n].values for n in row]
+        if any(len(v) != len(times_s) for v in values):
+            continue
+        if falls(times_s, np.stack(values, axis=1), -float(model.opt.gravity[2])) is not None:
+            return Pose(body, dict(zip("xyz", row, strict=True)), False, "", "the only free body, and it falls")
+    return None
 
 
 def _of_unit_length(part: Part, members: Mapping[str, str]) -> bool:
@@ -126,7 +185,7 @@ def _order(part: Part, members: Mapping[str, str]) -> tuple[str, str]:
         return "xyzw", "hardly turned in the first sample if the last number is the scalar"
     if len(first) and first[0, 0] > IDENTITY > first[0, 3]:
         return "wxyz", "hardly turned in the first sample if the first number is the scalar"
-    return TO_FILL, "the numbers do not tell which is the scalar"
+    return TO_FILL, "the numbers do not tell which is the scalar, the one that is 1 or -1 where nothing is turned"
 
 
 def guess_frame(

@@ -114,6 +114,12 @@ class FrictionView:
     def __setitem__(self, name: str, value: float) -> None:
         self.model.body_user[self.body_id, COLUMN[name]] = value
 
+    @property
+    def points(self) -> np.ndarray:
+        """The base points, (n, 4), `base_points` has the columns; what is written there is written into the model."""
+        count = int(self["points"])
+        return self.model.body_user[self.body_id, STRIDE : STRIDE + count * POINT_STRIDE].reshape(count, POINT_STRIDE)
+
 
 def base_points(half_x: float, half_y: float, n: int = 8) -> np.ndarray:
     """Return quadrature points of a rectangular base under even load, shape (n*n, 4).

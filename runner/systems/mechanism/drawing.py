@@ -12,13 +12,13 @@ VISIBLE_GROUPS = 3  # MuJoCo's viewer shows groups 0, 1 and 2
 LINE_RADIUS = 0.01  # of a body without shapes, as a share of the model's extent
 KINDS = {
     int(mujoco.mjtGeom.mjGEOM_BOX): "box",
-    int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
+    int(mujoco.mjtGeom.mjGEOM_SPHERE): "ellipsoid",
     int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
     int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
-    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "box",
+    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
     int(mujoco.mjtGeom.mjGEOM_MESH): "box",
 }
-SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}
+SIZES = {"box": 3, "ellipsoid": 3, "cylinder": 2, "capsule": 2}
 
 
 def drawn_bodies(model: mujoco.MjModel) -> tuple[DrawnBody, ...]:
@@ -48,6 +48,8 @@ def _shape(model: mujoco.MjModel, geom: int) -> Shape | None:
         return None
     position, quaternion = np.array(model.geom_pos[geom]), np.array(model.geom_quat[geom])
     size = np.array(model.geom_size[geom])
+    if int(model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_SPHERE):
+        size = np.full(3, size[0])
     if int(model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_MESH):
         middle, size = np.array(model.geom_aabb[geom, :3]), np.array(model.geom_aabb[geom, 3:])
         shift = np.empty(3)

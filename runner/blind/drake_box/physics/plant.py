@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from runner.blind.drake_box.engine import drake
 from runner.blind.drake_box.physics.base import RADIUS_M, Base
 from runner.blind.drake_box.physics.scene import Scene
+from runner.blind.drake_engine import drake, floor_material, half_of, material
 from runner.blind.planar_box.physics import World
 
-STIFF_N_PER_M = 1e14  # of the floor beside the springs of the base
-ROUGH = 1e6  # coefficient of the floor: Drake takes 2 a b / (a + b) of two, so that a point has twice its own
 CHANGE = 2e-3  # relative: smaller changes of a coefficient are kept back
 WALL_N_PER_M = 1e5
 
@@ -66,27 +64,16 @@ class BoxOnFloor:
         self._told = np.full(len(self._points), self._scene.world.friction)
         self._steps = 0
 
-    def _material(self, *, stiffness_n_per_m: float, dissipation_s_per_m: float, friction: float) -> Any:
-        geometry, coulomb = drake("geometry"), drake("multibody.plant").CoulombFriction
-        properties = geometry.ProximityProperties()
-        geometry.AddContactMaterial(
-            dissipation=dissipation_s_per_m,
-            point_stiffness=stiffness_n_per_m,
-            friction=coulomb(friction, friction),
-            properties=properties,
-        )
-        return properties
-
     def _touching(self) -> list[tuple[Any, Any]]:
         geometry, transform = drake("geometry"), drake("math").RigidTransform
-        floor = self._material(stiffness_n_per_m=STIFF_N_PER_M, dissipation_s_per_m=0.0, friction=ROUGH)
+        floor = floor_material(dissipation_s_per_m=0.0)
         self._plant.RegisterCollisionGeometry(
             self._plant.world_body(), transform(), geometry.HalfSpace(), "floor", floor
         )
         base, height = self._base, RADIUS_M - self._scene.world.half_size[2]
         points = []
         for k, (x, y, share) in enumerate(zip(base.x, base.y, base.share, strict=True)):
-            properties = self._material(
+            properties = material(
                 stiffness_n_per_m=base.stiffness_n_per_m * share,
                 dissipation_s_per_m=base.dissipation_s_per_m,
                 friction=half_of(self._scene.world.friction),
@@ -103,11 +90,11 @@ class BoxOnFloor:
         way, mu = self._scene.strange.wall_direction, self._scene.strange.wall_friction
         inward = -np.array([math.cos(way), math.sin(way), 0.0])
         pose = geometry.HalfSpace.MakePose(inward, -inward * distance)
-        bounce = self._material(stiffness_n_per_m=STIFF_N_PER_M, dissipation_s_per_m=0.0, friction=ROUGH)
+        bounce = floor_material(dissipation_s_per_m=0.0)
         self._plant.RegisterCollisionGeometry(self._plant.world_body(), pose, geometry.HalfSpace(), "wall", bounce)
         hx, hy, _ = self._scene.world.half_size
         for k, (sx, sy) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
-            corner = self._material(stiffness_n_per_m=WALL_N_PER_M, dissipation_s_per_m=5.0, friction=half_of(mu))
+            corner = material(stiffness_n_per_m=WALL_N_PER_M, dissipation_s_per_m=5.0, friction=half_of(mu))
             at = transform([sx * (hx - RADIUS_M), sy * (hy - RADIUS_M), 0.0])
             self._plant.RegisterCollisionGeometry(self._body, at, geometry.Sphere(RADIUS_M), f"corner_{k}", corner)
 
@@ -181,11 +168,6 @@ class BoxOnFloor:
     def positions(self) -> int:
         """How many of a state's numbers come before its velocities."""
         return self._plant.num_positions()
-
-
-def half_of(friction: float) -> float:
-    """Return the coefficient of a point of which Drake makes `friction` with the floor's."""
-    return friction * ROUGH / (2.0 * ROUGH - friction)
 
 
 def inertia_of(world: World, share: float) -> Any:
