@@ -19,8 +19,8 @@ DRAKE_BOX = (
     "moved by several noises through its sizes, its floor and the timing of its pushes."
 )
 DRAKE_BODY = (
-    "What this set does not try: pushes; bodies that are no cube, box or cylinder; contacts of another kind than linear "
-    "springs, Coulomb's cone and a convex solver; the course of a toss after the engines part, soon after its first "
+    "What this set does not try: pushes; bodies that are no cube, box or cylinder; contacts of another kind than "
+    "linear springs, Coulomb's cone and a convex solver; the course of a toss after the engines part, soon after its first "
     "touch: without any effect they do not differ by more than half a noise in an episode, which is cut there or "
     "drawn anew. An effect that the vocabulary has a word for has the form that it has there."
 )
