@@ -128,8 +128,8 @@ def test_clocks_are_reported_and_put_in_order(tmp_path: Path, runs: list[Run], r
     code, out, err = run_import([Path("log.csv")], FLAT)
     assert (code, err) == (0, "")
     out = " ".join(out.split())
-    assert "'elbow_vel': 1 samples have the stamp of another; the one that arrived last was kept" in out
-    assert "'elbow_vel': 1 samples were out of order and put into it" in out
+    assert "'elbow_vel': 1 sample has the stamp of another; the one that arrived last was kept" in out
+    assert "'elbow_vel': 1 sample was out of order and put into it" in out
     (clock,) = yaml.safe_load(Path("case/import.yaml").read_text())["clocks"]
     assert clock["samples"] == len(rows)
     assert clock["rate_hz"] == pytest.approx(100)

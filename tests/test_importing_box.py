@@ -11,6 +11,7 @@ import yaml
 
 from runner.__main__ import main
 from runner.importing.guess.box import column_of
+from runner.importing.told import Told
 from runner.recording import read_case
 
 BELIEVED = "half_size: [0.08, 0.05, 0.03]\nmass: 1.2\nfriction: 0.3\ngravity: 9.81\n"
@@ -100,6 +101,14 @@ def test_lost_forces_stand_between_their_neighbours(tmp_path: Path, capsys: pyte
     np.testing.assert_array_equal(force[~lost], whole["push_x_N"][~lost])
     # a line over three steps is off by the second derivative, 20 N/s2 at most, times the step squared
     np.testing.assert_allclose(force[lost], whole["push_x_N"][lost], atol=20.0 / RATE_HZ**2)
+
+
+@pytest.mark.parametrize(("count", "said"), [(1, "'x': 1 sample was lost"), (21, "'x': 21 samples were lost")])
+def test_one_is_one(count: int, said: str) -> None:
+    """A note of one sample is in the singular."""
+    told = Told()
+    told.add("{names}: {n} samples were lost", count, column="x")
+    assert told.sentences() == [said]
 
 
 def test_decimal_commas_are_seen(tmp_path: Path) -> None:

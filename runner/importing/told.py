@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection
 from dataclasses import dataclass, field
+
+SEVERAL = re.compile(r"(?<![\w.,])1 (sample|episode|row)s\b(?: (were|are|have|begin|follow)\b)?")
+OF_ONE = {"were": "was", "are": "is", "have": "has", "begin": "begins", "follow": "follows"}
 
 
 @dataclass
@@ -37,11 +41,16 @@ class Told:
     def sentences(self) -> list[str]:
         """Return all notes."""
         return [
-            sentence.replace("{names}", ", ".join(f"'{column}'" for column in events))
-            .replace("{n}", _span([e.count for e in events.values()]))
+            SEVERAL.sub(_of_one, sentence.replace("{n}", _span([e.count for e in events.values()])))
+            .replace("{names}", ", ".join(f"'{column}'" for column in events))
             .replace("{largest}", f"{max(e.largest for e in events.values()):.4g}")
             for sentence, events in self.events.items()
         ]
+
+
+def _of_one(several: re.Match[str]) -> str:
+    """Return `1 sample was` for `1 samples were`."""
+    return f"1 {several[1]}" + (f" {OF_ONE[several[2]]}" if several[2] else "")
 
 
 def _span(values: Collection[int]) -> str:
