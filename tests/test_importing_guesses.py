@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -12,6 +13,7 @@ from runner.importing.guess.counter import guess_episodes
 from runner.importing.guess.fall import falls
 from runner.importing.guess.unit import unit_by_slope
 from runner.importing.plausible import within
+from runner.importing.propose import propose
 from runner.importing.signals import Log, Part, Signal
 
 RUNS, SAMPLES = 4, 50
@@ -113,3 +115,16 @@ def test_a_range_in_radians_that_mujoco_reads_in_degrees_is_suspected() -> None:
         within(np.array([-0.7, 0.7]), narrow, entry, "joint 'j'")
     with pytest.raises(RecordingError, match=r"deg they would fit\.$"):
         within(np.array([-70.0, 70.0]), (-1.5, 1.5), entry, "joint 'j'")
+
+
+def test_a_position_is_known_by_following_its_target() -> None:
+    """No name says that it is one: of two such columns the one of the servo's joint goes where its target does."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><compiler angle="radian"/><worldbody><body name="arm">
+      <joint name="elbow" range="-2 2"/><geom size=".05"/></body></worldbody>
+      <actuator><position name="motor" joint="elbow" kp="6"/></actuator></mujoco>""")
+    t = np.arange(400) * 0.01
+    log = log_of(clock=t, target=60 * np.sin(3 * t), measured=50 * np.sin(3 * t - 0.3), warmth=40 + 2 * t)
+    table = {signal: (what, unit) for signal, what, unit, _ in propose(log, model).table}
+    assert table["target"] == ("command of motor", "deg")
+    assert table["measured"] == ("position of joint elbow", "deg")
+    assert "warmth" not in table

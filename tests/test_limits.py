@@ -20,7 +20,7 @@ from runner.errors import RunnerError
 from runner.physics.forces import CsvForces
 from runner.recording import read_case
 from runner.recording.model_form import read_model_case
-from runner.recording.model_form_mjcf import read_mjcf
+from runner.recording.model_form_mjcf import read_mjcf, referenced_files
 from runner.storage import limits
 from runner.storage.reading import read_json
 from runner.storage.yaml_text import YamlError, check_yaml, read_yaml
@@ -272,6 +272,12 @@ GEOM = '<geom size=".1"/>'
         ),
         ('<worldbody><flexcomp type="grid" count="900 900 900" name="f"/></worldbody>', "<flexcomp> makes 729,000,000"),
         ('<size memory="900G"/>', "<size memory> sets aside 900G, allowed: at most 1,000,000,000"),
+        (
+            '<asset><model name="k" file="k.xml"/></asset><worldbody><replicate count="200">'
+            '<frame><attach model="k" body="b" prefix="p"/></frame></replicate></worldbody>',
+            "<attach> makes 20,000 copies, allowed: 10,000 in all",
+        ),
+        ('<worldbody><replicate count="200"><include file="k.xml"/></replicate></worldbody>', "makes 20,000 copies"),
         ('<include file="a.xml"/><include file="a.xml"/>', r"a\.xml: is included more than once"),
         ("<worldbody>" + "<body>" * 300 + "</body>" * 300 + "</worldbody>", "nested deeper than 200 levels"),
     ],
@@ -279,6 +285,44 @@ GEOM = '<geom size=".1"/>'
 def test_a_model_that_stands_for_too_much_is_refused(inside: str, message: str, tmp_path: Path) -> None:
     """Copies, memory and depth are looked at before MuJoCo compiles anything."""
     (tmp_path / "a.xml").write_text("<mujoco/>")
+    (tmp_path / "k.xml").write_text(
+        f'<mujoco><worldbody><body name="b"><replicate count="100">{GEOM}</replicate></body></worldbody></mujoco>'
+    )
     (tmp_path / "model.xml").write_text(f"<mujoco>{inside}</mujoco>")
     with pytest.raises(RunnerError, match=message):
         read_mjcf(tmp_path / "model.xml")
+
+
+@pytest.mark.parametrize(
+    ("inside", "message"),
+    [
+        (
+            '<asset><model name="k" file="model.xml"/></asset>',  # before: the process ended with a segmentation fault
+            r"model\.xml: is included more than once, or includes itself",
+        ),
+        (
+            '<asset><model name="k" file="code.xml"/></asset>',
+            r"code\.xml: <extension> needs a plugin, which is code",
+        ),
+        (
+            '<asset><model name="k" file="out.xml"/></asset>',
+            r"out\.xml: <mesh file>: must lie in the folder of the case",
+        ),
+        (
+            '<compiler meshdir="m"/><asset><mesh name="a" file="link.stl"/></asset>',
+            r"a file: must lie in the folder of the case .*, got 'm/link\.stl'",
+        ),
+    ],
+)
+def test_what_a_model_takes_in_lies_in_its_folder(inside: str, message: str, tmp_path: Path) -> None:
+    """A model that is attached is looked through as an included one is, and a mesh where MuJoCo looks for it."""
+    (tmp_path / "elsewhere.stl").write_bytes(b"")
+    folder = tmp_path / "case"
+    (folder / "m").mkdir(parents=True)
+    (folder / "m/link.stl").symlink_to(tmp_path / "elsewhere.stl")
+    (folder / "code.xml").write_text('<mujoco><extension><plugin plugin="mujoco.pid"/></extension></mujoco>')
+    (folder / "out.xml").write_text('<mujoco><asset><mesh name="a" file="../elsewhere.stl"/></asset></mujoco>')
+    (folder / "model.xml").write_text(f"<mujoco>{inside}</mujoco>")
+    for read in (read_mjcf, referenced_files):
+        with pytest.raises(RunnerError, match=message):
+            read(folder / "model.xml")

@@ -47,6 +47,23 @@ def spike(name: str, by: float, row: int = 700) -> Edit:
     return lambda f: f.assign(**{name: f[name] + by * (np.arange(len(f)) == row)})
 
 
+def late(samples: int, *names: str) -> Edit:
+    """Return an edit that shifts columns within each episode, their ends held."""
+    return lambda f: f.assign(**{n: f.groupby("episode")[n].shift(samples).bfill().ffill() for n in names})
+
+
+def frozen(first: int, last: int, *names: str) -> Edit:
+    """Return an edit that keeps one value for a while, everything else as it was."""
+    return lambda f: f.assign(
+        **{n: f[n].where((np.arange(len(f)) < first) | (np.arange(len(f)) >= last), f[n].iloc[first]) for n in names}
+    )
+
+
+def shifted(by: float, first: int, last: int | None, name: str) -> Edit:
+    """Return an edit that adds to a stretch of a column."""
+    return lambda f: f.assign(**{name: f[name] + by * np.isin(np.arange(len(f)), np.arange(len(f))[first:last])})
+
+
 MEASURED = ("x", "y", "yaw", "vx", "vy", "wz")
 REFUSED: dict[str, tuple[Edit, str]] = {
     "pose held": (
@@ -87,6 +104,34 @@ WARNED: dict[str, tuple[Edit, str]] = {
         lambda f: f.assign(vx=np.random.default_rng(0).normal(0, 0.5, len(f))),
         r"'x' does not follow 'vx': of its change \d+% is not the integral of that",
     ),
+    "x steps": (
+        shifted(1.0, 660, None, "x"),
+        r"'x' jumps by (0\.98|0\.99|1\.0)\d* m to data row 661 \(episode \d, t = .*\); 'vx' does not$",
+    ),
+    "three samples of x": (shifted(10.0, 700, 703, "x"), r"'x' jumps by -?10\.?\d* m .*; 'vx' does not, and 1 more"),
+    "the first sample": (shifted(10.0, 0, 1, "x"), r"'x' jumps by -(9\.99|10\.)\d* m to data row 2 \(episode 0"),
+    "vx sticks": (
+        frozen(100, 180, "vx"),
+        r"'vx' keeps one value for 1\.3\d* s from data row 101 .* 'x' says otherwise",
+    ),
+    "vx has an offset": (
+        lambda f: f.assign(vx=f["vx"] + 0.5),
+        r"'x' drifts by -0\.(49|5)\d* m/s from the integral of 'vx'",
+    ),
+    "fy dead": (zero("fy"), r"the forces 'fx', 'fy' explain [0-9]% of what the motion needs along y"),
+    "noise for a force": (
+        lambda f: f.assign(fx=np.random.default_rng(0).normal(0, 5, len(f))),
+        r"explain [0-9]% of what the motion needs along x",
+    ),
+    "forces late by a second": (late(60, "fx", "fy", "px", "py"), r"the forces 'fx', 'fy' explain 1?\d% of what"),
+    "a spike of a force": (
+        spike("fx", 1e4),
+        r"'fx', 'fy' are 1e\+04 N at data row 701 .*, and the motion does not answer: it needs 2\d\.\d N at most",
+    ),
+    "px and py": (exchanged(("px", "py")), "the body turns as if 'px' and 'py' were exchanged"),
+    "points mirrored": (scaled(-1, "px", "py"), "the body turns against the forces: 'px', 'py', or 'yaw' and the"),
+    "yaw mirrored": (scaled(-1, "yaw", "wz"), "the body turns as if 'yaw' and 'wz' had the other sign"),
+    "points zero": (zero("px", "py"), r"the places 'px', 'py' of the forces explain \d% of how the body turns"),
 }
 
 
@@ -123,12 +168,20 @@ def test_a_steady_velocity_is_not_dead(case: Path) -> None:
 
 @pytest.mark.parametrize("kind", WARNED)
 def test_what_is_odd_is_said_in_one_line(kind: str, case: Path) -> None:
-    """Forces of another size or direction, samples that stand alone: one line each, and no others."""
+    """Forces of another size, direction or place, jumps, offsets, lone samples: a line each, and no others."""
     edit, message = WARNED[kind]
     (note,) = read_case(edited(case, edit)).notes
     assert note.startswith("warning: ")
     with pytest.raises(AssertionError, match=message):
         raise AssertionError(note)
+
+
+def test_a_position_that_sticks(case: Path) -> None:
+    """Where the body moves on meanwhile, and leaps to where it is; not where it rests."""
+    (leap, note) = read_case(edited(case, frozen(100, 180, "x"))).notes
+    assert "'x' jumps by" in leap
+    assert "'x' keeps one value for 1.32 s from data row 101 (episode 0, t = 1.6" in note
+    assert "while 'vx' says otherwise, by" in note
 
 
 def test_sound_recordings_are_not_warned_of(case: Path) -> None:
@@ -212,6 +265,9 @@ def lever(folder: Path, edit: Edit) -> Path:
             r"warning: 'q' is off by 3\.?\d* rad for one sample at data row 401 \(episode 1",
         ),
         (lambda f: f.assign(dq=f["dq"].sample(frac=1, random_state=0).to_numpy()), "'q' does not follow 'dq'"),
+        (shifted(1.0, 400, 600, "q"), r"warning: 'q' jumps by (0\.9|1)\d*\.?\d* rad to data row 401 \(episode 1"),
+        (frozen(400, 450, "dq"), r"warning: 'dq' keeps one value for 0\.49 s from data row 401 .* 'q' says otherwise"),
+        (lambda f: f.assign(dq=f["dq"] + 1.0), r"warning: 'q' drifts by -(0\.9|1)\d*\.?\d* rad/s from the integral of"),
     ],
 )
 def test_a_mechanism_is_warned_of(edit: Edit, message: str, tmp_path: Path) -> None:
@@ -230,12 +286,14 @@ def test_a_dead_channel_of_a_mechanism_is_refused(name: str, other: str, tmp_pat
 
 
 def test_a_sound_mechanism_is_not_warned_of(tmp_path: Path) -> None:
-    """Gaps where a channel was not measured, coarse counts, another scale and a late velocity are no contradiction."""
+    """Nor of gaps, coarse counts, another scale, a late velocity, a sensor that is slower, or rounding."""
     for edit in (
         lambda f: f,
         lambda f: f.assign(q=f["q"].where(f.index % 50 > 4)),
         lambda f: f.assign(q=f["q"].round(2)),
         scaled(1.3, "dq"),
         lambda f: f.assign(dq=f["dq"].shift(4, fill_value=0.0)),
+        lambda f: f.assign(q=f["q"].where(f.index % 5 == 0).ffill()),
+        lambda f: f.assign(dq=np.round(f["dq"])),
     ):
         assert not [n for n in read_model_case(lever(tmp_path / "c", edit)).notes if "warning" in n]

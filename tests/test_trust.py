@@ -129,6 +129,27 @@ def test_an_experiment_of_a_stranger_runs_nothing(
         assert EXPERIMENTS[content] in refused(capsys, harm, *words)
 
 
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ("start: {mass_kg: '${oc.env:SECRET}'}", "start.mass_kg"),
+        ("start: {mass_kg: '1${ oc.env:SECRET}'}", "start.mass_kg"),
+        ("hydra: {sweeper: {params: {seed: '${oc.env:SECRET}'}}}", "hydra.sweeper.params.seed"),
+    ],
+)
+def test_an_experiment_of_a_stranger_does_not_read_the_environment(
+    text: str, key: str, harm: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Else it would stand in the results, which are sent on."""
+    monkeypatch.setenv("SECRET", "1.2345")
+    (harm.parent / "conf/experiment").mkdir(parents=True)
+    (harm.parent / "conf/experiment/theirs.yaml").write_text(f"# @package _global_\n{text}\n")
+    message = refused(capsys, harm, f"hydra.searchpath=[file://{harm.parent}/conf]", "experiment=theirs", *SHORT)
+    assert message.startswith(f"{key}: '")
+    assert "is taken from elsewhere than from a key" in message
+    assert "1.2345" not in message
+
+
 def test_an_experiment_of_ones_own_folder_is_found(harm: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A folder of configs may be added, and an experiment in it may be a sweep."""
     folder = harm.parent / "conf/experiment"

@@ -18,6 +18,12 @@ DRAKE_BOX = (
     "are drawn anew. But for friction, an effect has the form that the vocabulary gives it. A null case may be "
     "moved by several noises through its sizes, its floor and the timing of its pushes."
 )
+DRAKE_BODY = (
+    "What this set does not try: pushes; bodies that are no cube, box or cylinder; contacts of another kind than "
+    "linear springs, Coulomb's cone and a convex solver; the course of a toss after the engines part, soon after its "
+    "first touch: without any effect they do not differ by more than half a noise in an episode, which is cut there "
+    "or drawn anew. An effect that the vocabulary has a word for has the form that it has there."
+)
 MECHANISM = (
     "What this set does not try: besides what is planted, the mechanism is exactly as believed, so that between a null "
     "case and a subtle effect there is nothing. The equations of motion and the integrator are not the simulator's, "
@@ -34,7 +40,8 @@ def untried(answers: Iterable[Mapping[str, Any]]) -> str:
         for text, fits in (
             (BOX, "planar_box" in systems),
             (DRAKE_BOX, "planar_box_drake" in systems),
-            (MECHANISM, systems - {"planar_box", "planar_box_drake"}),
+            (DRAKE_BODY, "free_body_drake" in systems),
+            (MECHANISM, systems - {"planar_box", "planar_box_drake", "free_body_drake"}),
         )
         if fits
     )

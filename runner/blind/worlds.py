@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from runner.blind.drake_body.case import DrakeBodyMaker
 from runner.blind.drake_box.case import DrakeBoxMaker
 from runner.blind.make import AbstractMaker
 from runner.blind.mechanism.case import SYSTEMS
@@ -9,5 +10,6 @@ from runner.blind.mechanism.maker import MechanismMaker
 from runner.blind.planar_box.case import PlanarBoxMaker
 
 MAKERS: dict[str, AbstractMaker] = {
-    maker.system: maker for maker in (PlanarBoxMaker(), DrakeBoxMaker(), *map(MechanismMaker, SYSTEMS))
+    maker.system: maker
+    for maker in (PlanarBoxMaker(), DrakeBoxMaker(), DrakeBodyMaker(), *map(MechanismMaker, SYSTEMS))
 }

@@ -19,7 +19,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from runner import config
 from runner.commands import Command, module
-from runner.commands._trust import check_hydra, check_launcher, check_sources, of_launcher
+from runner.commands._trust import check_hydra, check_launcher, check_sources, check_values, of_launcher
 from runner.errors import ConfigError
 
 # no files and no logging of Hydra's own beside the results
@@ -43,7 +43,7 @@ class Composer:
         """Return the composed config, with Hydra's own below `hydra`.
 
         Raises:
-            ConfigError: If it sets what could run something.
+            ConfigError: If it sets what could run something, or takes values from the environment.
         """
         check_sources(overrides)
         _check_twice(overrides)
@@ -51,6 +51,7 @@ class Composer:
             self.config_name, [*QUIET, *overrides], mode, validate_sweep_overrides=mode is RunMode.RUN
         )
         check_hydra(composed, _reference(self.loader, of_launcher(overrides)))
+        check_values(composed)
         return composed
 
     def bare(self, overrides: Sequence[str], *, place: str) -> DictConfig:

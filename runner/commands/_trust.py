@@ -4,11 +4,12 @@ A config, a sweep or a results folder may come from anywhere. Hydra instantiates
 `hydra.callbacks`, builds log handlers from names, sets variables of the environment, imports packages as sources of
 configs; a launcher starts programs. So of Hydra's own keys a file may set which values are swept and that there is a
 sweep, and nothing else; the launcher is chosen and set on the command line. Below the command's own keys there are
-classes of `runner.config` alone, see `config.build`.
+classes of `runner.config` alone, see `config.build`, and values that are written there or taken from other keys.
 """
 
 from __future__ import annotations
 
+import re
 import secrets
 import shlex
 from collections.abc import Mapping, Sequence
@@ -33,6 +34,7 @@ LAUNCHERS = {
     "hydra_plugins.runner_ray_launcher.RayLauncher",
 }
 SOURCE = "file://"
+RESOLVER = re.compile(r"\$\{[^{}:]*:")  # `${oc.env:HOME}`; a key has no colon
 SUBMITIT = "${hydra.sweep.dir}/.submitit/%j"  # the default of its launchers
 
 
@@ -70,6 +72,19 @@ def check_hydra(composed: DictConfig, bare: DictConfig) -> None:
             raise ConfigError(f"hydra.{key}: a launcher starts programs, so it is set on the command line alone.")
         allowed = ", ".join(f"'hydra.{name}'" for name in ("launcher", *FREE))
         raise ConfigError(f"hydra.{key}: can't be set, so that no file runs anything; of Hydra's own {allowed} can.")
+
+
+def check_values(composed: DictConfig) -> None:
+    """Refuse values that are taken from elsewhere than from other keys: the environment would stand in the results.
+
+    Raises:
+        ConfigError: Naming the key and the value.
+    """
+    swept = OmegaConf.select(composed, "hydra.sweeper.params")
+    own = {key: value for key, value in composed.items_ex(resolve=False) if key != "hydra"}
+    for key, value in {**_leaves(own), **_leaves(swept, "hydra.sweeper.params")}.items():
+        if isinstance(value, str) and RESOLVER.search(value):
+            raise ConfigError(f"{key}: '{value}' is taken from elsewhere than from a key, as '${{start.mass_kg}}' is.")
 
 
 def check_launcher(bare: DictConfig) -> None:

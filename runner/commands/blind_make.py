@@ -8,7 +8,8 @@ after an interruption, it goes on with the cases that are missing.
 `system` says of what: `planar_box` (the default), `pendulum`, `arm2` (two links in a vertical plane) or `slider_servo`,
 each by a physics of its own, or `planar_box_drake`: boxes in a second world, by Drake (`pip install 'runner[blind]'`),
 with pushes and outsiders of its own. How far that world is from what its owner believes is `roughness`: 0 not at all, 1
-(the default there) by up to two noises.
+(the default there) by up to two noises. `free_body_drake` is a cube, a box or a cylinder that is tossed onto a table,
+let fall and slid over it, by Drake too: a case is an MJCF with a free joint and a log of poses.
 
 With `purpose=tuning` half of the kinds of effects that no verdict has a word for are left out, the same half in every
 such set: what a diagnosis does with the others shows only in a set that is made to be scored (`purpose=sealed`, the

@@ -19,7 +19,7 @@ from runner.importing.clocks import rate_of
 from runner.importing.guess.box import box_elements, match_box
 from runner.importing.guess.clock import ClockGuess, clock_times, guess_clock
 from runner.importing.guess.counter import guess_episodes
-from runner.importing.guess.elements import Element, elements_of, match
+from runner.importing.guess.elements import Element, elements_of, match, match_followers
 from runner.importing.guess.poses import Pose, guess_frame, guess_poses
 from runner.importing.guess.unit import MUCH_M, UnitGuess, guess_unit, unit_by_name, unit_by_slope
 from runner.importing.map_file import ALL, COLUMN, NEAREST, TAKEN, TO_FILL
@@ -77,6 +77,7 @@ def propose(log: Log, model: mujoco.MjModel, *, rate_hz: float | None = None) ->
     elements = elements_of(model)
     clock = guess_clock(part)
     found = match(list(part.signals.values()), elements, besides=clock.names)
+    match_followers(found, list(part.signals.values()), elements, model, clock.names)
     times = clock_times(part, clock)
     for element, signal, why in found.pairs:
         _add(draft, element, signal, why, log, _by_slope(draft, part, element, signal, times))

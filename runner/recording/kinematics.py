@@ -6,10 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from runner.numerics.arrays import FloatArray
 
 LONE = 50.0  # times what is usual, and more: a sample that stands alone; heavy-tailed noise of practice cases: 15
+NEAR_S = 0.2  # how much later a velocity may tell of a change
+STUCK_SAMPLES, STUCK_RUNS = 10, 5.0  # the same value for more, and for so many times as long as is usual
+STUCK_SPEED = 0.2  # of the rms velocity: what is missed meanwhile, at least
 APART, TOGETHER = 0.5, 0.1  # of the displacement is left unexplained: no integral of it at all; plainly one
 
 
@@ -23,6 +27,8 @@ class Follows:
         unexplained: Share of the displacement's square that the integral leaves.
         moved: rms displacement about its mean, in the unit of the position.
         due: rms of the integral about its mean.
+        drift: Rate at which displacement and integral part, one for all stretches, in the unit of the velocity.
+        drifted: Share of the displacement's square that this drift explains.
     """
 
     correlation: float
@@ -30,6 +36,14 @@ class Follows:
     unexplained: float
     moved: float
     due: float
+    drift: float = 0.0
+    drifted: float = 0.0
+
+    @property
+    def drifts(self) -> bool:
+        """Whether a drift, and no other scale of the velocity, is what parts the two."""
+        others = 1 - self.correlation**2, self.drifted
+        return min(others) > TOGETHER and self.unexplained - self.drifted < TOGETHER
 
 
 def follows(t_s: Sequence[FloatArray], positions: Sequence[FloatArray], velocities: Sequence[FloatArray]) -> Follows:
@@ -40,13 +54,15 @@ def follows(t_s: Sequence[FloatArray], positions: Sequence[FloatArray], velociti
         positions: At these times, each (T,).
         velocities: At these times, each (T,), per second.
     """
-    ways, dues = [np.zeros(1)], [np.zeros(1)]
+    ways, dues, times = [np.zeros(1)], [np.zeros(1)], [np.zeros(1)]
     for t, position, velocity in zip(t_s, positions, velocities, strict=True):
         due = np.concatenate([[0.0], np.cumsum(np.diff(t) * (velocity[1:] + velocity[:-1]) / 2)])
         ways.append(position - position.mean())
         dues.append(due - due.mean())
-    way, due = np.concatenate(ways), np.concatenate(dues)
-    ww, dd, wd = float(way @ way), float(due @ due), float(way @ due)
+        times.append(t - t.mean())
+    way, due, time = np.concatenate(ways), np.concatenate(dues), np.concatenate(times)
+    ww, dd, wd, tt = float(way @ way), float(due @ due), float(way @ due), float(time @ time)
+    drift = float(time @ (way - due)) / tt if tt > 0 else 0.0
     size = float(np.sqrt(ww) * np.sqrt(dd))
     return Follows(
         correlation=wd / size if size > 0 else 0.0,
@@ -54,6 +70,8 @@ def follows(t_s: Sequence[FloatArray], positions: Sequence[FloatArray], velociti
         unexplained=float(np.sum((way - due) ** 2)) / ww if ww > 0 else float(dd > 0),
         moved=float(np.sqrt(ww / len(way))),
         due=float(np.sqrt(dd / len(due))),
+        drift=drift,
+        drifted=drift**2 * tt / ww if ww > 0 else 0.0,
     )
 
 
@@ -94,3 +112,58 @@ def lone_samples(values: FloatArray) -> list[int]:
     half = np.stack([off[:-2], off[2:]]) / np.where(off[1:-1] == 0, 1.0, off[1:-1])  # of a lone sample: -1/2 and -1/2
     alone = (sizes > LONE * usual) & (np.abs(half + 0.5) < 0.25).all(axis=0)
     return (np.flatnonzero(alone) + 1).tolist()
+
+
+def jumps(t_s: FloatArray, positions: FloatArray, velocities: FloatArray) -> list[tuple[int, float]]:
+    """Return steps of a position that its velocity has no part in: the samples after them, and by how much each.
+
+    Between two samples a velocity may be what it is not at either, so as much as it changes nearby is allowed twice.
+
+    Args:
+        t_s: Times of a stretch, (T,), s.
+        positions: (T,), without NaN.
+        velocities: (T,), without NaN, per second.
+    """
+    if len(t_s) < 5:
+        return []
+    dt, steps = np.diff(t_s), np.diff(positions)
+    off = steps - dt * (velocities[1:] + velocities[:-1]) / 2
+    near = 2 * round(NEAR_S / float(np.median(dt))) + 3
+    changes = maximum_filter1d(velocities, near) - minimum_filter1d(velocities, near)
+    hidden = 2 * dt * np.maximum(changes[1:], changes[:-1])
+    usual = max(float(np.median(np.abs(off))) / 0.6745, _resolution(positions))
+    return [(int(k) + 1, float(off[k])) for k in np.flatnonzero(np.abs(off) > np.maximum(LONE * usual, hidden))]
+
+
+def stuck(
+    t_s: FloatArray, held: FloatArray, positions: FloatArray, velocities: FloatArray, least: float
+) -> list[tuple[int, int, float]]:
+    """Return where a position or a velocity keeps one value while the other tells of motion: first, last, how much.
+
+    Args:
+        t_s: Times of a stretch, (T,), s.
+        held: Which of the two is looked at: `positions` or `velocities`.
+        positions: (T,), without NaN.
+        velocities: (T,), without NaN, per second.
+        least: What has to be missed meanwhile, in the unit of the positions.
+    """
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(held)) + 1, [len(held)]])
+    lengths = np.diff(edges)
+    enough = max(STUCK_SAMPLES, STUCK_RUNS * float(np.median(lengths)))  # a sensor that is slower repeats its values
+    speed = STUCK_SPEED * float(np.sqrt(np.mean(velocities**2)))
+    found = []
+    for k in np.flatnonzero(lengths > enough):
+        first, last = int(edges[k]), int(edges[k + 1]) - 1
+        run = slice(first, last + 1)
+        missed = float(positions[last] - positions[first] - np.trapezoid(velocities[run], t_s[run]))
+        lasts_s = float(t_s[last] - t_s[first])
+        allowed = max(least, 2 * _resolution(positions)) + _resolution(velocities) * lasts_s
+        if abs(missed) > max(allowed, speed * lasts_s):
+            found.append((first, last, missed))
+    return found
+
+
+def _resolution(values: FloatArray) -> float:
+    """Return the smallest step that values make, 0 if they never change."""
+    steps = np.abs(np.diff(values))
+    return float(steps[steps > 0].min()) if steps.any() else 0.0

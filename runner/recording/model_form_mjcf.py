@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -20,6 +21,7 @@ from runner.storage.limits import check_size
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 COPYING, COUNTS = ("replicate", "composite", "flexcomp"), ("count", "cellcount")
 COPIES, DEPTH = 10_000, 200
+ALLOWED = f"allowed: {COPIES:,} in all."
 MOST = 1_000_000_000  # bytes, or elements of what is counted
 POWERS = {letter: 1024.0**k for k, letter in enumerate("KMGTPE", 1)}
 
@@ -50,7 +52,7 @@ def read_mjcf(path: Path) -> mujoco.MjSpec:
     Raises:
         RecordingError: If it can't be read, does not compile, needs a plugin or refers to a file outside of its folder.
     """
-    _check(path, path.parent.resolve(), set())
+    _check(path)
     try:
         with quiet():
             spec = mujoco.MjSpec.from_file(str(path))
@@ -73,16 +75,13 @@ def referenced_files(path: Path) -> tuple[str, ...]:
     Raises:
         RecordingError: If it can't be read, or refers to a file outside of its folder.
     """
-    folder, named = path.parent.resolve(), []
-    _check(path, folder, set(), named)
-    directories = [value for name, value in named if name in DIRECTORIES]
+    folder, seen = path.parent.resolve(), _check(path)
     found = {}
-    for name, value in named:
-        if name not in DIRECTORIES:
-            for directory in ("", *directories):
-                inside = Path(directory) / value
-                if (folder / inside).is_file():
-                    found[inside.as_posix()] = None
+    for value in seen.files:
+        for directory in seen.directories:
+            inside = Path(directory) / value
+            if (folder / inside).is_file():
+                found[inside.as_posix()] = None
     return tuple(found)
 
 
@@ -94,54 +93,108 @@ def _names(kind: str, number: int) -> Iterator[str]:
         name += "_"
 
 
-def _check(path: Path, folder: Path, read: set[Path], named: list[tuple[str, str]] | None = None) -> None:
-    """Refuse what a file, or one that it includes, must not refer to or ask for; add to `named` what names files."""
-    if path in read:
+@dataclass
+class _Seen:
+    """What has been read of an MJCF and of the files that it takes in.
+
+    Args:
+        read: Files, resolved.
+        named: Attributes that name files or folders of them, and their values.
+        folders: In which files may be looked for.
+        attached: Copies that `<attach>` makes.
+        attached_copies: The most copies of a part within a model that is attached.
+    """
+
+    read: set[Path] = field(default_factory=set)
+    named: list[tuple[str, str]] = field(default_factory=list)
+    folders: set[Path] = field(default_factory=set)
+    attached: float = 0.0
+    attached_copies: float = 1.0
+
+    @property
+    def directories(self) -> list[str]:
+        """Where MuJoCo looks for meshes and textures, maybe: a compiler's setting may stand in any file."""
+        return ["", *(value for name, value in self.named if name in DIRECTORIES)]
+
+    @property
+    def files(self) -> list[str]:
+        """What is named as a file."""
+        return [value for name, value in self.named if name not in DIRECTORIES]
+
+
+def _check(path: Path) -> _Seen:
+    """Refuse what a file, or one that it takes in, must not refer to or ask for."""
+    folder, seen = path.parent.resolve(), _Seen()
+    _check_file(path, folder, seen)
+    if seen.attached * seen.attached_copies > COPIES:
+        raise RecordingError(f"{path}: <attach> makes {seen.attached * seen.attached_copies:,.0f} copies, {ALLOWED}")
+    for base in seen.folders:
+        for directory in seen.directories:
+            for value in seen.files:
+                inside = _inside(path, folder, "a file", str(Path(directory) / value), base)
+                if inside.is_file():
+                    check_size(inside)
+    return seen
+
+
+def _check_file(
+    path: Path, folder: Path, seen: _Seen, *, copies: float = 1.0, depth: int = 1, attached: bool = False
+) -> None:
+    """Look through one file, which stands for so many copies of it and so many levels deep in others."""
+    if path.resolve() in seen.read:
         raise RecordingError(f"{path}: is included more than once, or includes itself.")
-    read.add(path)
+    seen.read.add(path.resolve())
+    seen.folders |= {folder, path.parent.resolve()}
+    todo = [(_root(path), copies, depth)]
+    while todo:
+        element, copies, depth = todo.pop()
+        tag = str(element.tag)
+        copies = _check_counts(path, element, copies, depth)
+        if tag in ("extension", "plugin") or "plugin" in element.attrib:
+            raise RecordingError(f"{path}: <{tag}> needs a plugin, which is code; allowed: MuJoCo's own elements.")
+        if tag == "attach":
+            seen.attached += copies
+            if attached:
+                raise RecordingError(f"{path}: <attach>: a model that is attached can attach no other.")
+        if attached:
+            seen.attached_copies = max(seen.attached_copies, copies)
+        for name, value in element.attrib.items():
+            if name in DIRECTORIES or name.startswith("file"):
+                seen.named.append((name, value))
+                places = {_inside(path, folder, f"<{tag} {name}>", value, base) for base in (folder, path.parent)}
+                for place in sorted(places) if tag in ("include", "model") else ():
+                    if place.is_file():
+                        within = {"copies": copies} if tag == "include" else {}
+                        _check_file(place, folder, seen, depth=depth + 1, attached=attached or tag == "model", **within)
+        todo += [(child, copies, depth + 1) for child in element]
+
+
+def _root(path: Path) -> ElementTree.Element:
     check_size(path)
     try:
         text = path.read_text(encoding="utf-8-sig")
         if "<!DOCTYPE" in text or "<!ENTITY" in text:
             raise RecordingError(f"{path}: must hold no document type and no entities.")
-        root = ElementTree.fromstring(text)
+        return ElementTree.fromstring(text)
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{path}: can't be read: {error}.") from None
     except ElementTree.ParseError as error:
         raise RecordingError(f"{path}: is not valid XML: {error}.") from None
-    _check_counts(path, root)
-    for element in root.iter():
-        tag = str(element.tag)
-        if tag in ("extension", "plugin") or "plugin" in element.attrib:
-            raise RecordingError(f"{path}: <{tag}> needs a plugin, which is code; allowed: MuJoCo's own elements.")
-        for name, value in element.attrib.items():
-            if name in DIRECTORIES or name.startswith("file"):
-                inside = _inside(path, folder, f"<{tag} {name}>", value)
-                if named is not None:
-                    named.append((name, value))
-                if inside.is_file():
-                    check_size(inside)
-                # MuJoCo looks for included files in the folder of the first file
-                if tag == "include" and inside.is_file():
-                    _check(inside, folder, read, named)
 
 
-def _check_counts(path: Path, root: ElementTree.Element) -> None:
-    """Refuse elements that stand for more copies than a mechanism has parts, and more memory than it needs."""
-    todo = [(root, 1.0, 1)]
-    while todo:
-        element, copies, depth = todo.pop()
-        tag = str(element.tag)
-        if tag in COPYING:
-            copies *= math.prod(_whole(element.get(name, "1")) for name in COUNTS)
-        if copies > COPIES:
-            raise RecordingError(f"{path}: <{tag}> makes {copies:,.0f} copies, allowed: {COPIES:,} in all.")
-        if depth > DEPTH:
-            raise RecordingError(f"{path}: <{tag}> is nested deeper than {DEPTH} levels.")
-        for name, value in element.attrib.items() if tag == "size" else ():
-            if _amount(value) > MOST:
-                raise RecordingError(f"{path}: <size {name}> sets aside {value}, allowed: at most {MOST:,}.")
-        todo += [(child, copies, depth + 1) for child in element]
+def _check_counts(path: Path, element: ElementTree.Element, copies: float, depth: int) -> float:
+    """Refuse more copies than a mechanism has parts, and more memory than it needs; return the copies within."""
+    tag = str(element.tag)
+    if tag in COPYING:
+        copies *= math.prod(_whole(element.get(name, "1")) for name in COUNTS)
+    if copies > COPIES:
+        raise RecordingError(f"{path}: <{tag}> makes {copies:,.0f} copies, {ALLOWED}")
+    if depth > DEPTH:
+        raise RecordingError(f"{path}: <{tag}> is nested deeper than {DEPTH} levels.")
+    for name, value in element.attrib.items() if tag == "size" else ():
+        if _amount(value) > MOST:
+            raise RecordingError(f"{path}: <size {name}> sets aside {value}, allowed: at most {MOST:,}.")
+    return copies
 
 
 def _amount(text: str) -> float:
@@ -161,10 +214,10 @@ def _whole(text: str) -> float:
         return 1.0
 
 
-def _inside(path: Path, folder: Path, where: str, value: str) -> Path:
-    """Return the path that a value names, if it lies in the folder."""
+def _inside(path: Path, folder: Path, where: str, value: str, base: Path) -> Path:
+    """Return the path that a value names in a folder of files, if it lies in the case's folder."""
     named = Path(value)
-    full = (folder / named).resolve()
+    full = (base / named).resolve()
     foreign = "\\" in value or ":" in value
     if named.is_absolute() or ".." in named.parts or foreign or not full.is_relative_to(folder):
         raise RecordingError(

@@ -6,11 +6,14 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 import mujoco
+import numpy as np
 
 from runner.importing.guess.names import LAST_INDEX, Quantity, Said, contains, own_words, said_by, without, words_of
 from runner.importing.signals import Signal
 from runner.recording.model_form_mapping import AT_JOINT, HINGE, SCALAR_JOINTS, is_servo
 
+FEWEST_TO_FOLLOW = 20  # samples
+FOLLOWS, AS_FAR = 0.8, 3.0  # correlation of a position with its target, and how many times as far it may go
 QUANTITIES = ("command", "position", "velocity", "force")  # in this order in a map
 BOX = "box"
 COUNTERS = frozenset(["index", "frame_index", "episode_index", "task_index", "episode", "step", "seq"])
@@ -137,6 +140,45 @@ def match(signals: Sequence[Signal], elements: Sequence[Element], *, besides: Co
     if forces:
         matches.notes.append(f"taken for measured forces: {', '.join(forces)}; what was commanded belongs to commands")
     return matches
+
+
+def match_followers(
+    matches: Matches,
+    signals: Sequence[Signal],
+    elements: Sequence[Element],
+    model: mujoco.MjModel,
+    besides: Collection[str],
+) -> None:
+    """Add positions of joints that no name tells: the one signal that follows what the joint's servo is told.
+
+    Args:
+        matches: So far; positions are added to them.
+        signals: Of a part.
+        elements: Of the model.
+        model: The compiled MJCF.
+        besides: Names of signals that are something else, such as clocks.
+    """
+    for command, told, _ in list(matches.pairs):
+        if command.takes is not Quantity.POSITION or not command.is_command:
+            continue
+        joint = model.joint(int(model.actuator(command.target).trnid[0])).name
+        position = next(e for e in elements if (e.kind, e.target, e.quantity) == ("joint", joint, "position"))
+        taken = {s.name for _, s, _ in matches.pairs} | set(besides) | COUNTERS
+        left = [s for s in signals if s.name not in taken and _follows(s, told)]
+        if not matches.has(position) and len(left) == 1:
+            matches.pairs.append((position, left[0], f"follows '{told.name}'"))
+
+
+def _follows(signal: Signal, told: Signal) -> bool:
+    """Whether a signal goes along with another, and about as far."""
+    if len(signal.values) != len(told.values):
+        return False
+    both = np.isfinite(signal.values) & np.isfinite(told.values)
+    own, other = signal.values[both], told.values[both]
+    if both.sum() < FEWEST_TO_FOLLOW or not np.ptp(own) or not np.ptp(other):
+        return False
+    alike = float(np.corrcoef(own, other)[0, 1])
+    return alike > FOLLOWS and 1 / AS_FAR < float(np.std(own) / np.std(other)) < AS_FAR
 
 
 def _by_name(signal: Signal, elements: Sequence[Element], matches: Matches) -> None:

@@ -15,7 +15,7 @@ from runner.errors import ResultError
 from runner.numerics.arrays import FloatArray
 from runner.physics.joint_law import SIZE
 from runner.recording.model_form_mjcf import quiet
-from runner.storage.writing import write_text
+from runner.storage.writing import own_folder, replacing, write_text
 from runner.systems.mechanism.models import OWN, Models, shortest_contact_s
 from runner.systems.mechanism.simulator import SHORTEST_STEP_S
 
@@ -100,8 +100,8 @@ def _copy_assets(spec: mujoco.MjSpec, source: Path, folder: Path) -> tuple[str, 
     for directory, file in named:
         name = Path(directory) / file
         if file and (source / name).is_file():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(source / name, folder / name)
+            with replacing(own_folder(folder, str(name.parent)) / name.name) as part:
+                shutil.copyfile(source / name, part)
             out.append(str(name))
     return tuple(dict.fromkeys(out))
 
