@@ -20,10 +20,11 @@ from runner.effects import mechanism as m
 from runner.effects.mechanism import contacts
 from runner.errors import RecordingError
 from runner.noise.measured import measure
-from runner.recording import read_case
+from runner.recording import Span, read_case
 from runner.systems.case import open_case
 from runner.systems.mechanism import MechanismSystem
 from runner.systems.mechanism.box_form import free_box
+from runner.systems.mechanism.flights import into_impacts
 from runner.systems.simulator import Run
 
 G = 9.81
@@ -147,6 +148,16 @@ def test_replay_begins_in_flight(tmp_path: Path):
         # or the body lies there until the end
         assert z[s.begin] > 1.1 * BELIEVED["half_size"] or (s.end == len(z) and np.ptp(z[s.begin :]) < 2e-3)
         assert s.end - s.begin < len(z)
+
+
+def test_an_episode_without_a_flight_is_taken_from_its_beginning(tmp_path: Path):
+    """Beside others that have one: what slides, or is let go on the table."""
+    recording = open_case(toss_case(tmp_path, world(), tosses=3)).recording
+    episodes = recording.episodes
+    flying = [[Span(e, 2, 10)] if e else [] for e in range(len(episodes))]
+    spans = into_impacts(recording, flying, 0.1)
+    assert [(s.episode, s.begin) for s in spans] == [(e, 2 if e else 0) for e in range(len(episodes))]
+    assert spans[0].end == min(round(0.1 / episodes[0].step_s), len(episodes[0]))
 
 
 def test_velocities_count_where_their_noise_is_stated(tmp_path: Path):

@@ -128,7 +128,7 @@ def into_impacts(recording: MechanismRecording, found: Sequence[Sequence[Span]],
     for e, (episode, own) in enumerate(zip(recording.episodes, found, strict=True)):
         after, longest = (max(1, round(s / episode.step_s)) for s in (after_s, LONGEST_S))
         begins = [max(s.begin, s.end - longest) for s in own]
-        for begin, span, following in zip(begins, own, [*begins[1:], len(episode)], strict=True):
+        for begin, span, following in zip(begins, own, [*begins, len(episode)][1:], strict=True):
             out.append(Span(e, begin, min(span.end + after, following)))
         if not own:
             out.append(Span(e, 0, min(after, len(episode))))
