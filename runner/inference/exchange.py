@@ -88,5 +88,5 @@ def _least(normal: FloatArray, out: np.ndarray, moved: FloatArray, free: np.ndar
     lost = normal[-1, -1] + 2 * moved @ normal[out, -1] + moved @ normal[np.ix_(out, out)] @ moved
     gradient = normal[free, -1] + normal[np.ix_(free, out)] @ moved
     metric = normal[np.ix_(free, free)] + RIDGE * np.eye(len(free))
-    step = -np.linalg.lstsq(metric, gradient, rcond=None)[0]
+    step = np.asarray(-np.linalg.solve(metric, gradient), dtype=np.float64)
     return float(lost + gradient @ step), step
