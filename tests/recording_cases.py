@@ -69,6 +69,11 @@ def assert_same(one: Recording, other: Recording) -> None:
             np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
 
 
+def notes_of(recording: Recording) -> tuple[str, ...]:
+    """Return what is noted of a recording, but for its forces: those of `planar_episode` do not cause its motion."""
+    return tuple(note for note in recording.notes if "the forces 'fx', 'fy' explain" not in note)
+
+
 def frame_of(recording: Recording, folder: Path) -> pd.DataFrame:
     write_case(recording, folder)
     return pd.read_parquet(folder / "recording.parquet")

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
-from recording_cases import EXAMPLES, NOMINAL, SAVED, assert_same, frame_of, nominals, planar, spatial
+from recording_cases import EXAMPLES, NOMINAL, SAVED, assert_same, frame_of, nominals, notes_of, planar, spatial
 
 from runner.errors import RecordingError
 from runner.recording import (
@@ -153,7 +153,7 @@ def test_a_planar_pose_may_be_lost_and_velocities_not_there(tmp_path: Path) -> N
     assert np.isnan(recording.episodes[0].pose[20:25]).all()
     assert np.isfinite(np.delete(recording.episodes[0].pose, slice(20, 25), axis=0)).all()
     assert all(np.isnan(e.twist).all() for e in recording.episodes)
-    assert recording.notes == ("'x', 'y', 'yaw' are not measured (NaN) in 5 of 363 rows",)
+    assert notes_of(recording) == ("'x', 'y', 'yaw' are not measured (NaN) in 5 of 363 rows",)
     write_case(recording, tmp_path / "again")
     again = read_case(tmp_path / "again")
     for one, other in zip(recording.episodes, again.episodes, strict=True):
@@ -185,7 +185,7 @@ def test_columns_beyond_the_format_are_noted(tmp_path: Path) -> None:
     frame = frame_of(planar(), tmp_path).assign(tip_x=0.0, camera="left", z=0.5)
     frame.index = frame.index + 7
     frame.to_parquet(tmp_path / "recording.parquet")
-    assert read_case(tmp_path).notes == ("not part of the planar form and not used: 'tip_x', 'camera', 'z'",)
+    assert notes_of(read_case(tmp_path)) == ("not part of the planar form and not used: 'tip_x', 'camera', 'z'",)
 
 
 @pytest.mark.parametrize("dtype", ["float32", "Float64", "string", "category"])

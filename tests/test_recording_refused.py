@@ -12,7 +12,17 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from recording_cases import NOMINAL, RATE_HZ, SAVED, frame_of, planar, planar_episode, spatial, spatial_episode
+from recording_cases import (
+    NOMINAL,
+    RATE_HZ,
+    SAVED,
+    frame_of,
+    notes_of,
+    planar,
+    planar_episode,
+    spatial,
+    spatial_episode,
+)
 from scipy.spatial.transform import Rotation
 
 from runner.errors import RecordingError
@@ -237,7 +247,7 @@ def test_noise_and_rest_are_no_contradiction(tmp_path: Path) -> None:
 def test_a_pose_that_moves_more_than_its_velocity_is_noted(tmp_path: Path) -> None:
     """1.5 times too much is no other unit; it is said, not refused."""
     times(1.5, "x", "y")(frame_of(planar(), tmp_path)).to_parquet(tmp_path / "recording.parquet")
-    (note,) = read_case(tmp_path).notes
+    (note,) = notes_of(read_case(tmp_path))
     assert re.fullmatch(r"'x', 'y' change 1\.\d+ times as much as 'vx', 'vy' say", note)
 
 
@@ -319,7 +329,7 @@ def test_missing_files_are_named(tmp_path: Path) -> None:
 def test_a_second_table_is_noted(tmp_path: Path) -> None:
     """Parquet goes before CSV, and that is said."""
     frame_of(planar(), tmp_path).to_csv(tmp_path / "recording.csv")
-    assert read_case(tmp_path).notes == ("recording.csv beside recording.parquet is not read",)
+    assert notes_of(read_case(tmp_path)) == ("recording.csv beside recording.parquet is not read",)
 
 
 def test_values_that_do_not_fit_together_are_refused() -> None:

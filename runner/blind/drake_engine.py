@@ -60,11 +60,11 @@ def material(*, stiffness_n_per_m: float, friction: float, **damping: float) -> 
     return properties
 
 
-def floor_material(**damping: float) -> Any:
-    """Return the proximity properties of a floor on which every point has its own stiffness, damping and friction."""
+def ground_material(**damping: float) -> Any:
+    """Return the proximity properties of a ground on which every point has its own stiffness, damping and friction."""
     return material(stiffness_n_per_m=STIFF_N_PER_M, friction=ROUGH, **damping)
 
 
 def half_of(friction: float) -> float:
-    """Return the coefficient of a point of which Drake makes `friction` with the floor's."""
+    """Return the coefficient of a point of which Drake makes `friction` with the ground's."""
     return friction * ROUGH / (2.0 * ROUGH - friction)

@@ -9,7 +9,7 @@ import numpy as np
 
 from runner.blind.drake_body.physics.points import points_of, rounding_of
 from runner.blind.drake_body.physics.world import World
-from runner.blind.drake_engine import drake, floor_material, half_of, material
+from runner.blind.drake_engine import drake, ground_material, half_of, material
 
 TABLE_SHARE = 3.0  # mass of a table that gives, in masses of the body
 RIGID_M = 2e-6  # what a table gives less than that it does not give
@@ -75,7 +75,7 @@ class BodyOnTable:
             self._plant.AddForceElement(tree.PrismaticSpring(joint, mass * world.gravity / stiffness, stiffness))
         self._plant.RegisterCollisionGeometry(
             table, drake("math").RigidTransform(), drake("geometry").HalfSpace(), "table",
-            floor_material(relaxation_s=0.0),
+            ground_material(relaxation_s=0.0),
         )  # fmt: skip
 
     def _add_loose_mass(self) -> None:

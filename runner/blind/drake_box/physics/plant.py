@@ -9,7 +9,7 @@ import numpy as np
 
 from runner.blind.drake_box.physics.base import RADIUS_M, Base
 from runner.blind.drake_box.physics.scene import Scene
-from runner.blind.drake_engine import drake, floor_material, half_of, material
+from runner.blind.drake_engine import drake, ground_material, half_of, material
 from runner.blind.planar_box.physics import World
 
 CHANGE = 2e-3  # relative: smaller changes of a coefficient are kept back
@@ -66,7 +66,7 @@ class BoxOnFloor:
 
     def _touching(self) -> list[tuple[Any, Any]]:
         geometry, transform = drake("geometry"), drake("math").RigidTransform
-        floor = floor_material(dissipation_s_per_m=0.0)
+        floor = ground_material(dissipation_s_per_m=0.0)
         self._plant.RegisterCollisionGeometry(
             self._plant.world_body(), transform(), geometry.HalfSpace(), "floor", floor
         )
@@ -90,7 +90,7 @@ class BoxOnFloor:
         way, mu = self._scene.strange.wall_direction, self._scene.strange.wall_friction
         inward = -np.array([math.cos(way), math.sin(way), 0.0])
         pose = geometry.HalfSpace.MakePose(inward, -inward * distance)
-        bounce = floor_material(dissipation_s_per_m=0.0)
+        bounce = ground_material(dissipation_s_per_m=0.0)
         self._plant.RegisterCollisionGeometry(self._plant.world_body(), pose, geometry.HalfSpace(), "wall", bounce)
         hx, hy, _ = self._scene.world.half_size
         for k, (sx, sy) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
