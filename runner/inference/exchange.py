@@ -12,9 +12,8 @@ from itertools import combinations
 
 import numpy as np
 
-from runner.effects.vocabulary import Candidate
 from runner.inference.contender import Contender
-from runner.inference.evidence import clip, moved_by
+from runner.inference.leap import RIDGE, vector_at
 from runner.inference.least_squares import Explanation, Fit, Fitter
 from runner.inference.parameters import bounds
 from runner.inference.warm_start import Key, key_of
@@ -23,8 +22,6 @@ from runner.numerics.arrays import FloatArray
 TRIED = 5  # effects that are put in the place of two: who promise most
 MAKES_UP = 0.5  # share of what is lost without the two that the one has to make up for in the linear model
 STEPS, PATIENCE = 25, 3  # of a fit at most; and before it is judged by whether it will come near
-FARTHEST = 4.0  # usual sizes of an effect: beyond that the linear model says nothing
-RIDGE = 0.05  # of the information: what nothing measured depends on has none
 
 
 def one_for_two(fitter: Fitter, whole: Contender, seen: Set[Key]) -> list[Fit]:
@@ -55,7 +52,7 @@ def _promised(fitter: Fitter, whole: Contender, seen: Set[Key]) -> Iterator[tupl
     # what has a place is not moved to another by a linear model
     parts = [(c, p) for c, p in fit.explanation.parts(fitter.context) if not len(c.starts(fitter.context))]
     for two in combinations(parts, 2):
-        rest = Explanation(tuple(c for c in fit.explanation.candidates if all(c != gone for gone, _ in two)))
+        rest = fit.explanation.without(two[0][0]).without(two[1][0])
         out = np.concatenate([np.arange(p.start, p.stop) for _, p in two])
         kept = np.setdiff1d(np.arange(own), out)
         without, _ = _least(normal, out, -fit.x[out], kept)
@@ -64,16 +61,11 @@ def _promised(fitter: Fitter, whole: Contender, seen: Set[Key]) -> Iterator[tupl
             if not candidate.may_join(rest.candidates) or key_of(explanation) in seen:
                 continue
             for way in ways:
-                left, moved = _least(normal, out, -fit.x[out], np.concatenate([kept, own + np.array(way)]))
+                put_in = own + np.array(way)
+                left, moved = _least(normal, out, -fit.x[out], np.concatenate([kept, put_in]))
                 if without - left > MAKES_UP * (without - fit.total):
-                    begin = _begin(candidate, way, moved[len(kept) :], whole, fitter)
+                    begin = vector_at(candidate, put_in, moved[len(kept) :], around, fitter)
                     yield left, explanation, np.concatenate([fit.x[kept] + moved[: len(kept)], begin])
-
-
-def _begin(candidate: Candidate, way: list[int], moved: FloatArray, whole: Contender, fitter: Fitter) -> FloatArray:
-    """Return where the fit of what is put in begins."""
-    amplitudes = np.clip(moved, -FARTHEST, FARTHEST)
-    return clip(candidate, moved_by(whole.around.directions, way, amplitudes), fitter.context)
 
 
 def _least(normal: FloatArray, out: np.ndarray, moved: FloatArray, free: np.ndarray) -> tuple[float, FloatArray]:

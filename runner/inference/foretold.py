@@ -14,14 +14,14 @@ TOLD = 0.1  # of what is plain: less than that is as good as nothing
 FEW = 0.2  # of all episodes, fitted ones too: so many may go astray
 
 
-def _excesses(fit: Fit, fitter: Fitter) -> FloatArray:
+def excesses(fit: Fit, fitter: Fitter) -> FloatArray:
     """Return what a fit leaves of each episode, in squared noises, (E,)."""
     return np.array([fitter.measured.excess(float(loss), [e]) for e, loss in zip(fit.episodes, fit.loss, strict=True)])
 
 
 def _failing(before: Fit, after: Fit, fitter: Fitter) -> list[int]:
     """Return in which episodes, by their place, an explanation leaves most of what is plain to see, or makes it."""
-    gap, left = _excesses(before, fitter), _excesses(after, fitter)
+    gap, left = excesses(before, fitter), excesses(after, fitter)
     return np.flatnonzero((np.maximum(gap, left) > PLAIN) & (left > LEAVES * gap)).tolist()
 
 
@@ -43,7 +43,7 @@ def astray(before: Fit, after: Sequence[Fit], fitter: Fitter, fitted: int) -> tu
     best = min(after, key=lambda f: usually_left(before, f, fitter))
     off = _failing(before, best, fitter)
     # an episode in which nothing is to be explained tells nothing of explanations
-    told = [k for k, gap in enumerate(_excesses(before, fitter)) if gap > PLAIN and k not in off]
+    told = [k for k, gap in enumerate(excesses(before, fitter)) if gap > PLAIN and k not in off]
     few = len(off) <= min(len(told), FEW * (fitted + len(before.episodes)))
     # what comes near the one part by chance, and is off in others, does not foretell it
     if not few or not all(_failing(before, f, fitter) for f in after):
@@ -63,7 +63,7 @@ def usually_left(before: Fit, after: Fit, fitter: Fitter) -> float:
         after: The same with the explanation.
         fitter: Of both.
     """
-    gap, left = _excesses(before, fitter), _excesses(after, fitter)
+    gap, left = excesses(before, fitter), excesses(after, fitter)
     plain = np.maximum(gap, left) > PLAIN
     least = TOLD * PLAIN
     share = np.log(np.maximum(left, least) / np.maximum(gap, least))[plain]

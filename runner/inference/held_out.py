@@ -18,7 +18,7 @@ from runner.effects.vocabulary import Candidate
 from runner.inference.breakaway import SHORTEST
 from runner.inference.contender import Contender
 from runner.inference.evidence import directions, evidence, normal_equations, sensitivities, together
-from runner.inference.foretold import LEAVES, PLAIN, astray, usually_left
+from runner.inference.foretold import LEAVES, PLAIN, astray, excesses, usually_left
 from runner.inference.least_squares import NONE, Fit, Fitter, amplitudes
 from runner.inference.materiality import causes_of
 from runner.inference.search import Search
@@ -285,19 +285,14 @@ def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nomina
     if gains and fitter.measured.excess(best.total, held_out) > RESTS:
         best = min(best, held.fit(NONE, held_out), key=lambda f: f.total)
     # what is replayed much worse than all that was fitted may begin where it did not: a motion forgets its start
-    worst = max(_left_of(e, own, fitter) for e, own in zip(contender.fit.episodes, contender.fit.loss, strict=True))
-    off = [k for k, e in enumerate(best.episodes) if _left_of(e, best.loss[k], fitter) > max(worst, RESTS)]
-    if not off:
+    worst = max(float(excesses(contender.fit, fitter).max()), RESTS)
+    off = np.flatnonzero(excesses(best, fitter) > worst)
+    if not len(off):
         return fitter.fit(explanation, held_out, x=x, near=best, iterations=0)
     starts = best.starts.copy()
     for k in off:
         starts[k] = _grown_start(held, best.episodes[k], starts[k])
     return fitter.fit(explanation, held_out, x=x, starts=starts, iterations=0)
-
-
-def _left_of(episode: int, loss: float, fitter: Fitter) -> float:
-    """Return what a fit leaves of one stretch, in squared noises."""
-    return fitter.measured.excess(float(loss), [episode])
 
 
 def _holding(contender: Contender, fitter: Fitter) -> Fitter:

@@ -124,7 +124,7 @@ def chosen(around: NormalEquations, fitter: Fitter, most: int, worth: float) -> 
         linear.spread[taken[candidate]] = FREE
         _without_the_needless(linear, taken, mismatch, p, worth)
     _, _, moved = linear.beside()
-    return [(c, _vector(c, index, moved, around, fitter)) for c, index in taken.items()]
+    return [(c, vector_at(c, index, moved[index], around, fitter)) for c, index in taken.items()]
 
 
 def _groups(around: NormalEquations) -> list[tuple[Candidate, np.ndarray]]:
@@ -159,12 +159,12 @@ def _without_the_needless(
             linear.spread[index] = FREE
 
 
-def _vector(
+def vector_at(
     candidate: Candidate, index: np.ndarray, moved: np.ndarray, around: NormalEquations, fitter: Fitter
 ) -> np.ndarray:
-    """Return where the fit of a chosen effect begins."""
+    """Return where the fit of an effect begins that moves by so much along some entries of the linear model."""
     way = [int(i) - len(around.fit.x) for i in index]
-    amplitudes = np.clip(moved[index], -4.0, 4.0)
+    amplitudes = np.clip(moved, -4.0, 4.0)
     return clip(candidate, moved_by(around.directions, way, amplitudes), fitter.context)
 
 

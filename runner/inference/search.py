@@ -89,7 +89,7 @@ def search(
             break
         # in pieces, where fits only begin, a leap is enough
         beam = [] if pieces and fitter.system.leaps else rounds.beam(new or [])
-    return Search(tuple(sorted(rounds.contenders, key=lambda c: -c.log_posterior)), rounds.nominal)
+    return Search(tuple(_likeliest_first(rounds.contenders)), rounds.nominal)
 
 
 @dataclass
@@ -342,12 +342,13 @@ class _Rounds:
         Of what a leap has put together more than one effect may go.
         """
         while True:
-            new = sorted(self._and_with_one_less(new, around_best), key=lambda c: -c.log_posterior)
+            new = _likeliest_first(self._and_with_one_less(new, around_best))
+            if not self.fitter.system.leaps:
+                return new
+            if not 1 < len(new[0].fit.explanation.candidates) < size:
+                new = _likeliest_first(self._and_with_one_for_two(new, around_best))
             likeliest = len(new[0].fit.explanation.candidates)
-            if self.fitter.system.leaps and not 1 < likeliest < size:
-                new = sorted(self._and_with_one_for_two(new, around_best), key=lambda c: -c.log_posterior)
-                likeliest = len(new[0].fit.explanation.candidates)
-            if not (self.fitter.system.leaps and 1 < likeliest < size):
+            if not 1 < likeliest < size:
                 return new
             size = likeliest
 
@@ -371,8 +372,6 @@ class _Rounds:
 
     def _and_with_one_for_two(self, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
         """Add what the likeliest is with one effect in the place of two."""
-        if len(new[0].fit.explanation.candidates) < 2:
-            return new
         fits = one_for_two(self.fitter, new[0], self.seen)
         self.seen |= {key_of(f.explanation) for f in fits}
         fewer = [self._worthy(fit, around_best) for fit in fits]
@@ -384,6 +383,10 @@ class _Rounds:
         lacks = self.worth - (self.nominal.total - fit.total) if len(fit.explanation.candidates) == 1 else 0.0
         against = 0.5 * max(lacks, 0.0)
         return contend(self.fitter, fit, around_best, self.alone, against=against, dispersion=self.dispersion)
+
+
+def _likeliest_first(contenders: Sequence[Contender]) -> list[Contender]:
+    return sorted(contenders, key=lambda c: -c.log_posterior)
 
 
 def resumed(before: Search, fitter: Fitter) -> Beginning:

@@ -27,9 +27,8 @@ NONE, UNKNOWN = "none", "unknown"
 HALF = 0.5  # an explanation less likely than that is not an answer
 OVER = 0.05  # squared noises that the nominal model leaves: less is not worth a word
 NOISE_LEFT = 0.99  # of what can be closed: the rest is as good as noise
-MUCH_AS_NOISE = (
-    1.0  # of the noise's mean square: more than that, 1.4 noise levels, is not the noise, however much closed
-)
+# of the noise's mean square: what leaves more than that, 1.4 noise levels, is not the noise, however much is closed
+MUCH_AS_NOISE = 1.0
 TRACE = 0.25  # of the noise's mean square: 12 % in the root of it is as good as noise
 NOISY = 3.0  # noise levels missed as believed: of less, a good part is noise, which nothing takes away
 
