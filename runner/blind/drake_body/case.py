@@ -19,9 +19,7 @@ from runner.blind.drake_body.plants import OUTSIDE, TOGETHER_ALIKE, VOCABULARY, 
 from runner.blind.drake_engine import drake
 from runner.blind.make import RATIOS, AbstractMaker, CasePlan, draw_size, error_ratio, nearest_band
 from runner.blind.make.noise import draw_character
-from runner.errors import ConfigError
 
-ATTEMPTS = 20
 COARSE_S = 1e-3  # longest step while a size is looked for
 APART = 0.5  # noises (rms) by which the engines may differ, from the start of an episode to its end, without any effect
 TOUCHING_M, AFTER_S, LEAST_AFTER_S = 5e-4, 0.6, 0.03  # a touch; how long after it is looked, and is left at least
@@ -61,6 +59,7 @@ class DrakeBodyMaker(AbstractMaker):
     vocabulary = tuple(VOCABULARY)
     outside = tuple(OUTSIDE)
     together_alike = TOGETHER_ALIKE
+    attempts = 20
 
     def check_ready(self) -> None:
         """See `AbstractMaker`."""
@@ -70,14 +69,9 @@ class DrakeBodyMaker(AbstractMaker):
         """See `AbstractMaker`."""
         return {"circumstances": asdict(self.circumstances)}
 
-    def make(self, plan: CasePlan, folder: Path) -> dict[str, Any]:
+    def try_to_make(self, plan: CasePlan, folder: Path, g: np.random.Generator) -> dict[str, Any] | None:
         """See `AbstractMaker`."""
-        g = np.random.default_rng(plan.seed)
-        for _ in range(ATTEMPTS):
-            answer = _try_case(plan, self, folder, g)
-            if answer is not None:
-                return answer
-        raise ConfigError(f"blind.effect: no sensible size of {plan.wanted} can be seen, in {ATTEMPTS} tries.")
+        return _try_case(plan, self, folder, g)
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,8 @@ from runner.blind.planar_box.physics import PlannedEpisode
 from runner.blind.planar_box.plants import TOGETHER_ALIKE, UnplantedCase
 from runner.blind.planar_box.reality import Reality, draw_noise, draw_world
 from runner.blind.planar_box.reality import simulate_or_none as by_equations
-from runner.errors import ConfigError, check_range
+from runner.errors import check_range
 
-ATTEMPTS = 20
 APART = 0.5  # noises by which the engine may differ from the equations of motion, in an episode without any effect
 REDRAWS = 6  # of an episode that differs by more
 
@@ -55,6 +54,7 @@ class DrakeBoxMaker(AbstractMaker):
     vocabulary = VOCABULARY
     outside = tuple(OUTSIDE)
     together_alike = TOGETHER_ALIKE
+    attempts = 20
     before = ("mass",)
 
     def __post_init__(self) -> None:
@@ -72,14 +72,10 @@ class DrakeBoxMaker(AbstractMaker):
         """See `AbstractMaker`."""
         return {"reality": asdict(self.reality), "roughness": self.roughness}
 
-    def make(self, plan: CasePlan, folder: Path) -> dict[str, Any]:
+    def try_to_make(self, plan: CasePlan, folder: Path, g: np.random.Generator) -> dict[str, Any] | None:
         """See `AbstractMaker`."""
-        g = np.random.default_rng(plan.seed)
-        for _ in range(ATTEMPTS):
-            made = _try_case(plan, self, g)
-            if made is not None:
-                return write_made(made, folder)
-        raise ConfigError(f"blind.effect: no sensible size of {plan.wanted} can be seen, in {ATTEMPTS} tries.")
+        made = _try_case(plan, self, g)
+        return None if made is None else write_made(made, folder)
 
 
 def _try_case(plan: CasePlan, maker: DrakeBoxMaker, g: np.random.Generator) -> tuple[dict, pd.DataFrame, dict] | None:

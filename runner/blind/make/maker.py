@@ -44,6 +44,7 @@ class AbstractMaker(ABC):
         outside: Names of what can be planted that it has none for.
         together_alike: Pairs that are one effect to any such data, or that write the same field.
         before: Which of a pair is planted first: those that others are relative to.
+        attempts: How often everything is drawn anew until a case can be had.
     """
 
     system: str
@@ -51,14 +52,26 @@ class AbstractMaker(ABC):
     outside: Sequence[str]
     together_alike: Sequence[set[str]]
     before: Sequence[str] = ()
+    attempts: int = 40
 
-    @abstractmethod
     def make(self, plan: CasePlan, folder: Path) -> dict[str, Any]:
         """Write one case into its folder and return its answer.
 
         Raises:
             ConfigError: If nothing that could be drawn reaches the planned severity.
         """
+        generator = np.random.default_rng(plan.seed)
+        for _ in range(self.attempts):
+            answer = self.try_to_make(plan, folder, generator)
+            if answer is not None:
+                return answer
+        raise ConfigError(
+            f"blind.effect: no sensible size of {plan.wanted} reaches its severity in {self.attempts} tries."
+        )
+
+    @abstractmethod
+    def try_to_make(self, plan: CasePlan, folder: Path, g: np.random.Generator) -> dict[str, Any] | None:
+        """Draw one case; write it and return its answer, or none where what is planned can't be had with it."""
 
     @abstractmethod
     def settings(self) -> Mapping[str, Any]:

@@ -19,9 +19,6 @@ from runner.blind.mechanism.excite import RATES_HZ, Clock, draw_episodes
 from runner.blind.mechanism.files import nominal_of, table_of, write_case
 from runner.blind.mechanism.physics import COARSE_S, World, simulate_or_none
 from runner.blind.mechanism.plants import TOGETHER_ALIKE, Plant, kinds_of
-from runner.errors import ConfigError
-
-ATTEMPTS = 40
 
 
 @dataclass(frozen=True)
@@ -75,18 +72,9 @@ class MechanismMaker(AbstractMaker):
         """See `AbstractMaker`."""
         return {"circumstances": asdict(self.circumstances)}
 
-    def make(self, plan: CasePlan, folder: Path) -> dict[str, Any]:
-        """See `AbstractMaker`.
-
-        Where a severity can't be reached with a sensible size, the next lower one is tried, then everything is drawn
-        anew.
-        """
-        generator = np.random.default_rng(plan.seed)
-        for _ in range(ATTEMPTS):
-            answer = _try_case(self, plan, folder, generator)
-            if answer is not None:
-                return answer
-        raise ConfigError(f"blind.effect: no sensible size of {plan.wanted} reaches its severity in {ATTEMPTS} tries.")
+    def try_to_make(self, plan: CasePlan, folder: Path, g: np.random.Generator) -> dict[str, Any] | None:
+        """See `AbstractMaker`; where a severity can't be reached, the next lower one is tried."""
+        return _try_case(self, plan, folder, g)
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,8 @@ from runner.blind.planar_box.files import nominal_of, table_of, write_made
 from runner.blind.planar_box.physics import World
 from runner.blind.planar_box.plants import OUTSIDE, TOGETHER_ALIKE, VOCABULARY, Plant, UnplantedCase, draw
 from runner.blind.planar_box.reality import COARSE, Reality, draw_noise, draw_world, mismatched, simulate_or_none
-from runner.errors import ConfigError
 
 KINDS = ("position", "position", "yaw", "velocity", "velocity", "rate")  # of the six channels
-ATTEMPTS = 40
 
 
 @dataclass(frozen=True)
@@ -40,18 +38,10 @@ class PlanarBoxMaker(AbstractMaker):
         """See `AbstractMaker`."""
         return {"reality": asdict(self.reality)}
 
-    def make(self, plan: CasePlan, folder: Path) -> dict[str, Any]:
-        """See `AbstractMaker`.
-
-        Where a severity can't be reached with a sensible size, the next lower one is tried, then everything is drawn
-        anew.
-        """
-        generator = np.random.default_rng(plan.seed)
-        for _ in range(ATTEMPTS):
-            made = _try_case(plan, self.reality, generator)
-            if made is not None:
-                return write_made(made, folder)
-        raise ConfigError(f"blind.effect: no sensible size of {plan.wanted} reaches its severity in {ATTEMPTS} tries.")
+    def try_to_make(self, plan: CasePlan, folder: Path, g: np.random.Generator) -> dict[str, Any] | None:
+        """See `AbstractMaker`; where a severity can't be reached, the next lower one is tried."""
+        made = _try_case(plan, self.reality, g)
+        return None if made is None else write_made(made, folder)
 
 
 def _try_case(plan: CasePlan, reality: Reality, g: np.random.Generator) -> tuple[dict, pd.DataFrame, dict] | None:
