@@ -95,6 +95,7 @@ def scope_of(recording: MechanismRecording, models: Models, initial: MechanismSt
         signal={s.name: float(spread[k]) for k, s in enumerate(recording.mapping.sources)},
         length_s=max(float(e.t_s[-1] - e.t_s[0]) for e in recording.episodes),
         step_s=recording.step_s,
+        pushed=frozenset(f.body for f in recording.mapping.forces),
     )
 
 
