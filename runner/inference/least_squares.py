@@ -198,8 +198,12 @@ class Fitter:
 
     def up_to(self, seconds: float) -> Fitter:
         """Return a fitter of the first so many seconds of every episode, at least two samples."""
+        return self.parts(self.beginnings(seconds, range(len(self.measured.values))))
+
+    def beginnings(self, seconds: float, episodes: Iterable[int]) -> list[Span]:
+        """Return the first so many seconds of some episodes, at least two samples."""
         most = max(2, int(seconds * self.system.rate_hz * (1 + 1e-9)) + 1)
-        return self.parts([Span(e, 0, min(len(v), most)) for e, v in enumerate(self.measured.values)])
+        return [Span(e, 0, min(len(self.measured.values[e]), most)) for e in episodes]
 
     def pieces(self, seconds: float, episodes: Sequence[int]) -> list[Span]:
         """Cut episodes into equal pieces of about so many seconds; what has hardly been measured is left out."""

@@ -22,6 +22,7 @@ from runner.recording import Span
 ASTRAY = 2.5  # mean square, in noises, from which on a descent from the nominal model is not trusted
 # Into so many pieces episodes are cut, and into more as long as the nominal model goes astray in them, none shorter.
 PIECES, SHORTEST_S = 8, 0.5
+BEGUN = 0.5  # of the longest of what is too short for that: as far as its beginnings are looked at
 # Of what the nominal model leaves of the whole: where pieces leave more, its errors do not pile up over time, descents
 # go as well from the whole as from pieces, and those show nothing that the whole does not.
 PILED_UP = 0.5
@@ -51,7 +52,10 @@ class Look:
 
 
 def look(fitter: Fitter, nominal: Fit) -> Look | None:
-    """Search the episodes of a nominal fit in pieces, if it goes astray and they are long enough; else None.
+    """Search the episodes of a nominal fit in pieces, if it goes astray; else None.
+
+    What is too short to be cut, such as a flight into an impact, is looked at as far as its first half: a model that is
+    wrong in the air meets the ground elsewhere, and a descent through that ends anywhere.
 
     What is left for the whole are the single effects that are near the likeliest, and the likeliest several. If one of
     those explains the whole, no other single effect is worth a fit of its own.
@@ -62,10 +66,9 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     whole_loss = fitter.loss(NONE, nominal.x, nominal.starts, episodes)
     longest_s = fitter.longest_s(episodes)
     piece_s = max(longest_s / PIECES, SHORTEST_S)
-    if whole_loss <= ASTRAY * count or longest_s < 2 * piece_s:
-        return None
-    spans = fitter.pieces(piece_s, episodes)
-    if not spans:
+    cuttable = longest_s >= 2 * piece_s
+    spans = fitter.pieces(piece_s, episodes) if cuttable else fitter.beginnings(BEGUN * longest_s, episodes)
+    if whole_loss <= ASTRAY * count or not spans:
         return None
     while True:
         cut = fitter.parts(spans)
@@ -96,7 +99,8 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
         if candidates and few and c.log_posterior > near:
             seeds[key_of(c.fit.explanation)] = seed(c.fit)
     best, there = found.best.fit, set[Key]()
-    if cut.measured.excess(best.total, best.episodes) > fitter.system.cut_from and key_of(best.explanation) in seeds:
+    little = cut.measured.excess(best.total, best.episodes) < fitter.system.cut_from
+    if cuttable and not little and key_of(best.explanation) in seeds:
         # over longer times what is lacking may pile up, or what is there may come to show: whichever leaves less tells
         longer = carried(whole, seeds[key_of(best.explanation)], episodes, longest_s)[-1]
         if longer.total / whole_loss > best.total / found.nominal.total:
