@@ -44,6 +44,12 @@ def notes(
     if off := off_from_stated(measured, system):
         each = ", ".join(f"{times:.2g} times in {channels}" for channels, times in off.items())
         out.append(f"The noise is not what is stated, by what the recording shows, but {each}.")
+    if (hidden := measured.is_scatter()).any():
+        channels = ", ".join(c.name for c, hides in zip(system.channels, hidden, strict=True) if hides)
+        out.append(
+            f"After an impact equally good models differ by more than the noise of the sensors in {channels}: that "
+            "counts as noise."
+        )
     for e, sample in measured.hung.items():
         episode = recording.episodes[e]
         out.append(

@@ -87,7 +87,18 @@ class Measured:
             valid[s.episode][s.begin : s.end] = self.valid[i]
             if i in self.hung:
                 hung[s.episode] = min(hung.get(s.episode, s.end), s.begin + self.hung[i])
-        return replace(whole, sigma=self.sigma, noise_model=self.noise_model, valid=tuple(valid), hung=hung)
+        return replace(
+            whole,
+            sigma=self.sigma,
+            noise_model=self.noise_model,
+            valid=tuple(valid),
+            scatter=self.scatter,
+            hung=hung,
+        )
+
+    def is_scatter(self) -> np.ndarray:
+        """Return which channels have the noise of what no model predicts, not of their sensors, (C,)."""
+        return np.zeros(len(self.sigma), bool) if self.scatter is None else self.sigma <= self.scatter
 
     def without(self, hung: Mapping[int, int]) -> Measured:
         """Return the same less what hangs on a breakaway, from such a sample of an episode on."""
@@ -185,11 +196,14 @@ def materially_different(a: Measured, b: Measured) -> bool:
 
 
 def off_from_stated(measured: Measured, system: AbstractSystem) -> dict[str, float]:
-    """Return how many times as large as its owner states the noise of each group of channels is, where materially."""
-    out = {}
+    """Return how many times as large as its owner states a sensor's noise is, where materially, by group of channels.
+
+    Where something else counts as noise beside it, nothing is known of the sensor.
+    """
+    out, hidden = {}, measured.is_scatter()
     for columns in _groups(system):
         stated, found = measured.stated[columns[0]], measured.sigma[columns[0]]
-        if np.isfinite(stated) and abs(np.log(found / stated)) > 2 * MATERIAL:
+        if np.isfinite(stated) and not hidden[columns[0]] and abs(np.log(found / stated)) > 2 * MATERIAL:
             out[", ".join(system.channels[c].name for c in columns)] = float(found / stated)
     return out
 
