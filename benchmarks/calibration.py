@@ -21,7 +21,7 @@ from scipy.optimize import minimize
 from scipy.special import expit, logit, softmax
 
 from runner.diagnosis.score import UNKNOWN, calibration_error, full_name, is_right, read_answers, share
-from runner.inference.probability import LEAST_UNKNOWN, MOST_UNKNOWN
+from runner.inference.probability import as_unknown
 from runner.storage.reading import read_json
 
 LEAST = 1e-3  # what is not in a ranking may be this likely: a log loss has no bound otherwise
@@ -39,7 +39,7 @@ class Case:
 
     def stated(self, temperature: float, raised: float) -> tuple[float, float, bool]:
         """Return the probability of what is right, that of the first answer, and whether the first answer is right."""
-        unknown = float(np.clip(expit(logit(self.unknown) + raised), LEAST_UNKNOWN, MOST_UNKNOWN))
+        unknown = as_unknown(expit(logit(self.unknown) + raised))
         each = np.append((1.0 - unknown) * softmax(self.named / temperature), unknown)
         right = np.append(self.right, self.unknown_is_right)
         first = int(each.argmax())

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from runner.diagnosis.split import HELD_OUT
 from runner.inference.contender import Contender
 from runner.noise.measured import Measured, off_from_stated
 from runner.recording import Span
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 from runner.systems.recorded import Recorded
 
@@ -76,7 +76,7 @@ def notes(
             "explanation foretells anything, though one does foretell the rest of what was not fitted: that part is in "
             "no figure here. Something else happened there, or the motion hung on a hair."
         )
-    if len(held_out) < HELD_OUT:
+    if len(held_out) < SETTINGS.held_out.episodes:
         out.append("Only one episode was left to check the explanation.")
     if stretch_s is not None:
         out.append(

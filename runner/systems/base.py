@@ -66,7 +66,7 @@ class AbstractSystem(ABC):
         noun: What the object is called in a sentence: "object", "mechanism".
         experiment: What is done to it: "push"; `reach`: what limits that so far; `reach_further`: what would go beyond.
         mismatch_levels: How far any simulator of such an object may be off in the direction of each effect, in units of
-            `runner.inference.evidence.SHARE`: equally likely multiples, 1 among them. How far is not known beforehand.
+            `OddsSettings.mismatch_share`: equally likely multiples, 1 among them. How far is not known beforehand.
         unknown_share: Share of the gap that an explanation may leave and still be as likely as none of them.
         most_effects: So many may be at work at once.
         leaps: Whether a search begins with what the linear model proposes together.
