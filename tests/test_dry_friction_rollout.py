@@ -10,6 +10,7 @@ from runner.recording import read_case
 from runner.systems.case import open_case
 from runner.systems.planar_box.simulator import Simulator
 from runner.systems.planar_box.system import PlanarBox
+from runner.systems.planar_box.windows import planar
 from runner.systems.simulator import Run
 from runner.systems.windows import Windows
 
@@ -71,4 +72,4 @@ def test_what_else_acts_is_left_to_the_engine() -> None:
     effects = tether.make(tether.starts(system.context)[0], system.context)
     simulator = Simulator(read_case(CASE), threads=1)
     assert dry_friction.is_all_that_acts(simulator.model(()))
-    assert not dry_friction.is_all_that_acts(simulator.model(effects))
+    assert not dry_friction.is_all_that_acts(simulator.model(planar(effects)))

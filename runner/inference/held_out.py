@@ -84,7 +84,7 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     nominal = next(c for c in finite if not c.fit.explanation.candidates)
     limits = SETTINGS.held_out
     near = finite[0].log_posterior - limits.close_log_odds
-    hopeless = finite[0].log_posterior - limits.hopeless_log_odds if fitter.system.leaps else -np.inf
+    hopeless = finite[0].log_posterior - limits.hopeless_log_odds
     leaders = [
         c
         for i, c in enumerate(finite)
@@ -266,7 +266,7 @@ def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nomina
     best = held.fit(NONE, held_out, near=nominal)
     # where the body spins fast, a descent of the start states may end in a local minimum: from two sides, save where
     # nothing is left to be gained, or stretches are so short that their ends answer to their starts in proportion
-    gains = nominal is not None and not (fitter.system.leaps and best.total < nominal.total)
+    gains = nominal is not None and best.total >= nominal.total
     if gains and fitter.measured.excess(best.total, held_out) > SETTINGS.search.near_excess:
         best = min(best, held.fit(NONE, held_out), key=lambda f: f.total)
     # what is replayed much worse than all that was fitted may begin where it did not: a motion forgets its start

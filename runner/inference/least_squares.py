@@ -250,10 +250,9 @@ class Fitter:
         With another account of the noise a fit hardly moves: what was simulated around it before still holds.
         """
         spans = tuple(self.measured.spans[e] for e in fit.episodes)
-        if self.system.leaps:
-            for known in self.surveys:
-                if known.spans == spans and known.held == self.held and are_near(known.fit, fit, self.context):
-                    return known.shown
+        for known in self.surveys:
+            if known.spans == spans and known.held == self.held and are_near(known.fit, fit, self.context):
+                return known.shown
         simulator = self.simulator.surveying()
         before_s, shown = simulator.simulated_s, []
         for e, start in zip(fit.episodes, fit.starts, strict=True):

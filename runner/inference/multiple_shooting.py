@@ -14,9 +14,8 @@ import numpy as np
 from runner.inference.breakaway import hanging
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 from runner.inference.parameters import is_out_of_range
-from runner.inference.search import Search, resumed, search, singles
+from runner.inference.search import search, singles
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of
-from runner.progress import UNOBSERVED
 from runner.recording import Span
 from runner.settings import SETTINGS
 
@@ -72,7 +71,9 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     lacks = rough.loss - [cut.measured.count([i]) for i in rough.episodes]
     first = np.array([s.begin == 0 for s in spans])
     chosen = np.flatnonzero(first | (lacks > np.quantile(lacks, 1.0 - limits.searched_share)))
-    found, cut, hung = _searched(cut, chosen.tolist(), rough.starts[chosen])
+    found = search(cut, chosen.tolist(), starts=rough.starts[chosen], pieces=True)
+    hung = hanging(cut, found.best.fit)
+    cut = replace(cut, measured=cut.measured.without(hung))
     fitter.simulator.simulated_s += cut.simulator.simulated_s
     late = _earliest(hung, spans)
     whole = replace(fitter, measured=fitter.measured.without(late))
@@ -90,7 +91,7 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     little = cut.measured.excess(best.total, best.episodes) < fitter.system.cut_from
     if cuttable and not little and key_of(best.explanation) in seeds:
         # over longer times what is lacking may pile up, or what is there may come to show: whichever leaves less tells
-        longer = carried(whole, seeds[key_of(best.explanation)], episodes, longest_s)[-1]
+        longer = carried(whole, seeds[key_of(best.explanation)], episodes, longest_s)
         if longer.total / whole_loss > best.total / found.nominal.total:
             return Look(Beginning(seeds), late, piece_s)
         seeds[key_of(best.explanation)] = longer
@@ -98,27 +99,11 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     for c in found.contenders[: SETTINGS.search.beam_width]:
         key = key_of(c.fit.explanation)
         if key in seeds and key not in there:
-            for further in carried(whole, seeds[key], episodes, longest_s):
-                at = key_of(further.explanation)
-                seeds[at] = min(further, seeds.get(at, further), key=lambda s: s.total)
+            seeds[key] = min(carried(whole, seeds[key], episodes, longest_s), seeds[key], key=lambda s: s.total)
     explained = any(explains(s, whole, episodes) for s in seeds.values())
     return Look(
         Beginning(seeds, singles(fitter.system.vocabulary) - set(seeds) if explained else frozenset[Key]()), late
     )
-
-
-def _searched(cut: Fitter, chosen: Sequence[int], starts: np.ndarray) -> tuple[Search, Fitter, dict[int, int]]:
-    """Search pieces; also returns the fitter without what hangs on a breakaway, and from which sample each does."""
-    if cut.system.leaps:
-        found = search(cut, chosen, starts=starts, pieces=True)
-        hung = hanging(cut, found.best.fit)
-        return found, replace(cut, measured=cut.measured.without(hung)), hung
-    found = search(cut, chosen, most=1, starts=starts, pieces=True)
-    # before a second effect makes up for what hangs on a breakaway
-    hung = hanging(cut, found.best.fit)
-    cut = replace(cut, measured=cut.measured.without(hung))
-    begin, starts = resumed(found, cut), found.nominal.starts
-    return search(cut, chosen, most=SETTINGS.pieces.max_effects, starts=starts, beginning=begin, pieces=True), cut, hung
 
 
 def recut(beginning: Beginning, fitter: Fitter, nominal: Fit) -> Beginning:
@@ -167,13 +152,9 @@ def _seed(
     return WarmStart(explanation, x, starts, fitter.loss(explanation, x, starts, episodes))
 
 
-def carried(fitter: Fitter, seed: WarmStart, episodes: Sequence[int], longest_s: float) -> list[WarmStart]:
-    """Fit what was found in pieces of the episodes to longer parts, as long as it goes astray, and to the whole.
-
-    Where it goes astray in a longer part already, it lacks something that does not show in pieces; with that, if there
-    is one, it goes on.
-    """
-    count, left_behind = fitter.measured.count(episodes), []
+def carried(fitter: Fitter, seed: WarmStart, episodes: Sequence[int], longest_s: float) -> WarmStart:
+    """Fit what was found in pieces of the episodes to longer parts, as long as it goes astray, and to the whole."""
+    count = fitter.measured.count(episodes)
     plain = 1.0 + SETTINGS.held_out.plain_excess  # mean square from which on it goes astray
     for share in SETTINGS.pieces.growing_shares:
         if seed.total < plain * count:
@@ -181,25 +162,8 @@ def carried(fitter: Fitter, seed: WarmStart, episodes: Sequence[int], longest_s:
         longer = fitter.up_to(longest_s * share)
         steps = SETTINGS.fit.warm_steps
         fit = longer.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=steps, polish=False)
-        lacks = fit.total > plain * longer.measured.count(episodes) and len(fit.x) and not left_behind
-        if lacks and not fitter.system.leaps:
-            left_behind.append(_seed(fitter, fit.explanation, fit.x, fit.starts, episodes))
-            fit = _with_another(longer, fit)
         fitter.simulator.simulated_s += longer.simulator.simulated_s
         seed = _seed(fitter, fit.explanation, fit.x, fit.starts, episodes)
     steps = SETTINGS.pieces.whole_steps
     fit = fitter.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=steps, polish=False)
-    return [*left_behind, WarmStart(fit.explanation, fit.x, fit.starts, fit.total)]
-
-
-def _with_another(fitter: Fitter, fit: Fit) -> Fit:
-    """Return the likeliest explanation of the same episodes that has the effects of a fit and another one.
-
-    The fit itself, where there is none.
-    """
-    held, known = fit.explanation.candidates, WarmStart(fit.explanation, fit.x, fit.starts, fit.total)
-    beginning = Beginning({key_of(fit.explanation): known}, singles(fitter.system.vocabulary) - {held})
-    # what is best here is no more than a step on the way: nobody is told
-    unobserved = replace(fitter, observer=UNOBSERVED)
-    best = search(unobserved, fit.episodes, most=len(held) + 1, starts=fit.starts, beginning=beginning).best.fit
-    return best if set(best.explanation.candidates) >= set(held) else fit
+    return WarmStart(fit.explanation, fit.x, fit.starts, fit.total)

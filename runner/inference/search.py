@@ -64,12 +64,12 @@ def search(
         fits = rounds.fitted(size, beam)
         # where several are far ahead of each alone, or of fewer, only they come from before
         new = rounds.weighed(size, fits) if fits else None
-        if size == 1 < most and fitter.system.leaps:
+        if size == 1 < most:
             rounds.leap()
         if new is None and not any(len(key) > size for key in rounds.seeds):
             break
         # in pieces, where fits only begin, a leap is enough
-        beam = [] if pieces and fitter.system.leaps else rounds.beam(new or [])
+        beam = [] if pieces else rounds.beam(new or [])
     return Search(tuple(_likeliest_first(rounds.contenders)), rounds.nominal)
 
 
@@ -241,9 +241,8 @@ class _Rounds:
         beam: list[Contender] = []
         left = min((s.total for s in self.seeds.values()), default=np.inf) - self.count
         limits = SETTINGS.search
-        ahead = limits.leap_lead_ratio if self.fitter.system.leaps else limits.lead_ratio
         for contender in new:
-            if contender.fit.total - self.count > ahead * max(left, self.worth):
+            if contender.fit.total - self.count > limits.leap_lead_ratio * max(left, self.worth):
                 continue  # a set of more effects is so far ahead that one more beside this will not reach it
             settled = max(limits.settled_share * (self.nominal.total - self.count), self.worth)
             if beam and beam[0].fit.total - self.count < settled:
@@ -261,26 +260,20 @@ class _Rounds:
             return self._likely(promised)
         if size == 1:
             foreseen = min((s.total for s in self.seeds.values()), default=np.inf) - self.count
-            if self.fitter.system.leaps and foreseen < limits.settled_share * left:
+            if foreseen < limits.settled_share * left:
                 return promised[: limits.most_promising]  # an earlier look has found where to begin
             every = left >= limits.near_excess * self.count
             ahead = limits.lead_ratio * max(foreseen, self.worth) < left
-            if self.fitter.system.leaps and (ahead or every):
+            if ahead or every:
                 return self._likely(promised)
             few, enough = limits.most_promising, limits.min_promise_share * self.worth
-            return [o for i, o in enumerate(promised) if every or i < few or o[0] > enough]
+            return [o for i, o in enumerate(promised) if i < few or o[0] > enough]
         if left < self.worth:
             return []  # nothing is left that would be worth an effect
-        candidates = limits.most_promising if self.pieces else limits.candidates
-        if self.fitter.system.leaps:
-            reached = min(s.total for s in (*self.seeds.values(), *(c.fit for c in self.contenders))) - self.count
-            behind = left - limits.leap_lead_ratio * max(reached, self.worth)
-            enough = max(limits.min_promise_share * self.worth, behind)
-            return [o for o in promised[: limits.most_promising] if o[0] > enough]
-        if left < min(limits.linear_share * (self.nominal.total - self.count), self.count):
-            return [o for o in promised[:candidates] if o[0] > limits.min_promise_share * self.worth]
-        # far from a good fit the linear promise misleads: the commonest effects are always tried
-        return [o for i, o in enumerate(promised) if i < candidates or o[1].effect.common]
+        reached = min(s.total for s in (*self.seeds.values(), *(c.fit for c in self.contenders))) - self.count
+        behind = left - limits.leap_lead_ratio * max(reached, self.worth)
+        enough = max(limits.min_promise_share * self.worth, behind)
+        return [o for o in promised[: limits.most_promising] if o[0] > enough]
 
     def _likely(self, promised: list[Offer]) -> list[Offer]:
         """Return the most promising, and of those whose promise says little."""
@@ -321,9 +314,7 @@ class _Rounds:
         What begins at a place or a range of its own has some way to go before it can be judged; a delay, too, where a
         leap has set the mark and the model is far from it.
         """
-        if size == 1 and not placed:
-            return 1 if self.fitter.system.leaps else 0
-        return 1 if self.pieces else SETTINGS.fit.patience_steps
+        return 1 if self.pieces or (size == 1 and not placed) else SETTINGS.fit.patience_steps
 
     def _pared(self, size: int, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
         """Return contenders of one size and what they are with less in them, likeliest first.
@@ -332,8 +323,6 @@ class _Rounds:
         """
         while True:
             new = _likeliest_first(self._and_with_one_less(new, around_best))
-            if not self.fitter.system.leaps:
-                return new
             if not 1 < len(new[0].fit.explanation.candidates) < size:
                 new = _likeliest_first(self._and_with_one_for_two(new, around_best))
             likeliest = len(new[0].fit.explanation.candidates)

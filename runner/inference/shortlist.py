@@ -28,8 +28,7 @@ def worth_of(system: AbstractSystem, count: int, nominal: float, left: float) ->
         left: That of the explanation that leaves least so far.
     """
     share = SETTINGS.search.min_gain_share * max(nominal - count, 0.0)
-    if system.leaps:
-        share = min(share, (1.0 - system.worth_another) * max(left - count, 0.0))
+    share = min(share, (1.0 - system.worth_another) * max(left - count, 0.0))
     return least_gain(count) + share
 
 

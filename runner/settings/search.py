@@ -40,9 +40,6 @@ class PieceSettings:
         "of the pieces",
         "Pieces of which the nominal model leaves least say nothing of what it lacks, and cost as much as the others.",
     )
-    max_effects: int = setting(
-        2, "effects", "What does less than two others hardly shows in pieces; it comes in on the whole."
-    )
     growing_shares: tuple[float, ...] = setting(
         (0.5, 0.75),
         "of an episode",
@@ -123,11 +120,6 @@ class SearchSettings:
         "of the nominal excess",
         "The leader has explained the gap to within what a slightly wrong form of it leaves: nothing else is worth "
         "adding to.",
-    )
-    linear_share: float = setting(
-        0.1,
-        "of the nominal excess",
-        "A fit that leaves no more is so near that what else is missing is small, and its linear promise holds.",
     )
     lead_ratio: float = setting(
         3.0,

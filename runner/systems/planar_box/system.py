@@ -66,7 +66,6 @@ class PlanarBox(AbstractSystem):
     mismatch_levels = (0.5, 1.0, 2.0, 4.0, 8.0)
     # a floor, a box and a push: what more than three effects explain is something else; errors stay where they are made
     most_effects = 3
-    leaps = False
     dates_disturbances = False  # a box is touched by all that pushes it: its commands are that
     worth_another = 0.5
     # so much tells what there is to tell, and the time that a search takes grows with it
