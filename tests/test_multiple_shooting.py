@@ -155,7 +155,7 @@ def test_no_look_where_the_nominal_model_holds() -> None:
 
 def test_what_is_too_short_to_be_cut_is_looked_at_from_its_beginning() -> None:
     """As far as its first half, which the nominal model follows longer."""
-    fitter = fitter_of(pushed(random_pushes(3, 0.8), [(fx.ActuatorGain(1.5),)] * 3))
+    fitter = fitter_of(pushed(random_pushes(3, 0.95), [(fx.ActuatorGain(1.5),)] * 3))
     seen = look(fitter, fitter.fit(NONE, range(3)))
     assert seen is not None
     assert seen.cut_s is None
