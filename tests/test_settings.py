@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import ast
 import re
-from dataclasses import FrozenInstanceError, fields
+from dataclasses import FrozenInstanceError
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 import runner
 from runner.settings import SETTINGS
-from runner.settings.declared import Declared, declared
+from runner.settings.declared import Declared, by_stage
 from runner.systems.mechanism.settings import MECHANISM
 
 PACKAGE = Path(runner.__file__).parent
@@ -54,12 +53,7 @@ def numbers_of(source: str) -> set[str]:
 
 def every() -> list[tuple[str, Declared]]:
     """Return all numbers with the stage that they are of."""
-    return [*of(SETTINGS), *of(MECHANISM)]
-
-
-def of(settings: Any) -> list[tuple[str, Declared]]:
-    """Return some of them."""
-    return [(stage.name, one) for stage in fields(settings) for one in declared(getattr(settings, stage.name))]
+    return [*by_stage(SETTINGS), *by_stage(MECHANISM)]
 
 
 def test_modules_have_no_numbers_of_their_own() -> None:
@@ -89,8 +83,8 @@ def test_every_number_has_its_unit_and_reason() -> None:
 def test_the_page_on_statistics_says_how_many_they_are() -> None:
     """Whoever adds one has to say so."""
     page = (PACKAGE.parent / "docs" / "statistics.md").read_text(encoding="utf-8")
-    assert f"[{len(of(SETTINGS))} numbers](reference/numbers.md)" in page
-    assert f"mechanisms have {len(of(MECHANISM))} of their own" in page
+    assert f"[{len(list(by_stage(SETTINGS)))} numbers](reference/numbers.md)" in page
+    assert f"mechanisms have {len(list(by_stage(MECHANISM)))} of their own" in page
 
 
 def test_they_cannot_be_changed_in_passing() -> None:

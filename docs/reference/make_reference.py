@@ -228,7 +228,7 @@ def numbers() -> str:
 def _stages(settings: Any, level: str) -> Iterator[str]:
     for stage in dataclasses.fields(settings):
         of = getattr(settings, stage.name)
-        rows = [(f"`{one.name}`", _text(one.value), one.unit, one.reason) for one in declared(of)]
+        rows = [(f"`{one.name}`", one.text, one.unit, one.reason) for one in declared(of)]
         yield from (f"{level} {stage.name}", _prose(type(of)), *_grid(("number", "value", "unit", "reason"), rows))
 
 
