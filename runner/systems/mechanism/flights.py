@@ -21,8 +21,6 @@ from runner.systems.mechanism.coordinates import FREE, Coordinates
 from runner.systems.mechanism.models import can_touch
 from runner.systems.mechanism.settings import MECHANISM
 
-MOST_LOOKED_AT = 400  # samples of an episode; beyond, those of a thinner grid
-
 
 def measured_freely(recording: MechanismRecording, coordinates: Coordinates, model: mujoco.MjModel) -> bool:
     """Whether all that moves are free bodies whose whole pose is measured, and which may touch something."""
@@ -74,7 +72,7 @@ def _flights(
         if (found := _pose_channels(recording, near.body(int(near.jnt_bodyid[i])).name)) is not None
     }
     free = np.zeros(len(episode), bool)
-    every = max(1, len(episode) // MOST_LOOKED_AT)
+    every = max(1, len(episode) // MECHANISM.flight.max_looked_at)
     for k in range(0, len(episode), every):
         for q, places, turn in where.values():
             data.qpos[q] = np.concatenate([episode.values[k, places], episode.orientations[turn][k]])

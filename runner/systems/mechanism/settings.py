@@ -100,6 +100,11 @@ class FlightSettings:
         0.05, "s", "Between two impacts a start rests on the flight alone: a shorter one is a rattle."
     )
     still: float = setting(0.02, "of a body's size", "A body that moves less until the end of an episode lies.")
+    max_looked_at: int = setting(
+        400,
+        "samples of an episode",
+        "Each costs a search for collisions; a longer episode is looked at on a thinner grid.",
+    )
     rests: int = setting(
         8, "episodes", "One rest says as much as the next of how the ground leans and how high a body is."
     )
