@@ -17,6 +17,7 @@ import numpy as np
 from runner.numerics.arrays import spread_over
 from runner.recording import Span
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
+from runner.settings import SETTINGS
 from runner.systems.mechanism.coordinates import FREE, Coordinates
 from runner.systems.mechanism.models import can_touch
 from runner.systems.mechanism.settings import MECHANISM
@@ -81,7 +82,7 @@ def _flights(
             mujoco.mj_collision(near, data)
             free[k : k + every] = data.ncon == 0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], free, [False]]).astype(int)))
-    fewest = MECHANISM.flight.min_samples
+    fewest = SETTINGS.fit.min_start_samples
     least = max(fewest, round(MECHANISM.flight.min_length_s / episode.step_s))
     return [Span(number, int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= (least if a else fewest)]
 
@@ -105,7 +106,7 @@ def rests(recording: MechanismRecording, coordinates: Coordinates, model: mujoco
         still = np.isfinite(moved) & (moved < limits.still * size)
         begin = len(episode) - int(np.argmin(still[::-1])) if not still.all() else 0
         begin = max(begin, len(episode) - round(limits.max_length_s / episode.step_s))
-        if len(episode) - begin >= 2 * limits.min_samples:
+        if len(episode) - begin >= 2 * SETTINGS.fit.min_start_samples:
             out.append(Span(e, begin, len(episode)))
     return [out[i] for i in spread_over(len(out), limits.rests)]
 

@@ -16,6 +16,7 @@ from runner.numerics.arrays import FloatArray
 from runner.recording import Span
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import ChannelSource
+from runner.settings import SETTINGS
 from runner.systems.channels import Signals
 from runner.systems.initial import AbstractInitialState
 from runner.systems.mechanism import quaternions
@@ -74,7 +75,7 @@ class MechanismStart(AbstractInitialState):
     def speed_error(self, sigma: FloatArray) -> FloatArray:
         """Return the standard error of velocities of a smooth guess in the middle of an episode, (nv,)."""
         step_s = self._recording.step_s
-        n = 2 * max(MECHANISM.flight.min_samples, round(MECHANISM.start.smooth_s / step_s)) + 1
+        n = 2 * max(SETTINGS.fit.min_start_samples, round(MECHANISM.start.smooth_s / step_s)) + 1
         broad = self.broad()[self._coordinates.nv :]
         # of a straight line through n samples: slope and level
         return self._known(sigma, broad, position=step_s * np.sqrt(n**3 / 12.0), velocity=np.sqrt(n))
@@ -179,7 +180,7 @@ class MechanismStart(AbstractInitialState):
         """Return level and slope of each channel at a sample, (C,): of a quadratic around it, NaN where nothing is."""
         whole = signals.spans[episode]
         t = self._recording.episodes[whole.episode].t_s[whole.begin : whole.end]
-        reach = max(MECHANISM.flight.min_samples, round(MECHANISM.start.smooth_s / self._recording.step_s))
+        reach = max(SETTINGS.fit.min_start_samples, round(MECHANISM.start.smooth_s / self._recording.step_s))
         span = slice(max(0, first - reach), min(len(t), first + reach + 1))
         values = self._turned(signals.values[episode], whole, first)[span]
         valid = signals.valid[episode][span] & np.isfinite(values)

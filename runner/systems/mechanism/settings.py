@@ -21,7 +21,6 @@ class ReplaySettings:
     shared_length_s: float = setting(
         2.0, "s", "Where so many episodes share what is searched that each would get less, stretches may be this long."
     )
-    min_length_s: float = setting(0.5, "s", "Of anything shorter a start state is most of what is told.")
     max_impact_s: float = setting(
         0.4, "s", "A body that falls has several impacts in that time, and each adds what nobody knows."
     )
@@ -89,9 +88,6 @@ class FlightSettings:
 
     clearance: float = setting(
         0.03, "of a body's size", "Sizes and poses are known to about that: nearer it may touch."
-    )
-    min_samples: int = setting(
-        5, "samples", "A position, a velocity and what noise is left of them are told by as many."
     )
     max_length_s: float = setting(
         0.2, "s", "A start is told by the last part of a flight; earlier ones tell it hardly better."

@@ -64,7 +64,7 @@ def stretches(known: Sensitive, searched_s: float) -> tuple[Span, ...]:
         edges = np.linspace(0, n, max(1, round((n - 1) * periods_s[e] / by_episode[e])) + 1).round().astype(int)
         parts += [Span(e, int(a), int(b)) for a, b in pairwise(edges)]
     there = np.any([v.any(axis=0) for v in signals.valid], axis=0)
-    least = SETTINGS.fit.min_piece_samples
+    least = SETTINGS.fit.min_start_samples
     told = [s for s in parts if (signals.valid[s.episode][s.begin : s.end, there].sum(axis=0) >= least).all()]
     return tuple(told) if {s.episode for s in told} == set(range(len(lengths))) else whole
 
@@ -86,14 +86,14 @@ def _lengths_s(known: Sensitive, episodes: Sequence[int], length_s: float) -> Fl
     One episode may swing about rest, another one over the top.
     """
     out, limits = dict.fromkeys(episodes, length_s), MECHANISM.replay
-    unsure = list(episodes)
-    while length_s > limits.min_length_s and unsure:
+    unsure, shortest_s = list(episodes), SETTINGS.pieces.min_length_s
+    while length_s > shortest_s and unsure:
         windows = _windows(known.simulator, length_s, unsure)
         share = _bent(known, windows)
         # an episode that is shorter than a window is like the others
         over = {e: _median(share[windows.episode == e]) for e in set(windows.episode.tolist())}
         others = _median(share)
-        length_s = max(length_s / 2, limits.min_length_s)
+        length_s = max(length_s / 2, shortest_s)
         unsure = [e for e in unsure if over.get(e, others) > limits.max_bent]
         out |= dict.fromkeys(unsure, length_s)
     return np.array([out[e] for e in episodes])
@@ -105,7 +105,7 @@ def survey_step_s(known: Sensitive, spans: Sequence[Span]) -> float:
     chosen = [spans[i] for i in spread_over(len(spans), MECHANISM.replay.probed_windows)]
     samples = min(len(range(s.begin, s.end)) for s in chosen)
     windows = Windows(np.array([s.episode for s in chosen]), np.array([s.begin for s in chosen]), samples)
-    if samples < SETTINGS.fit.min_piece_samples:
+    if samples < SETTINGS.fit.min_start_samples:
         return simulator.step_s
     exact = _responses(known, windows, simulator)
     for step_s in _longer_steps(period_s, simulator.step_s):
@@ -158,7 +158,7 @@ def impact_stretches(known: Sensitive, found: Sequence[Sequence[Span]], lying: S
 def _from_flights(simulator: MechanismSimulator, found: Sequence[Sequence[Span]], after_s: float) -> Windows:
     """Return windows of one length from the last samples of flights until so long after them, spread over all."""
     episodes = simulator.recording.episodes
-    after, before = max(1, round(after_s / simulator.recording.step_s)), MECHANISM.flight.min_samples
+    after, before = max(1, round(after_s / simulator.recording.step_s)), SETTINGS.fit.min_start_samples
     fits = [(s.episode, s.end - before) for own in found for s in own if s.end + after <= len(episodes[s.episode])]
     return _spread(np.array(fits, dtype=int).reshape(-1, 2), after + before)
 
