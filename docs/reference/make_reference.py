@@ -26,6 +26,8 @@ from runner.commands._compose import config_dir
 from runner.effects.wording import number
 from runner.settings import SETTINGS
 from runner.settings.declared import declared
+from runner.systems.mechanism import settings as mechanism_settings
+from runner.systems.mechanism.settings import MECHANISM
 
 HERE = Path(__file__).parent
 WRITTEN = "<!-- written by `make reference`; do not edit -->\n"
@@ -218,12 +220,16 @@ def _effect(of: Described, law: str) -> list[str]:
 
 def numbers() -> str:
     """Return the page of the numbers of a diagnosis."""
-    out = [WRITTEN, "# Numbers of a diagnosis", _prose(runner.settings)]
-    for stage in dataclasses.fields(SETTINGS):
-        of = getattr(SETTINGS, stage.name)
-        rows = [(f"`{one.name}`", _text(one.value), one.unit, one.reason) for one in declared(of)]
-        out += [f"## {stage.name}", _prose(type(of)), *_grid(("number", "value", "unit", "reason"), rows)]
+    out = [WRITTEN, "# Numbers of a diagnosis", _prose(runner.settings), *_stages(SETTINGS, "##")]
+    out += ["## Mechanisms", _prose(mechanism_settings), *_stages(MECHANISM, "### mechanism:")]
     return "\n\n".join(out) + "\n"
+
+
+def _stages(settings: Any, level: str) -> Iterator[str]:
+    for stage in dataclasses.fields(settings):
+        of = getattr(settings, stage.name)
+        rows = [(f"`{one.name}`", one.text, one.unit, one.reason) for one in declared(of)]
+        yield from (f"{level} {stage.name}", _prose(type(of)), *_grid(("number", "value", "unit", "reason"), rows))
 
 
 def tables() -> str:

@@ -213,7 +213,7 @@ class Fitter:
             spans += [Span(e, int(a), int(b)) for a, b in pairwise(edges)]
         there = np.any([self.measured.valid[e].any(axis=0) for e in episodes], axis=0)
         counts = [self.measured.counted(s.episode)[s.begin : s.end, there].sum(axis=0) for s in spans]
-        return [s for s, n in zip(spans, counts, strict=True) if (n >= SETTINGS.fit.min_piece_samples).all()]
+        return [s for s, n in zip(spans, counts, strict=True) if (n >= SETTINGS.fit.min_start_samples).all()]
 
     def first_starts(self, episodes: Sequence[int]) -> np.ndarray:
         """Return rough start states from the first samples, (E, S)."""

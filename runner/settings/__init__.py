@@ -1,8 +1,8 @@
 """The numbers of a diagnosis that nothing else gives: one value, `SETTINGS`, each number with its unit and a reason.
 
 Noise, inference, localising and the verdict read them from here and have no others of their own. The reasons are
-physical, statistical or computational. Where a number is a level of calibration, of which theory gives no more than the
-order of magnitude, its reason says so.
+physical, statistical or computational, and give a number's order of magnitude; within that, its digits are a choice. A
+number by which stated probabilities or errors are made to hold is called a calibration.
 
 What belongs to a kind of object (how far its simulator may be off, how much of a recording is searched) stands with its
 system, the width of a prior with its effect. Three kinds of numbers stay beside their only use, as no verdict depends

@@ -23,6 +23,17 @@ class Declared:
     unit: str
     reason: str
 
+    @property
+    def text(self) -> str:
+        """The value as it is written: several with commas between them."""
+        return ", ".join(f"{v:g}" for v in (self.value if isinstance(self.value, tuple) else (self.value,)))
+
+
+def by_stage(settings: Any) -> Iterator[tuple[str, Declared]]:
+    """Go through the numbers of all stages, with the stage that each is of."""
+    for stage in fields(settings):
+        yield from ((stage.name, one) for one in declared(getattr(settings, stage.name)))
+
 
 def declared(stage: Any) -> Iterator[Declared]:
     """Go through the numbers of a stage of the settings."""

@@ -116,11 +116,11 @@ class FitSettings:
     divergence_halvings: int = setting(
         6, "halvings", "Where a motion diverges even at a 64th of an effect, nothing near that effect can be fitted."
     )
-    min_piece_samples: int = setting(
+    min_start_samples: int = setting(
         5,
         "samples per channel",
-        "A start state has a position and a velocity for each channel: fewer samples leave nothing to judge a model "
-        "by.",
+        "A start state is a position and a velocity for each channel: fewer samples than that leave nothing of them to"
+        " judge it by.",
     )
     scanned_sizes: int = setting(
         14,

@@ -47,6 +47,20 @@ class WhereSettings:
         "of the prior's width",
         "A missing force that is known no better is not known: the prior says nearly as much.",
     )
+    force_step: float = setting(
+        0.03,
+        "of the usual force",
+        "By so little a force is changed to see what it does: friction neither starts nor stops a body by it.",
+    )
+    max_force: float = setting(
+        3.0, "times the usual force", "The prior of a missing force: one that is larger would be the largest that acts."
+    )
+    just_after_s: float = setting(
+        0.1, "s", "A drive, and what is compliant, still answers a change of command so long after it."
+    )
+    command_change: float = setting(
+        0.2, "of the largest command", "A step of the command that is smaller is part of how it varies."
+    )
     horizon_searched: float = setting(
         3.0,
         "times what is searched",
