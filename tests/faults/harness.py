@@ -87,14 +87,15 @@ def faults(name: str, *, every: int = 1, first: int = 1) -> Iterator[Tried]:
         _done(apart / "laid", scenario.before)
         shutil.copytree(folder, before)
         known: dict[Path, str] = {}
+        checker = _Checker(scenario)
         for call, state in _stopped(library, scenario, stops):
             if (call - first) % every == 0 and call >= first:
                 if state not in known:
                     reset(folder, state)
-                    known[state] = _checked(scenario, done=False, goes_on=True)
+                    known[state] = checker.problem(done=False)
                 yield Tried(call, "stopped", known[state])
-        for call, problem in _failed(library, scenario, before, itertools.count(first, every)):
-            yield Tried(call, "failed", problem)
+        for call, code, said in _failed(library, scenario, before, itertools.count(first, every)):
+            yield Tried(call, "failed", _problem(scenario, code, said) or checker.problem(done=code == 0))
 
 
 class _Line:
@@ -152,13 +153,15 @@ def _stopped(library: ctypes.CDLL, scenario: Scenario, stops: Path) -> list[tupl
     line.close()
     if _waited(child) != 0:
         raise RuntimeError(told.read_text()[-2000:])
-    if problem := _checked(scenario, done=True):
+    if problem := _Checker(scenario).problem(done=True):
         raise RuntimeError(problem)
     return copies
 
 
-def _failed(library: ctypes.CDLL, scenario: Scenario, before: Path, calls: Iterable[int]) -> Iterator[tuple[int, str]]:
-    """Have one call after another fail, and yield its number and what was wrong with what came of it.
+def _failed(
+    library: ctypes.CDLL, scenario: Scenario, before: Path, calls: Iterable[int]
+) -> Iterator[tuple[int, int, str]]:
+    """Have one call after another fail, and yield its number, how the process ended, and what it said.
 
     What is done before the first call is done once, in a process that stops there and is forked for each fault.
     """
@@ -192,35 +195,44 @@ def _failed(library: ctypes.CDLL, scenario: Scenario, before: Path, calls: Itera
             code = os.waitstatus_to_exitcode(status)
             if code == PASSED:
                 return
-            yield call, _judged(scenario, code, told.read_text())
+            yield call, code, told.read_text()
     finally:
         line.say(0)
         _waited(stopped)
         line.close()
 
 
-def _judged(scenario: Scenario, code: int, said: str) -> str:
-    """Return what is wrong with how a process ended of which a call had failed, or with what it left."""
+def _problem(scenario: Scenario, code: int, said: str) -> str:
+    """Return what is wrong with how a process ended of which a call had failed."""
     if code not in (0, 1, 2) or "a bug" in said or "Traceback" in said:
         return f"ended with {code}: {said[-300:]}"
     if code and not said.strip():
         return f"ended with {code}, and said nothing"
     if left := [f.name for f in scenario.folder.rglob(".*") if PART.fullmatch(f.name)]:
         return f"left {left[0]}"
-    return _checked(scenario, done=code == 0, goes_on=code != 0)
+    return ""
 
 
-def _checked(scenario: Scenario, *, done: bool, goes_on: bool = False) -> str:
-    """Return what is wrong with what is there, and with what comes of going on from there."""
-    told = scenario.apart / "checked"
+class _Checker:
+    """Says what is wrong with what is there; whether the command goes on from there, once for each set of files."""
 
-    def check() -> int:
-        scenario.check(done=done)
-        if goes_on:
-            scenario.check_goes_on()
-        return 0
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario, self._gone_on = scenario, set[frozenset[str]]()
 
-    return "" if _waited(_fork(told, check)) == 0 else told.read_text()[-600:]
+    def problem(self, *, done: bool) -> str:
+        """Return it, "" if nothing is."""
+        told, folder = self._scenario.apart / "checked", self._scenario.folder
+        names = frozenset(str(f.relative_to(folder)) for f in folder.rglob("*") if not PART.fullmatch(f.name))
+        goes_on = not done and names not in self._gone_on
+        self._gone_on.add(names)
+
+        def check() -> int:
+            self._scenario.check(done=done)
+            if goes_on:
+                self._scenario.check_goes_on()
+            return 0
+
+        return "" if _waited(_fork(told, check)) == 0 else told.read_text()[-600:]
 
 
 def _done(told: Path, function: Callable[[], object]) -> None:

@@ -25,10 +25,12 @@ from runner.progress import UNOBSERVED, ProgressObserver
 from runner.recording import write_case
 from runner.recording.case import content_hash
 from runner.report.html import render
+from runner.report.record import write_rrd
 from runner.storage.provenance import program
 from runner.storage.reading import read_json
 from runner.storage.run_status import FILE as RUN
 from runner.storage.run_status import Status, status_of
+from runner.storage.writing import write_bytes
 from runner.storage.yaml_text import read_yaml
 from runner.systems.case import open_case
 from runner.teleop import tables
@@ -68,8 +70,11 @@ class Scenario(ABC):
 class Run(Scenario):
     """A run into a new folder, with frames, steps and `.rrd`."""
 
+    LEFT = frozenset({"frames.parquet", "steps.parquet", "run.rrd"})
+    SETTINGS = (*SHORT, "log.frames=steps")
+
     def act(self) -> int:
-        return main(["run", *SHORT, "log.frames=steps", f"out={self.folder / 'r'}"])
+        return main(["run", *self.SETTINGS, f"out={self.folder / 'r'}"])
 
     def check(self, *, done: bool) -> None:
         whole(self.folder)
@@ -77,13 +82,16 @@ class Run(Scenario):
         if done or (folder / tables.SUMMARY).is_file():
             row = read_table(folder).iloc[0]
             assert row["status"] == "done"
-            assert {"frames.parquet", "steps.parquet", "run.rrd"} <= {f.name for f in folder.iterdir()}
+            assert {f.name for f in folder.iterdir()} >= self.LEFT
         elif (folder / "run.yaml").is_file():
             assert read_table(folder).iloc[0]["status"] in ("failed", "killed", "running")
 
 
 class RunAgain(Run):
-    """The same into a folder that holds the results of the same settings."""
+    """The same, but for `.rrd`, into a folder that holds the results of the same settings."""
+
+    LEFT = Run.LEFT - {"run.rrd"}
+    SETTINGS = (*SHORT, "log.frames=steps", "log.rrd=off")
 
     def before(self) -> None:
         assert self.act() == 0
@@ -208,13 +216,25 @@ class Diagnosis(Scenario):
 
 
 class DiagnosisAgain(Diagnosis):
-    """The same into the folder that holds what it found before."""
+    """The same into the folder that holds what it found before; Rerun's own writes are gone through by the other."""
+
+    @contextmanager
+    def found_before(self) -> Iterator[None]:
+        with super().found_before(), patch("runner.report.record.write_rrd", self._write_again):
+            yield
+
+    def _write_again(self, found: Any, path: Path) -> None:
+        """Write the `.rrd` of a diagnosis, which is drawn once."""
+        drawn = self.apart / f"{found.system.recording.path.name}.rrd"
+        if not drawn.is_file():
+            write_rrd(found, drawn)
+        write_bytes(path, drawn.read_bytes())
 
     def before(self) -> None:
         assert self.act() == 0
 
 
-class Diagnoses(Diagnosis):
+class Diagnoses(DiagnosisAgain):
     """`runner diagnose` of a folder of two by a launcher, into what was found before one of the recordings changed."""
 
     def __init__(self, folder: Path, apart: Path) -> None:
@@ -275,7 +295,6 @@ def whole(folder: Path) -> None:
 def warm() -> None:
     """Import and do once what commands do before they write, as each fault is a fork, which had to do so again."""
     import runner.commands.table
-    import runner.report.record
     import runner.teleop.sinks.run_log  # noqa: F401
 
     shown("run", [])
