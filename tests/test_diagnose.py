@@ -22,11 +22,12 @@ from runner.effects.vocabulary import Candidate
 from runner.errors import RecordingError, ResultError
 from runner.inference.contender import Contender
 from runner.inference.evidence import NormalEquations, directions, evidence, normal_equations, sensitivities
-from runner.inference.held_out import BESIDE_OTHERS, confirm, doubted, faint, further, unsure
+from runner.inference.held_out import confirm, doubted, faint, further, unsure
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.search import Search
 from runner.noise.measured import measure
 from runner.recording import Episode, Form, Noise, Nominal, Recording
+from runner.settings import SETTINGS
 from runner.storage.writing import write_json
 from runner.systems.planar_box.proposals import pushes
 from runner.systems.planar_box.simulator import context_of
@@ -285,7 +286,7 @@ def test_an_effect_near_its_own_standard_error_is_doubted(
     fitter, some = contended(tilted, fx.MassLeak, [0.03])
     error = math.sqrt(some.evidence.covariance[0, 0])
     moved = dataclasses.replace(some, fit=dataclasses.replace(some.fit, x=np.array([share * error])))
-    assert least <= unsure(moved, fitter.context, BESIDE_OTHERS) <= most
+    assert least <= unsure(moved, fitter.context, SETTINGS.odds.min_errors_beside_others) <= most
 
 
 def test_whether_there_is_an_effect_is_asked_of_the_likeliest(tilted: Recording) -> None:

@@ -16,7 +16,7 @@ import pytest
 import runner
 
 PACKAGE = Path(runner.__file__).parent
-ROOMS = ("inference", "diagnosis", "localise", "simulate", "noise", "report", "outputs", "viewer")
+ROOMS = ("inference", "diagnosis", "localise", "simulate", "noise", "report", "outputs", "viewer", "settings")
 # `importing` is none of them: it writes each form of a case, which is each kind's own
 ROOMS += ("blind/make", "blind/score")
 # what stands right in a package of kinds serves all of them, but for what lists the kinds or speaks of each in turn

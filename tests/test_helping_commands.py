@@ -46,6 +46,7 @@ def test_lists_hold_all_effects_and_all_files() -> None:
     assert sorted({row[0] for row in listed(Kind.effects)[1]}) == EFFECTS
     for kind in GROUPS:
         assert [row[0] for row in listed(kind)[1]] == [file.stem for file in files(kind)]
+    assert {row[0] for row in listed(Kind.numbers)[1]} >= {"noise.window_s", "mechanism.replay.max_length_s"}
     assert {row[0] for row in listed(Kind.formats)[1]} >= {".csv", ".mcap", ".rrd"}
 
 

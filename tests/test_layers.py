@@ -16,7 +16,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 # a layer imports only from those above it; a package counts as one
 LAYERS = (
-    "errors numerics",
+    "errors numerics settings",
     "processes storage",
     "config progress viewer",
     "physics recording",

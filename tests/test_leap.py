@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from runner.inference.evidence import directions, sensitivities
-from runner.inference.leap import RIDGE, Linear, gain_of, leap
+from runner.inference.leap import Linear, gain_of, leap
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.noise.measured import measure
 from runner.report import words
+from runner.settings import SETTINGS
 from runner.systems.mechanism import MechanismSystem
 from runner.systems.mechanism.stretches import _longer_steps
 from tests.mechanism_cases import system_of, write_case
@@ -40,7 +41,7 @@ def test_a_gain_is_that_of_the_model_without_its_own_mismatch() -> None:
         without = np.where(np.arange(6) == i, 0.0, spread)
         h, g, _ = Linear(gram, right, without).beside()
         assert gain_of(metric, gradient, np.array([i]), spread) == pytest.approx(
-            g[i] ** 2 / (h[i, i] + RIDGE), rel=1e-6
+            g[i] ** 2 / (h[i, i] + SETTINGS.fit.information_ridge), rel=1e-6
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,7 @@ from runner.localise import cells, excess, gap_by_horizon
 from runner.localise.where import Where, localise
 from runner.noise.measured import measure
 from runner.recording import Span
+from runner.settings import SETTINGS
 from runner.simulate.shooting import windows_of
 from runner.systems.planar_box import commands
 from runner.systems.planar_box import windows as simulated
@@ -157,7 +159,7 @@ def test_in_portions_it_is_the_same(patch: Where, monkeypatch: pytest.MonkeyPatc
     """Of windows, permutations, rollouts and commands few are in memory, and the numbers are those of all at once."""
     for module in (excess, gap_by_horizon):
         monkeypatch.setattr(module, "WINDOWS_AT_ONCE", 17)
-    monkeypatch.setattr(cells, "AT_ONCE", 70)
+    monkeypatch.setattr(cells, "ORDERS_AT_ONCE", 70)
     monkeypatch.setattr(simulated, "BYTES_AT_ONCE", 3e6)
     monkeypatch.setattr(commands, "KEPT_BYTES", 0.0)
     other = where((PATCH,))
@@ -168,7 +170,8 @@ def test_in_portions_it_is_the_same(patch: Where, monkeypatch: pytest.MonkeyPatc
 
 def test_permutations_of_an_hour_take_little_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     """14,400 windows of 120 episodes: of a quarter of the orders, all at once would be a hundred megabytes."""
-    monkeypatch.setattr(cells, "PERMUTATIONS", 999)
+    few = replace(SETTINGS, where=replace(SETTINGS.where, permutations=999))
+    monkeypatch.setattr(cells, "SETTINGS", few)
     number = np.arange(14_400)
     episode = np.array([f"episode {k // 120}" for k in number], dtype=object)
     third = np.array(["a" if k % 3 else "b" for k in number], dtype=object)

@@ -11,10 +11,11 @@ from scipy.integrate import solve_ivp
 
 from runner.effects.mechanism import Compliance
 from runner.inference.contender import contend
-from runner.inference.held_out import STUCK, _unstuck
+from runner.inference.held_out import _unstuck
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.warm_start import where_to_begin
 from runner.noise.measured import measure
+from runner.settings import SETTINGS
 from runner.systems.mechanism import MechanismSystem
 from tests.mechanism_cases import joint_channels, slide_case, system_of, write_case
 from tests.mechanisms import FREE_SLIDER
@@ -81,7 +82,7 @@ def test_a_start_that_is_stuck_is_sought_anew_where_another_explanation_leaves_l
     right = {"explanation": Explanation(elastic.vocabulary.by_name["compliance[slide]"]), "episodes": range(2)}
     best = fitter.fit(x=np.array([1.0 / STIFFNESS]), **right)
     aside = fitter.fit(x=best.x, starts=best.starts + np.array([[0.0, 8e-6], [0.0, 0.0]]), iterations=0, **right)
-    assert aside.loss[0] > best.loss[0] + STUCK
+    assert aside.loss[0] > best.loss[0] + SETTINGS.held_out.stuck_loss
     first = contend(fitter, aside)
     other = replace(first, fit=best)
     found = _unstuck([first, other], {id(aside): aside, id(best): best}, fitter)

@@ -126,6 +126,12 @@ def test_mass_of_what_is_tossed_is_not_offered(tmp_path: Path):
     assert not {"sensor_offset[x]", "sensor_scale[z]", "sensor_lag[x]"} & names
 
 
+def test_mass_of_what_a_known_force_pushes_is_offered(tmp_path: Path):
+    """A force that was recorded tells the mass, in the air too."""
+    system = open_case(toss_case(tmp_path, world(), tosses=2, push_n=2.0))
+    assert "mass[box]" in {c.name for c in system.vocabulary}
+
+
 def test_drag_of_the_air_is_the_coefficient_s():
     """A box that falls flat is slowed by its coefficient times the speed squared."""
     plain, airy = (compiled(TOSSED, *e) for e in ((), (m.AirDrag("cube", 0.01),)))

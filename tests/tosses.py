@@ -15,20 +15,29 @@ COLUMNS = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
 
 def world(
-    *, half_m: float = 0.05, friction: float = 0.4, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    *,
+    half_m: float = 0.05,
+    friction: float = 0.4,
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
+    mass_kg: float = 0.5,
 ) -> mujoco.MjModel:
     """Return a box above a floor; its contacts are those of a rigid box as far as MuJoCo goes."""
     g = " ".join(map(str, gravity))
     return mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="0.0005" cone="elliptic" integrator="implicitfast" gravity="{g}"/>
         <worldbody><geom type="plane" size="1 1 1"/><body name="box"><freejoint/>
-        <geom type="box" size="{half_m} {half_m} {half_m}" mass="0.5" friction="{friction}" priority="1"
+        <geom type="box" size="{half_m} {half_m} {half_m}" mass="{mass_kg}" friction="{friction}" priority="1"
         solref="0.004 1"/></body></worldbody></mujoco>"""
     )
 
 
-def toss_case(folder: Path, truth: mujoco.MjModel, *, tosses: int, seed: int = 1, length_s: float = 0.6) -> Path:
-    """Write a case of tosses in the real world `truth`, with noise on every pose; return the folder."""
+def toss_case(
+    folder: Path, truth: mujoco.MjModel, *, tosses: int, seed: int = 1, length_s: float = 0.6, push_n: float = 0.0
+) -> Path:
+    """Write a case of tosses in the real world `truth`, with noise on every pose; return the folder.
+
+    With a push, a recorded force of that size acts at the centre all the while, in a direction of each toss's own.
+    """
     g, data = np.random.default_rng(seed), mujoco.MjData(truth)
     every = round(1 / BELIEVED["rate_hz"] / truth.opt.timestep)
     step_s = every * truth.opt.timestep
@@ -38,6 +47,11 @@ def toss_case(folder: Path, truth: mujoco.MjModel, *, tosses: int, seed: int = 1
         turn = g.normal(size=4)
         data.qpos[:3], data.qpos[3:] = (0.0, 0.0, 0.16), turn / np.linalg.norm(turn)
         data.qvel[:3], data.qvel[3:] = g.normal(size=3) * (0.8, 0.8, 0.2), 3.0 * g.normal(size=3)
+        force = np.zeros(3)
+        if push_n:
+            force[:] = g.normal(size=3)
+            force *= push_n / np.linalg.norm(force)
+        data.xfrc_applied[1, :3] = force
         rows = []
         for _ in range(round(length_s / step_s)):
             rows.append(np.concatenate([[data.time], data.qpos]))
@@ -46,7 +60,8 @@ def toss_case(folder: Path, truth: mujoco.MjModel, *, tosses: int, seed: int = 1
         table[:, 1:4] += NOISE["position"] * g.normal(size=(len(table), 3))
         for row in table:
             mujoco.mju_quatIntegrate(row[4:], NOISE["yaw"] * g.normal(size=3), 1.0)
-        frames.append(pd.DataFrame(table, columns=["t", *COLUMNS]).assign(episode=e))
+        pushed = dict(zip(("fx", "fy", "fz", "px", "py", "pz"), (*force, 0.0, 0.0, 0.0), strict=True)) if push_n else {}
+        frames.append(pd.DataFrame(table, columns=["t", *COLUMNS]).assign(episode=e, **pushed))
     return write(folder, pd.concat(frames, ignore_index=True), {**BELIEVED, "rate_hz": 1 / step_s})
 
 

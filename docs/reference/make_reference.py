@@ -1,4 +1,4 @@
-"""Write the reference: every setting, every effect, every column, from schemas, docstrings and two tables of words.
+"""Write the reference: settings, effects, numbers, columns, from schemas, docstrings and two tables of words.
 
 `make reference` writes the pages; a test says if they are not what this makes. A range is that of the check in the
 `__post_init__` of a class, a default that of the file in `conf/`, or else of the class.
@@ -19,10 +19,15 @@ from typing import Any
 
 import yaml
 
+import runner.settings
 from runner import commands, config
 from runner.commands._catalogue import BOX, Described, described, names
 from runner.commands._compose import config_dir
 from runner.effects.wording import number
+from runner.settings import SETTINGS
+from runner.settings.declared import declared
+from runner.systems.mechanism import settings as mechanism_settings
+from runner.systems.mechanism.settings import MECHANISM
 
 HERE = Path(__file__).parent
 WRITTEN = "<!-- written by `make reference`; do not edit -->\n"
@@ -213,6 +218,20 @@ def _effect(of: Described, law: str) -> list[str]:
     return out
 
 
+def numbers() -> str:
+    """Return the page of the numbers of a diagnosis."""
+    out = [WRITTEN, "# Numbers of a diagnosis", _prose(runner.settings), *_stages(SETTINGS, "##")]
+    out += ["## Mechanisms", _prose(mechanism_settings), *_stages(MECHANISM, "### mechanism:")]
+    return "\n\n".join(out) + "\n"
+
+
+def _stages(settings: Any, level: str) -> Iterator[str]:
+    for stage in dataclasses.fields(settings):
+        of = getattr(settings, stage.name)
+        rows = [(f"`{one.name}`", one.text, one.unit, one.reason) for one in declared(of)]
+        yield from (f"{level} {stage.name}", _prose(type(of)), *_grid(("number", "value", "unit", "reason"), rows))
+
+
 def tables() -> str:
     """Return the page of every table's columns."""
     content = yaml.safe_load((HERE / "tables.yaml").read_text(encoding="utf-8"))
@@ -258,7 +277,7 @@ def _prose(thing: Any) -> str:
     return re.sub(r"(?<![\\`])([*_<])(?=\w)(?![^`]*`(?:[^`]*`[^`]*`)*[^`]*$)", r"\\\1", prose)
 
 
-PAGES = {"settings.md": settings, "effects.md": effects, "tables.md": tables}
+PAGES = {"settings.md": settings, "effects.md": effects, "numbers.md": numbers, "tables.md": tables}
 
 
 def main() -> None:

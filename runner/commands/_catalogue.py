@@ -1,4 +1,4 @@
-"""What there is to choose from, in words: effects, forces, estimators, experiments, systems, formats of logs.
+"""What there is to choose from, in words: effects, forces, estimators, experiments, systems, formats of logs, numbers.
 
 All of it is read from the things themselves: docstrings, the first line of a file in `conf/`, the methods by which an
 effect describes itself.
@@ -23,7 +23,10 @@ from runner.effects.base import AbstractEffect, Parameter, Phrase
 from runner.effects.wording import Values
 from runner.importing.readers import READERS
 from runner.recording import Nominal
+from runner.settings import SETTINGS
+from runner.settings.declared import by_stage
 from runner.systems.mechanism import system as mechanism_system
+from runner.systems.mechanism.settings import MECHANISM as OF_MECHANISMS
 from runner.systems.planar_box import system as planar_box_system
 
 BOX, MECHANISM = "planar_box", "mechanism"
@@ -51,6 +54,7 @@ class Kind(Enum):
     experiments = "experiments"
     systems = "systems"
     formats = "formats"
+    numbers = "numbers"
 
 
 GROUPS = {Kind.forces: "forces", Kind.estimators: "estimator", Kind.experiments: "experiment"}
@@ -95,6 +99,11 @@ def listed(kind: Kind, config_dirs: Sequence[Path] = ()) -> tuple[Sequence[str],
         return ("format", "how it is read"), [
             *((ending, _first(reader)) for ending, reader in READERS.items()),
             ("folder", "Of a LeRobot data set, of a bag of ROS 2, or of files of one format."),
+        ]
+    if kind is Kind.numbers:
+        every = [*by_stage(SETTINGS), *((f"{MECHANISM}.{stage}", one) for stage, one in by_stage(OF_MECHANISMS))]
+        return ("number", "what it is, and why"), [
+            (f"{stage}.{one.name}", f"{one.text} {one.unit}. {one.reason}") for stage, one in every
         ]
     return (GROUPS[kind], "what it is"), [(file.stem, told(file)) for file in files(kind, config_dirs)]
 

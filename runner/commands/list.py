@@ -1,4 +1,4 @@
-"""List what there is: effects, forces, estimators, experiments, systems or formats of logs.
+"""List what there is: effects, forces, estimators, experiments, systems, formats of logs, numbers of a diagnosis.
 
 `runner list effects` names each with what it is; `runner show NAME` says all of one.
 """
@@ -20,6 +20,7 @@ USES = {
     Kind.experiments: "`runner run experiment=NAME`; `runner show NAME` says more.",
     Kind.systems: "A folder whose `nominal.yaml` names a model is a mechanism, every other one a box.",
     Kind.formats: "`runner import LOG model=MJCF`; docs/importing.md says more.",
+    Kind.numbers: "They are in runner/settings and runner/systems/mechanism/settings.py, and no command changes them.",
 }
 
 

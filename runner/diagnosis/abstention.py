@@ -12,14 +12,15 @@ from runner.diagnosis.ranking import contender_of
 from runner.diagnosis.result import Abstention, Nearest, Ranked
 from runner.effects.base import Effects
 from runner.inference.contender import Contender
-from runner.inference.held_out import BESIDE_OTHERS, Confirmed, errors_off, unseen
+from runner.inference.held_out import Confirmed, errors_off, unseen
 from runner.inference.least_squares import Fitter
 from runner.localise.likeness import likenesses
 from runner.localise.where import Where, localise
 from runner.noise.measured import Measured
 from runner.recording import Span
+from runner.settings import SETTINGS
 
-SHOWN = 2  # explanations that come near
+NEAREST_SHOWN = 2
 
 
 def abstention(
@@ -45,7 +46,7 @@ def abstention(
     effects, measured, starts, stretches = corrected
     after = localise(fitter.system, measured, starts, effects, stretches=stretches) if effects else where
     looks = likenesses(fitter.system, after.missing_force)
-    return Abstention(tuple(_nearest(r, named[0], confirmed, fitter) for r in named[:SHOWN]), after, looks)
+    return Abstention(tuple(_nearest(r, named[0], confirmed, fitter) for r in named[:NEAREST_SHOWN]), after, looks)
 
 
 def _nearest(ranked: Ranked, first: Ranked, confirmed: Confirmed, fitter: Fitter) -> Nearest:
@@ -73,5 +74,5 @@ def _nearest(ranked: Ranked, first: Ranked, confirmed: Confirmed, fitter: Fitter
 def _unsure(contender: Contender, fitter: Fitter) -> tuple[str, ...]:
     """Return which effects of an explanation do not stand out of their own errors."""
     context = fitter.context
-    parts = contender.fit.explanation.parts(context)
-    return tuple(c.name for c, whole in parts if errors_off(contender, c, whole, context) < BESIDE_OTHERS)
+    parts, enough = contender.fit.explanation.parts(context), SETTINGS.odds.min_errors_beside_others
+    return tuple(c.name for c, whole in parts if errors_off(contender, c, whole, context) < enough)

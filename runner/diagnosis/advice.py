@@ -15,8 +15,7 @@ from runner.inference.contender import Contender
 from runner.inference.evidence import directions, normal_equations, sensitivities
 from runner.inference.least_squares import Fitter
 from runner.inference.search import Search
-
-WORTH_TELLING = 0.02  # an explanation that is less likely needs no experiment against it
+from runner.settings import SETTINGS
 
 
 def found_rivals(best: Contender, fitter: Fitter) -> tuple[Rival, ...]:
@@ -45,7 +44,7 @@ def next_push(
     if advice := _advice(names, fitter.system.vocabulary):
         return advice
     first = contender_of(found, lead, fitter.context).fit
-    if len(named) > 1 and named[1].probability > WORTH_TELLING:
+    if len(named) > 1 and named[1].probability > SETTINGS.probability.noteworthy:
         second = contender_of(found, named[1], fitter.context)
         covariance, rival = second.evidence.covariance, second.fit
     else:

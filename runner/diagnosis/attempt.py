@@ -17,24 +17,20 @@ from runner.diagnosis.ranking import unknown_by_episodes
 from runner.effects.base import Effects
 from runner.inference.breakaway import hanging
 from runner.inference.held_out import Confirmed, confirm, start_states, unseen
-from runner.inference.least_squares import NONE, SURVEYS, Fit, Fitter
+from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.multiple_shooting import look, recut
 from runner.inference.outside import with_outside
-from runner.inference.search import RESTED, Search, resumed, search
+from runner.inference.search import Search, resumed, search
 from runner.inference.solver_choice import better_solved
 from runner.inference.warm_start import Beginning, Key, WarmStart
 from runner.noise.measured import materially_different, measure, refine, without_outliers
 from runner.numerics.arrays import spread_over
 from runner.progress import UNOBSERVED, ProgressObserver
 from runner.recording import Span
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 from runner.systems.recorded import longest_part_s
 from runner.systems.simulator import AbstractSimulator, Run
-
-FEWEST_SEARCHED = 4  # stretches
-# Of `AbstractSystem.searched_s`, where nothing explains even pieces of a second: what is missing is then plain to see
-IN_PIECES = 0.2
-SURPRISE = 3.0  # times what is left of the fitted episodes: so much in those left out is something new
 
 
 @dataclass(frozen=True)
@@ -130,17 +126,18 @@ def _to_search(fitter: Fitter, episodes: Iterable[int], share: float) -> tuple[i
     """
     of, enough_s = stretches_of(fitter, episodes), share * fitter.system.searched_s
     total_s = sum(fitter.seconds(i) for i in of)
-    count = max(min(FEWEST_SEARCHED, len(of)), int(len(of) * min(enough_s / total_s, 1.0)))
+    count = max(min(SETTINGS.pieces.min_stretches, len(of)), int(len(of) * min(enough_s / total_s, 1.0)))
     return tuple(of[i] for i in spread_over(len(of), count))
 
 
 def unseen_only(found: Attempt) -> bool:
     """Whether the episodes left out show something that those which were fitted do not, or hardly."""
     confirmed, gap = found.confirmed, found.nominal_excess
-    if confirmed.fails and confirmed.gap_unseen > SURPRISE * max(gap, 0.0):
+    surprise = SETTINGS.held_out.surprise_ratio
+    if confirmed.fails and confirmed.gap_unseen > surprise * max(gap, 0.0):
         return True
     seen, unseen = unknown_by_episodes(confirmed, gap, found.fitter.system)
-    return seen < 0.5 < unseen and confirmed.excess_unseen > SURPRISE * max(confirmed.excess_fitted, 0.0)
+    return seen < 0.5 < unseen and confirmed.excess_unseen > surprise * max(confirmed.excess_fitted, 0.0)
 
 
 @dataclass(frozen=True)
@@ -175,7 +172,7 @@ def _first_look(
     if fitter.simulator is not simulator:
         simulator.simulated_s += fitter.simulator.simulated_s
     fitter = root.stretched(spans)
-    fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, IN_PIECES))
+    fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, SETTINGS.pieces.unexplained_share))
     return _FirstLook(fitter, nominal, recut(seen.beginning, fitter, nominal))
 
 
@@ -203,7 +200,7 @@ def _solved_otherwise(
     if not seeds:
         return _first_look(system, simulator, fitted, observer)
     parts = simulator.parts(before.fitter.measured.spans)
-    fitter = replace(before.fitter, system=system, simulator=parts, surveys=deque(maxlen=SURVEYS))
+    fitter = replace(before.fitter, system=system, simulator=parts, surveys=deque(maxlen=SETTINGS.fit.kept_surveys))
     fitter, nominal = _nominal(fitter, before.nominal.episodes)
     here = {
         key: replace(s, total=fitter.loss(s.explanation, s.x, s.starts, nominal.episodes)) for key, s in seeds.items()
@@ -212,7 +209,7 @@ def _solved_otherwise(
 
 
 def _nominal(fitter: Fitter, stretches: Sequence[int]) -> tuple[Fitter, Fit]:
-    nominal = fitter.fit(NONE, stretches, iterations=RESTED)
+    nominal = fitter.fit(NONE, stretches, iterations=SETTINGS.fit.nominal_steps)
     return replace(fitter, measured=refine(fitter.measured, fitter.system, _left(nominal, (), fitter))), nominal
 
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from runner.diagnosis.split import HELD_OUT
 from runner.inference.contender import Contender
 from runner.noise.measured import Measured, off_from_stated
 from runner.recording import Span
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 from runner.systems.recorded import Recorded
 
@@ -44,6 +44,12 @@ def notes(
     if off := off_from_stated(measured, system):
         each = ", ".join(f"{times:.2g} times in {channels}" for channels, times in off.items())
         out.append(f"The noise is not what is stated, by what the recording shows, but {each}.")
+    if (hidden := measured.is_scatter()).any():
+        channels = ", ".join(c.name for c, hides in zip(system.channels, hidden, strict=True) if hides)
+        out.append(
+            f"After an impact equally good models differ by more than the noise of the sensors in {channels}: that "
+            "counts as noise."
+        )
     for e, sample in measured.hung.items():
         episode = recording.episodes[e]
         out.append(
@@ -70,7 +76,7 @@ def notes(
             "explanation foretells anything, though one does foretell the rest of what was not fitted: that part is in "
             "no figure here. Something else happened there, or the motion hung on a hair."
         )
-    if len(held_out) < HELD_OUT:
+    if len(held_out) < SETTINGS.held_out.episodes:
         out.append("Only one episode was left to check the explanation.")
     if stretch_s is not None:
         out.append(

@@ -11,18 +11,10 @@ from runner.inference.contender import Contender, are_confounded
 from runner.inference.held_out import Confirmed
 from runner.inference.least_squares import Fit, Fitter
 from runner.inference.outside import is_outside
-from runner.inference.probability import LEAST_UNKNOWN, MOST_UNKNOWN, not_none, shares, unknown_by_excess
+from runner.inference.probability import as_unknown, not_none, shares, unknown_by_excess
 from runner.inference.search import Search
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
-
-# see `strained`: level of mismatch (base 2 log), from which on, how sharply; what is left, of the noise and of the gap
-STRAINED, STRAINED_WIDTH = 2.5, 0.25
-STRAINED_LEFT, STRAINED_SHARE, STRAINED_LEFT_WIDTH = 0.05, 0.02, 0.3
-FAILED = 0.7  # where the best explanation does not close half of a plain gap in episodes it has not seen
-EQUAL = 0.05  # of the likeliest of a group: what is less likely is not its equal
-# By the plain theory 97 % of 235 planted values of two sets lay within 1.96 standard errors and half within 0.2 of
-# one: the mismatch is charged in full to every parameter. With so much of it, 95 % do.
-CHARGED = 0.8
 
 
 def ranking(confirmed: Confirmed, nominal_excess: float, fitter: Fitter) -> tuple[Ranked, ...]:
@@ -36,12 +28,13 @@ def ranking(confirmed: Confirmed, nominal_excess: float, fitter: Fitter) -> tupl
     found = confirmed.search
     if found.best.fit.x.size:
         unknown = max(
-            *unknown_by_episodes(confirmed, nominal_excess, fitter.system), FAILED if confirmed.fails else 0.0
+            *unknown_by_episodes(confirmed, nominal_excess, fitter.system),
+            SETTINGS.probability.failed_unknown if confirmed.fails else 0.0,
         )
     else:
         unknown = not_none(confirmed.gap)
     known = (1.0 - unknown) * (1.0 - strained(found.best, found.nominal, fitter))
-    return rank(found, fitter.system, float(np.clip(1.0 - known, LEAST_UNKNOWN, MOST_UNKNOWN)))
+    return rank(found, fitter.system, as_unknown(1.0 - known))
 
 
 def rank(found: Search, system: AbstractSystem, unknown: float) -> tuple[Ranked, ...]:
@@ -51,7 +44,7 @@ def rank(found: Search, system: AbstractSystem, unknown: float) -> tuple[Ranked,
     every = shares(contenders)
     nameless = np.array([is_outside(c, system.vocabulary) for c in contenders])
     known = float(every[~nameless].sum())
-    unknown = min(1.0 - (1.0 - unknown) * known, MOST_UNKNOWN)
+    unknown = min(1.0 - (1.0 - unknown) * known, SETTINGS.probability.max_unknown)
     contenders = [c for c in contenders if not is_outside(c, system.vocabulary)]
     share = shares(contenders)
     groups: list[list[int]] = []
@@ -63,16 +56,16 @@ def rank(found: Search, system: AbstractSystem, unknown: float) -> tuple[Ranked,
             groups.append([i])
     out = []
     for group in groups:
+        equal = SETTINGS.probability.equal_share * share[group].max()
         # among equals the first name in the vocabulary's order of commonness stands for the rest
-        lead = min(group, key=lambda i: (share[i] < EQUAL * share[group].max(), _commonness(contenders[i].fit)))
+        lead = min(group, key=lambda i: (share[i] < equal, _commonness(contenders[i].fit)))
         contender = contenders[lead]
         names = contender.fit.explanation.names or ("none",)
         others = tuple(
             dict.fromkeys(
                 n
                 for i in group
-                if (n := contenders[i].fit.explanation.names or ("none",)) != names
-                and share[i] > EQUAL * share[group].max()
+                if (n := contenders[i].fit.explanation.names or ("none",)) != names and share[i] > equal
             )
         )
         parameters, errors = values_of(contender, context)
@@ -127,11 +120,12 @@ def strained(best: Contender, nominal: Fit, fitter: Fitter) -> float:
     """
     if not best.fit.x.size:
         return 0.0  # nothing is claimed
-    levels = fitter.system.mismatch_levels
+    levels, limits = fitter.system.mismatch_levels, SETTINGS.probability
     left, gap = (max(fitter.measured.excess(f.total, f.episodes), 1e-4) for f in (best.fit, nominal))
     asked = float(softmax(best.evidence.level) @ np.log2(levels))
-    allowed = STRAINED_LEFT + max(STRAINED_SHARE, fitter.system.unknown_share) * gap
-    return float(expit((asked - STRAINED) / STRAINED_WIDTH) * expit(np.log(left / allowed) / STRAINED_LEFT_WIDTH))
+    allowed = limits.strained_excess + fitter.system.unknown_share * gap
+    far = expit((asked - limits.strained_log2_level) / limits.strained_width)
+    return float(far * expit(np.log(left / allowed) / limits.strained_log_width))
 
 
 def values_of(contender: Contender, context: Scope) -> tuple[dict[str, dict[str, float]], dict[str, dict[str, float]]]:
@@ -141,6 +135,7 @@ def values_of(contender: Contender, context: Scope) -> tuple[dict[str, dict[str,
     about, is as uncertain as its prior: as data scatter, it would not move, and would seem to be known.
     """
     x, of = contender.fit.x, contender.evidence
+    by_data = SETTINGS.probability.mismatch_error_factor**2 * of.covariance
     parameters, errors = {}, {}
     for candidate, part in contender.fit.explanation.parts(context):
         value = candidate.make(x[part], context)[0].report()
@@ -149,7 +144,7 @@ def values_of(contender: Contender, context: Scope) -> tuple[dict[str, dict[str,
             moved = candidate.make(x[part] + step, context)[0].report()
             slopes.append([_turn(name, moved[name] - value[name]) / step.sum() for name in value])
         slope = np.array(slopes).T
-        charged, prior = (np.diag(slope @ c[part, part] @ slope.T) for c in (CHARGED**2 * of.covariance, of.by_prior))
+        charged, prior = (np.diag(slope @ c[part, part] @ slope.T) for c in (by_data, of.by_prior))
         parameters[candidate.name] = dict(value)
         stated = np.sqrt(np.maximum(np.maximum(charged, prior), 0.0))
         errors[candidate.name] = dict(zip(value, stated.tolist(), strict=True))

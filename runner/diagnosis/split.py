@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from runner.errors import RecordingError
-
-HELD_OUT = 2  # by the convention of the format, the last two episodes check the explanation
+from runner.settings import SETTINGS
 
 
 def split(numbers: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -20,6 +19,7 @@ def split(numbers: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
         raise RecordingError(
             f"a diagnosis needs at least 2 episodes, one of them to check the explanation, got {count}."
         )
-    held = HELD_OUT if count > HELD_OUT + 1 else 1
+    usual = SETTINGS.held_out.episodes
+    held = usual if count > usual + 1 else 1
     order = sorted(range(count), key=lambda i: numbers[i])
     return tuple(order[: count - held]), tuple(order[count - held :])

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field, StrictFloat, TypeAdapter, ValidationError
 
 from runner.errors import ResultError
+from runner.settings import SETTINGS
 from runner.storage.checked import Keys, must, refusal
 from runner.storage.reading import read_json
 
@@ -16,8 +17,7 @@ if TYPE_CHECKING:
 
 FILE = "verdict.json"
 ALL = "verdicts.json"
-CHANCE = 0.05  # of the cells that exceed chance, so many may do so by chance
-RIVALS = 6  # the most alike
+RIVALS_SHOWN = 6  # the most alike
 WHERE = ["factor", "cell", "share", "lift", "q"]
 
 
@@ -46,11 +46,13 @@ def verdict(diagnosis: Diagnosis) -> dict[str, Any]:
         "where": {
             "sentence": diagnosis.where.sentence,
             "p": diagnosis.where.p,
-            "cells": diagnosis.where.cells.loc[lambda c: c["q"] < CHANCE, WHERE].to_dict("records"),
+            "cells": diagnosis.where.cells.loc[lambda c: c["q"] < SETTINGS.where.false_discovery_rate, WHERE].to_dict(
+                "records"
+            ),
         },
         "rivals": [
             {"effect": r.effect, "rival": r.rival, "alike": r.alike, "log_odds": r.log_odds, "confounded": r.confounded}
-            for r in diagnosis.rivals[:RIVALS]
+            for r in diagnosis.rivals[:RIVALS_SHOWN]
         ],
         "next_push": diagnosis.next_push,
         "notes": list(diagnosis.notes),

@@ -90,7 +90,6 @@ class AbstractEffect(ABC):
     label: ClassVar[str]  # in words, for reports
     structural: ClassVar[bool] = False  # changes the MJCF, so that the model must be compiled anew
     of_sensor: ClassVar[bool] = False  # what moves is as believed, what is reported of it is not
-    common: ClassVar[bool] = False  # tried beside whatever else was found: what people have wrong most often
     # one of many that span the workspace: at one place it leaves what the simulator has wrong at the others
     texture: ClassVar[bool] = False
     # a first parameter smaller than that is not told from the unevenness of everything

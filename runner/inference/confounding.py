@@ -14,13 +14,9 @@ from scipy.linalg import cho_factor, cho_solve
 
 from runner.inference.evidence import Evidence, NormalEquations, clip
 from runner.inference.least_squares import Explanation, Fit, Fitter, amplitudes
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import Run
-
-ALIKE = 0.6  # what is less alike needs no trial
-TRIALS = 3
-CLEAR = 5.0  # log odds that count as told apart: 150 to 1
-FREE = 1e4  # standard deviation of what is free, in usual sizes
 
 
 @dataclass(frozen=True)
@@ -46,13 +42,14 @@ class Rival:
     @property
     def confounded(self) -> bool:
         """Whether such data can't tell the two apart."""
-        return self.log_odds < CLEAR
+        return self.log_odds < SETTINGS.odds.told_apart_log_odds
 
 
 def rivals(around: NormalEquations, evidence: Evidence, fitter: Fitter) -> tuple[Rival, ...]:
     """Return the rivals of every effect of a fit, the most alike first."""
     screened = _screened(around, evidence, fitter.system)
-    return tuple(_tried(r, around.fit, fitter) if i < TRIALS and r.alike > ALIKE else r for i, r in enumerate(screened))
+    tried = [r for r in screened[: SETTINGS.odds.confounded_trials] if r.alike > SETTINGS.odds.confounded_min_alike]
+    return tuple(_tried(r, around.fit, fitter) if r in tried else r for r in screened)
 
 
 def _tried(rival: Rival, fit: Fit, fitter: Fitter) -> Rival:
@@ -73,7 +70,7 @@ def _tried(rival: Rival, fit: Fit, fitter: Fitter) -> Rival:
         for start in (*first, -first[0]):
             explanation = Explanation((*others, candidate))
             begin = np.concatenate([x, clip(candidate, start, context)])
-            fits.append(stand_in.fit(explanation, fit.episodes, x=begin, near=fit, iterations=12))
+            fits.append(stand_in.fit(explanation, fit.episodes, x=begin, near=fit, iterations=SETTINGS.fit.warm_steps))
     instead = min(fits, key=lambda f: f.total)
     return replace(rival, log_odds=0.5 * instead.total, instead=instead)
 
@@ -92,7 +89,7 @@ def _screened(around: NormalEquations, evidence: Evidence, system: AbstractSyste
         move[moved] = x[moved]
         scale = np.array([d.scale for d in explanation.parameters(context)])
         for rival, members in around.by_candidate.items():
-            free = np.concatenate([FREE * scale, spread])
+            free = np.concatenate([SETTINGS.fit.flat_prior * scale, spread])
             free[own] = 0.0
             free[p + np.array(members)] = 0.0
             best = (0.0, 1.0)

@@ -17,9 +17,9 @@ from runner.inference.evidence import (
     predicted_gain,
 )
 from runner.inference.least_squares import Fit, Fitter
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 
-ONE_MORE = 15.0  # log prior odds against each further effect
 Offer = tuple[float, Candidate, np.ndarray]  # the promised gain, the effect, where to begin
 
 
@@ -45,7 +45,7 @@ class Contender:
 
 def log_posterior(fit: Fit, found: Evidence, against: float) -> float:
     """Return the log posterior of a fit, up to a constant that all explanations of a recording share."""
-    return found.log - ONE_MORE * len(fit.explanation.candidates) - against
+    return found.log - SETTINGS.odds.effect_log_odds * len(fit.explanation.candidates) - against
 
 
 def contend(

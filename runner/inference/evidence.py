@@ -3,9 +3,10 @@
 No model is exact: surfaces have texture, sizes are off by a little. With the noise of a good sensor, errors of a tenth
 of a percent are many standard errors, and a comparison that takes the model for exact will find an "effect" in every
 recording. So every explanation is granted a small share of everything else: along each direction in which any
-effect would move the prediction, a Gaussian amplitude of standard deviation `SHARE * level` times the effect's usual
-size, and a texture of the workspace of the same kind. Those amplitudes, and the start states, are integrated out (a
-Gaussian integral; Kennedy & O'Hagan 2001 in the linear case), and so are the explanation's own parameters (Laplace).
+effect would move the prediction, a Gaussian amplitude of a standard deviation of `OddsSettings.mismatch_share * level`
+times the effect's usual size, and a texture of the workspace of the same kind. Those amplitudes, and the start states,
+are integrated out (a Gaussian integral; Kennedy & O'Hagan 2001 in the linear case), and so are the explanation's own
+parameters (Laplace).
 """
 
 from __future__ import annotations
@@ -20,10 +21,8 @@ from runner.effects.base import Scope
 from runner.effects.vocabulary import Candidate
 from runner.inference.least_squares import Explanation, Fit, Fitter
 from runner.inference.parameters import bounds, difference_steps, is_out_of_range
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
-
-SHARE = 0.01  # of an effect's usual size: how far the simulator may be off in its direction
-TEXTURE = 0.02  # of the amplitude of the patches that span the workspace (0.2): friction off by 0.4 % here and there
 
 
 @dataclass(frozen=True)
@@ -63,7 +62,7 @@ def directions(system: AbstractSystem) -> list[Direction]:
         starts = candidate.starts(system.context)
         if len(starts):
             texture = candidate.effect.texture
-            mismatch = TEXTURE if texture else 0.0
+            mismatch = SETTINGS.odds.texture_share if texture else 0.0
             out += [Direction(candidate, start, 1.0, mismatch, texture, whole=True) for start in starts]
             continue
         # the amplitude of what is shown by an amount is still in units of `scale`
@@ -73,7 +72,7 @@ def directions(system: AbstractSystem) -> list[Direction]:
         for i, parameter in enumerate(parameters):
             vector = np.eye(len(parameters))[i] * steps[i]
             # what all of a kind share is a sum of directions that have their mismatch already
-            mismatch = 0.0 if candidate.targets else SHARE
+            mismatch = 0.0 if candidate.targets else SETTINGS.odds.mismatch_share
             per, asked = float(steps[i] / parameter.scale), candidate not in system.vocabulary.uncertain
             out.append(Direction(candidate, vector, per, mismatch, asked=asked))
     return out
@@ -271,11 +270,13 @@ def predicted_gain(around: NormalEquations, level: float) -> dict[Candidate, tup
     In the linear model around the fit, beside the mismatch at this level. Effects with scattered starts offer the
     best one; the others a step of all their parameters from zero.
     """
-    p = len(around.fit.x)
+    p, ridge = len(around.fit.x), SETTINGS.fit.information_ridge
     total = around.gram.sum(axis=0)
     inner, right = total[:-1, :-1], total[:-1, -1]
     # own parameters are free, everything else has its mismatch
-    spread = np.concatenate([np.full(p, 1e4), np.array([d.mismatch for d in around.directions]) * level])
+    spread = np.concatenate(
+        [np.full(p, SETTINGS.fit.flat_prior), np.array([d.mismatch for d in around.directions]) * level]
+    )
     out: dict[Candidate, tuple[float, np.ndarray]] = {}
     for candidate, members in around.by_candidate.items():
         index = p + np.array(members)
@@ -290,16 +291,21 @@ def predicted_gain(around: NormalEquations, level: float) -> dict[Candidate, tup
         for way in around.ways[candidate]:
             at = [members.index(m) for m in way]
             if not around.directions[way[0]].whole:
-                step = -np.linalg.solve(h[np.ix_(at, at)] + 0.05 * np.eye(len(at)), g[at])
+                step = -np.linalg.solve(h[np.ix_(at, at)] + ridge * np.eye(len(at)), g[at])
                 offers.append((float(-g[at] @ step), moved_by(around.directions, way, step)))
             else:
                 (k,) = at
-                amplitude = np.clip(-g[k] / (h[k, k] + 0.05), -4, 4)
+                amplitude = trusted(-g[k] / (h[k, k] + ridge))
                 offers.append(
-                    (float(g[k] ** 2 / (h[k, k] + 0.05)), moved_by(around.directions, way, np.array([amplitude])))
+                    (float(g[k] ** 2 / (h[k, k] + ridge)), moved_by(around.directions, way, np.array([amplitude])))
                 )
         out[candidate] = max(offers, key=lambda o: o[0])
     return out
+
+
+def trusted(amplitudes: np.ndarray) -> np.ndarray:
+    """Return amplitudes in units of the prior, no larger than a linear model is trusted with."""
+    return np.clip(amplitudes, -SETTINGS.fit.trust_radius, SETTINGS.fit.trust_radius)
 
 
 def moved_by(every: Sequence[Direction], way: Sequence[int], amplitudes: np.ndarray) -> np.ndarray:

@@ -13,15 +13,12 @@ from itertools import combinations
 import numpy as np
 
 from runner.inference.contender import Contender
-from runner.inference.leap import RIDGE, vector_at
+from runner.inference.leap import vector_at
 from runner.inference.least_squares import Explanation, Fit, Fitter
 from runner.inference.parameters import bounds
 from runner.inference.warm_start import Key, key_of
 from runner.numerics.arrays import FloatArray
-
-TRIED = 5  # effects that are put in the place of two: who promise most
-MAKES_UP = 0.5  # share of what is lost without the two that the one has to make up for in the linear model
-STEPS, PATIENCE = 25, 3  # of a fit at most; and before it is judged by whether it will come near
+from runner.settings import SETTINGS
 
 
 def one_for_two(fitter: Fitter, whole: Contender, seen: Set[Key]) -> list[Fit]:
@@ -37,10 +34,11 @@ def one_for_two(fitter: Fitter, whole: Contender, seen: Set[Key]) -> list[Fit]:
         key = key_of(explanation)
         if key in fits:
             continue
-        if len(fits) == TRIED:
+        if len(fits) == SETTINGS.search.most_promising:
             break
         x = np.clip(x, *bounds(explanation.parameters(fitter.context)))
-        how = {"target": whole.fit.total, "patience": PATIENCE, "iterations": STEPS}
+        steps, patience = SETTINGS.fit.refit_steps, SETTINGS.fit.patience_steps
+        how = {"target": whole.fit.total, "patience": patience, "iterations": steps}
         fits[key] = fitter.fit(explanation, whole.fit.episodes, x=x, near=whole.fit, **how)
     return list(fits.values())
 
@@ -63,7 +61,7 @@ def _promised(fitter: Fitter, whole: Contender, seen: Set[Key]) -> Iterator[tupl
             for way in ways:
                 put_in = own + np.array(way)
                 left, moved = _least(normal, out, -fit.x[out], np.concatenate([kept, put_in]))
-                if without - left > MAKES_UP * (without - fit.total):
+                if without - left > SETTINGS.held_out.most * (without - fit.total):
                     begin = vector_at(candidate, put_in, moved[len(kept) :], around, fitter)
                     yield left, explanation, np.concatenate([fit.x[kept] + moved[: len(kept)], begin])
 
@@ -79,6 +77,6 @@ def _least(normal: FloatArray, out: np.ndarray, moved: FloatArray, free: np.ndar
     """
     lost = normal[-1, -1] + 2 * moved @ normal[out, -1] + moved @ normal[np.ix_(out, out)] @ moved
     gradient = normal[free, -1] + normal[np.ix_(free, out)] @ moved
-    metric = normal[np.ix_(free, free)] + RIDGE * np.eye(len(free))
+    metric = normal[np.ix_(free, free)] + SETTINGS.fit.information_ridge * np.eye(len(free))
     step = np.asarray(-np.linalg.solve(metric, gradient), dtype=np.float64)
     return float(lost + gradient @ step), step

@@ -8,10 +8,7 @@ import numpy as np
 
 from runner.inference.least_squares import Fit, Fitter
 from runner.numerics.arrays import FloatArray
-
-PLAIN, LEAVES = 1.0, 0.5  # squared noises; share of them
-TOLD = 0.1  # of what is plain: less than that is as good as nothing
-FEW = 0.2  # of all episodes, fitted ones too: so many may go astray
+from runner.settings import SETTINGS
 
 
 def excesses(fit: Fit, fitter: Fitter) -> FloatArray:
@@ -22,7 +19,8 @@ def excesses(fit: Fit, fitter: Fitter) -> FloatArray:
 def _failing(before: Fit, after: Fit, fitter: Fitter) -> list[int]:
     """Return in which episodes, by their place, an explanation leaves most of what is plain to see, or makes it."""
     gap, left = excesses(before, fitter), excesses(after, fitter)
-    return np.flatnonzero((np.maximum(gap, left) > PLAIN) & (left > LEAVES * gap)).tolist()
+    plain = np.maximum(gap, left) > SETTINGS.held_out.plain_excess
+    return np.flatnonzero(plain & (left > SETTINGS.held_out.most * gap)).tolist()
 
 
 def astray(before: Fit, after: Sequence[Fit], fitter: Fitter, fitted: int) -> tuple[int, ...]:
@@ -43,8 +41,10 @@ def astray(before: Fit, after: Sequence[Fit], fitter: Fitter, fitted: int) -> tu
     best = min(after, key=lambda f: usually_left(before, f, fitter))
     off = _failing(before, best, fitter)
     # an episode in which nothing is to be explained tells nothing of explanations
-    told = [k for k, gap in enumerate(excesses(before, fitter)) if gap > PLAIN and k not in off]
-    few = len(off) <= min(len(told), FEW * (fitted + len(before.episodes)))
+    told = [
+        k for k, gap in enumerate(excesses(before, fitter)) if gap > SETTINGS.held_out.plain_excess and k not in off
+    ]
+    few = len(off) <= min(len(told), SETTINGS.held_out.max_astray_share * (fitted + len(before.episodes)))
     # what comes near the one part by chance, and is off in others, does not foretell it
     if not few or not all(_failing(before, f, fitter) for f in after):
         return ()
@@ -64,7 +64,6 @@ def usually_left(before: Fit, after: Fit, fitter: Fitter) -> float:
         fitter: Of both.
     """
     gap, left = excesses(before, fitter), excesses(after, fitter)
-    plain = np.maximum(gap, left) > PLAIN
-    least = TOLD * PLAIN
+    plain, least = np.maximum(gap, left) > SETTINGS.held_out.plain_excess, SETTINGS.search.negligible_excess
     share = np.log(np.maximum(left, least) / np.maximum(gap, least))[plain]
     return float(np.exp(share.mean())) if len(share) else 0.0

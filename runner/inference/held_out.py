@@ -15,39 +15,16 @@ import numpy as np
 
 from runner.effects.base import Scope
 from runner.effects.vocabulary import Candidate
-from runner.inference.breakaway import SHORTEST
 from runner.inference.contender import Contender
 from runner.inference.evidence import directions, evidence, normal_equations, sensitivities, together
-from runner.inference.foretold import LEAVES, PLAIN, astray, excesses, usually_left
+from runner.inference.foretold import astray, excesses, usually_left
 from runner.inference.least_squares import NONE, Fit, Fitter, amplitudes
 from runner.inference.materiality import causes_of
 from runner.inference.search import Search
 from runner.recording import Span
+from runner.settings import SETTINGS
 
-LEADERS = 6  # so many at most are held against the episodes left out, and the nominal model,
-HOPELESS = 200.0  # behind in log odds by more than that: what is left out will not turn it
-RESTS = 0.5  # squared noises: start states that leave less have found where they belong
-STUCK = 4.0  # units of the loss by which another explanation leaves less of an episode: two in log likelihood
-GROWN = 0.125, 0.18, 0.25, 0.35, 0.5, 0.7, 1.0  # of a stretch: to what its start state is fitted, one after the other
-ROUGHLY = 3  # steps of start states by which nothing is chosen
 VALUES_AT_ONCE = 1_000_000  # measured ones whose start states are fitted together: some hundred megabytes
-CLOSE = 20.0  # and whatever is so near in log odds
-# errors of the model that what the best explanation leaves is the doing of: of the unseen episodes, and of the fitted
-# ones, where parameters may have taken up some of them
-INDEPENDENT_UNSEEN, INDEPENDENT_FITTED = 3.0, 1.0
-# Log odds against an effect that is nothing beside its own standard error; none from so many of them on. One effect has
-# to take off more than a number is worth (Akaike 1974), and that is asked only where the gap is no larger than
-# `VISIBLE`: a plain gap has a cause, however many small errors could do the same. Each of several has to take off more
-# than the best of some thirty that are not there would (Foster & George 1994).
-DOUBT, STANDS_OUT, BESIDE_OTHERS = 1000.0, float(np.sqrt(2.0)), float(np.sqrt(2.0 * np.log(30.0)))
-MANY = 10.0  # times: an order of magnitude is what no other form of the same effect takes off
-FAINT = 1000.0  # the same against one that is nothing beside the unevenness of any surface
-# A gap of this share of the noise's variance is as likely none; log odds by which each e-fold changes that; and the gap
-# from which on the odds grow in proportion to it: what small errors of a simulator add up to has no heavy tail.
-BARELY, BY_GAP, VISIBLE = 0.3, 6.0, 1.5
-# Log odds against an effect where the gap is not as plain as that, for each squared noise by which the effect takes the
-# simulator further away in episodes that were not fitted; and the most of it.
-FURTHER, MOST_FURTHER = 1000.0, 100.0
 
 
 @dataclass(frozen=True)
@@ -88,8 +65,9 @@ class Confirmed:
         acts in them (no push reached a limit), and little more is to be seen than the explanation leaves of any
         episode, they say nothing of it.
         """
-        plain = max(self.gap_unseen, self.left_unseen) > PLAIN + max(self.left_fitted, 0.0)
-        return plain and self.left_unseen > LEAVES * self.gap_unseen and self.usually_left > LEAVES
+        limits = SETTINGS.held_out
+        plain = max(self.gap_unseen, self.left_unseen) > limits.plain_excess + max(self.left_fitted, 0.0)
+        return plain and self.left_unseen > limits.most * self.gap_unseen and self.usually_left > limits.most
 
     @property
     def excess(self) -> float:
@@ -104,12 +82,13 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     finite = doubted([c for c in found.contenders if np.isfinite(c.log_posterior)], fitter.context, gap, count)
     finite = causes_of(sorted(finite, key=lambda c: -c.log_posterior), fitter, gap)
     nominal = next(c for c in finite if not c.fit.explanation.candidates)
-    near = finite[0].log_posterior - CLOSE
-    hopeless = finite[0].log_posterior - HOPELESS if fitter.system.leaps else -np.inf
+    limits = SETTINGS.held_out
+    near = finite[0].log_posterior - limits.close_log_odds
+    hopeless = finite[0].log_posterior - limits.hopeless_log_odds
     leaders = [
         c
         for i, c in enumerate(finite)
-        if (i < LEADERS and c.log_posterior > hopeless) or c is nominal or c.log_posterior > near
+        if (i < limits.max_leaders and c.log_posterior > hopeless) or c is nominal or c.log_posterior > near
     ]
     before = unseen(nominal, fitter, held_out, None)
     there_by = {id(c.fit): before if c is nominal else unseen(c, fitter, held_out, before) for c in leaders}
@@ -180,8 +159,8 @@ def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], f
     posterior = np.array([c.log_posterior for c in weighed])
     dispersion = 1.0
     for fits, independent in (
-        ([there[id(c.fit)] for c in weighed], INDEPENDENT_UNSEEN),
-        ([c.fit for c in weighed], INDEPENDENT_FITTED),
+        ([there[id(c.fit)] for c in weighed], SETTINGS.held_out.independent_errors_unseen),
+        ([c.fit for c in weighed], 1.0),  # where parameters have taken up others, one error remains at least
     ):
         left = np.array([max(f.total - fitter.measured.count(f.episodes), 0.0) for f in fits])
         dispersion = max(dispersion, 1.0 + left.min() / independent)
@@ -204,14 +183,15 @@ def doubted(contenders: Sequence[Contender], context: Scope, gap: float, count: 
         gap: What the nominal model leaves of what was fitted, in squared noises.
         count: How many measurements were.
     """
+    limits, common = SETTINGS.odds, 0.0
     alone = [c for c in contenders if len(c.fit.explanation.candidates) == 1]
-    common = 0.0
-    if alone and gap <= VISIBLE:
-        common = unsure(max(alone, key=lambda c: c.log_posterior), context, STANDS_OUT)
+    if alone and gap <= limits.visible_gap_excess:
+        common = unsure(max(alone, key=lambda c: c.log_posterior), context, limits.min_errors_alone)
     out = []
     for c in contenders:
         single = len(c.fit.explanation.candidates) == 1
-        against = common if single else unsure(c, context, BESIDE_OTHERS, needed(c, contenders, count))
+        enough = limits.min_errors_beside_others
+        against = common if single else unsure(c, context, enough, needed(c, contenders, count))
         out.append(replace(c, log_posterior=c.log_posterior - against - faint(c, context)))
     return out
 
@@ -223,7 +203,8 @@ def needed(contender: Contender, contenders: Sequence[Contender], count: int) ->
     another takes up some of that.
     """
     whole, out = contender.fit.explanation.candidates, []
-    plain = max(VISIBLE * count, MANY * (contender.fit.total - count))
+    limits = SETTINGS.odds
+    plain = max(limits.visible_gap_excess * count, limits.form_error_ratio * (contender.fit.total - count))
     for candidate in whole:
         rest = {c for c in whole if c != candidate}
         fewer = [c.fit.total for c in contenders if rest.issuperset(c.fit.explanation.candidates)]
@@ -238,7 +219,7 @@ def unsure(
     """Return the log odds against effects that are no `enough` standard errors away from not being there."""
     parts = [(c, whole) for c, whole in contender.fit.explanation.parts(context) if c not in beyond_doubt]
     lacks = (1.0 - errors_off(contender, c, whole, context) / enough for c, whole in parts)
-    return sum((DOUBT * max(lack, 0.0) for lack in lacks), 0.0)
+    return sum((SETTINGS.odds.rejection_log_odds * max(lack, 0.0) for lack in lacks), 0.0)
 
 
 def errors_off(contender: Contender, candidate: Candidate, whole: slice, context: Scope) -> float:
@@ -253,14 +234,18 @@ def faint(contender: Contender, context: Scope) -> float:
     for candidate, whole in contender.fit.explanation.parts(context):
         limit = candidate.effect.detection_limit
         if limit > 0:
-            found += FAINT * max(1.0 - abs(float(contender.fit.x[whole.start])) / limit, 0.0)
+            lack = 1.0 - abs(float(contender.fit.x[whole.start])) / limit
+            found += SETTINGS.odds.rejection_log_odds * max(lack, 0.0)
     return found
 
 
 def odds_against_none(excess: float) -> float:
     """Return the log odds against `none` from what the nominal model leaves of all episodes, in squared noises."""
-    beyond = max(excess / VISIBLE - 1.0, 0.0)  # so that value and slope go on where the logarithm ends
-    return BY_GAP * (float(np.log(min(max(excess, 0.01), VISIBLE) / BARELY)) + beyond)
+    limits = SETTINGS.odds
+    visible = limits.visible_gap_excess
+    beyond = max(excess / visible - 1.0, 0.0)  # so that value and slope go on where the logarithm ends
+    e_folds = float(np.log(min(max(excess, 0.01), visible) / limits.even_gap_excess))
+    return limits.log_odds_per_efold * (e_folds + beyond)
 
 
 def further(there: Fit, before: Fit, fitter: Fitter, gap: float) -> float:
@@ -268,10 +253,10 @@ def further(there: Fit, before: Fit, fitter: Fitter, gap: float) -> float:
 
     `gap` is what the nominal model leaves of all of them, in squared noises.
     """
-    if gap > VISIBLE:
+    if gap > SETTINGS.odds.visible_gap_excess:
         return 0.0
     more = (there.total - before.total) / fitter.measured.count(before.episodes)
-    return float(np.clip(FURTHER * more, 0.0, MOST_FURTHER))
+    return float(np.clip(SETTINGS.odds.worse_log_odds * more, 0.0, SETTINGS.odds.max_worse_log_odds))
 
 
 def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nominal: Fit | None) -> Fit:
@@ -281,11 +266,11 @@ def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nomina
     best = held.fit(NONE, held_out, near=nominal)
     # where the body spins fast, a descent of the start states may end in a local minimum: from two sides, save where
     # nothing is left to be gained, or stretches are so short that their ends answer to their starts in proportion
-    gains = nominal is not None and not (fitter.system.leaps and best.total < nominal.total)
-    if gains and fitter.measured.excess(best.total, held_out) > RESTS:
+    gains = nominal is not None and best.total >= nominal.total
+    if gains and fitter.measured.excess(best.total, held_out) > SETTINGS.search.near_excess:
         best = min(best, held.fit(NONE, held_out), key=lambda f: f.total)
     # what is replayed much worse than all that was fitted may begin where it did not: a motion forgets its start
-    worst = max(float(excesses(contender.fit, fitter).max()), RESTS)
+    worst = max(float(excesses(contender.fit, fitter).max()), SETTINGS.search.near_excess)
     off = np.flatnonzero(excesses(best, fitter) > worst)
     if not len(off):
         return fitter.fit(explanation, held_out, x=x, near=best, iterations=0)
@@ -307,12 +292,13 @@ def _unstuck(leaders: Sequence[Contender], there: Mapping[int, Fit], fitter: Fit
     end on the wrong side of that, some tens of log units behind. Where much is left, `unseen` has looked already.
     """
     least, out = np.min([t.loss for t in there.values()], axis=0), dict(there)
+    stuck, near = SETTINGS.held_out.stuck_loss, SETTINGS.search.near_excess
     for c in leaders:
         fit = there[id(c.fit)]
         behind = [
             k
             for k, e in enumerate(fit.episodes)
-            if fit.loss[k] > least[k] + STUCK and fitter.measured.excess(float(fit.loss[k]), [e]) < RESTS
+            if fit.loss[k] > least[k] + stuck and fitter.measured.excess(float(fit.loss[k]), [e]) < near
         ]
         held = _holding(c, fitter)
         found = {k: held.fit(NONE, [fit.episodes[k]]) for k in behind}
@@ -329,7 +315,8 @@ def _grown_start(held: Fitter, episode: int, start: np.ndarray) -> np.ndarray:
     A mechanism that turns over forgets where it began: fitted to the whole at once, the start ends in a local minimum.
     """
     samples = len(held.measured.values[episode])
-    parts = [held.parts([Span(episode, 0, max(round(share * samples), SHORTEST))]) for share in GROWN]
+    lengths = [max(round(s * samples), SETTINGS.breakaway.min_samples) for s in SETTINGS.held_out.growing_shares]
+    parts = [held.parts([Span(episode, 0, length)]) for length in lengths]
     grown = parts[0].first_starts([0])
     for part in parts:
         grown = part.fit(NONE, [0], starts=grown).starts
@@ -341,7 +328,7 @@ def start_states(contender: Contender, fitter: Fitter, episodes: Sequence[int]) 
     """Return start states (S,), by which nothing is chosen, of stretches, with a contender at its parameters."""
     held, starts = _holding(contender, fitter), dict[int, np.ndarray]()
     for some in _portions(fitter, episodes):
-        fit = held.fit(NONE, some, iterations=ROUGHLY, polish=False)
+        fit = held.fit(NONE, some, iterations=SETTINGS.held_out.rough_steps, polish=False)
         starts |= zip(fit.episodes, fit.starts, strict=True)
     return starts
 

@@ -24,15 +24,10 @@ from runner.inference.evidence import (
     moved_by,
     normal_equations,
     sensitivities,
+    trusted,
 )
 from runner.inference.least_squares import Explanation, Fit, Fitter
-
-LEAPS = 4
-AT_ONCE = 3  # effects that one leap adds: farther from the fit the linear model says less
-STEPS = 10  # of the fit of what it adds
-FREE = 1e2  # prior widths of what is fitted
-TOLD_APART = 0.03  # share of what is left that each further number has to take off, where one might do for all
-RIDGE = 0.05  # of the information: what nothing measured depends on has none
+from runner.settings import SETTINGS
 
 
 def leap(
@@ -50,8 +45,8 @@ def leap(
         worth_beside: What an effect has to take off the loss where so much is left.
     """
     surveyed = fit
-    for _ in range(LEAPS):
-        room = min(fitter.system.most_effects - len(fit.explanation.candidates), AT_ONCE)
+    for _ in range(SETTINGS.leap.max_leaps):
+        room = min(fitter.system.most_effects - len(fit.explanation.candidates), SETTINGS.leap.max_effects)
         if not room:
             break
         if surveyed is not fit:
@@ -62,7 +57,7 @@ def leap(
             break
         explanation = fit.explanation + Explanation(tuple(c for c, _ in extra))
         x = np.concatenate([fit.x, *(v for _, v in extra)])
-        tried = fitter.fit(explanation, fit.episodes, x=x, near=fit, iterations=STEPS, polish=False)
+        tried = fitter.fit(explanation, fit.episodes, x=x, near=fit, iterations=SETTINGS.leap.steps, polish=False)
         tried = _needed(fitter, tried, worth)
         if not tried.total < fit.total - worth:
             break
@@ -105,7 +100,7 @@ def chosen(around: NormalEquations, fitter: Fitter, most: int, worth: float) -> 
     total = around.gram.sum(axis=0)
     mismatch = np.array([d.mismatch for d in around.directions]) * fitter.system.screening_level
     scale = np.array([q.scale for q in around.fit.explanation.parameters(fitter.context)])
-    linear = Linear(total[:-1, :-1], total[:-1, -1], np.concatenate([FREE * scale, mismatch]))
+    linear = Linear(total[:-1, :-1], total[:-1, -1], np.concatenate([SETTINGS.leap.free_spread * scale, mismatch]))
     groups = _groups(around)
     taken: dict[Candidate, np.ndarray] = {}
     while len(taken) < most:
@@ -121,7 +116,7 @@ def chosen(around: NormalEquations, fitter: Fitter, most: int, worth: float) -> 
         if gain < worth:
             break
         taken[candidate] = np.array(index)
-        linear.spread[taken[candidate]] = FREE
+        linear.spread[taken[candidate]] = SETTINGS.leap.free_spread
         _without_the_needless(linear, taken, mismatch, p, worth)
     _, _, moved = linear.beside()
     return [(c, vector_at(c, index, moved[index], around, fitter)) for c, index in taken.items()]
@@ -143,7 +138,7 @@ def gain_of(metric: np.ndarray, gradient: np.ndarray, index: np.ndarray, spread:
     amplitude = uncertain @ gradient[index]
     values, vectors = np.linalg.eigh(uncertain - np.diag(spread[index] ** 2))
     values = np.maximum(values, 1e-9 * np.diag(uncertain).max())
-    return float(((vectors.T @ amplitude) ** 2 / (values * (1.0 + RIDGE * values))).sum())
+    return float(((vectors.T @ amplitude) ** 2 / (values * (1.0 + SETTINGS.fit.information_ridge * values))).sum())
 
 
 def _without_the_needless(
@@ -156,7 +151,7 @@ def _without_the_needless(
         if gain_of(metric, gradient, index, linear.spread) < worth:
             del taken[candidate]
         else:
-            linear.spread[index] = FREE
+            linear.spread[index] = SETTINGS.leap.free_spread
 
 
 def vector_at(
@@ -164,8 +159,7 @@ def vector_at(
 ) -> np.ndarray:
     """Return where the fit of an effect begins that moves by so much along some entries of the linear model."""
     way = [int(i) - len(around.fit.x) for i in index]
-    amplitudes = np.clip(moved, -4.0, 4.0)
-    return clip(candidate, moved_by(around.directions, way, amplitudes), fitter.context)
+    return clip(candidate, moved_by(around.directions, way, trusted(moved)), fitter.context)
 
 
 def _split(fitter: Fitter, fit: Fit) -> Fit:
@@ -177,8 +171,9 @@ def _split(fitter: Fitter, fit: Fit) -> Fit:
     parts = [(each, fit.x[part]) for c, part in fit.explanation.parts(fitter.context) for each in c.each]
     apart = Explanation(tuple(c for c, _ in parts))
     x = np.concatenate([v for _, v in parts])
-    tried = fitter.fit(apart, fit.episodes, x=x, near=fit, iterations=STEPS, polish=False)
-    return tried if tried.total < fit.total - TOLD_APART * fit.total * (count - len(held)) else fit
+    tried = fitter.fit(apart, fit.episodes, x=x, near=fit, iterations=SETTINGS.leap.steps, polish=False)
+    share = SETTINGS.leap.min_gain_per_number
+    return tried if tried.total < fit.total - share * fit.total * (count - len(held)) else fit
 
 
 def _tied(fitter: Fitter, fit: Fit) -> Fit:
@@ -191,8 +186,8 @@ def _tied(fitter: Fitter, fit: Fit) -> Fit:
         others = [(c, fit.x[part]) for c, part in parts if c not in shared.each]
         explanation = Explanation((*(c for c, _ in others), shared))
         x = np.concatenate([*(v for _, v in others), np.mean([fit.x[part] for part in members], axis=0)])
-        tried = fitter.fit(explanation, fit.episodes, x=x, near=fit, iterations=STEPS, polish=False)
-        if tried.total < fit.total * (1.0 + TOLD_APART * (len(members) - 1)):
+        tried = fitter.fit(explanation, fit.episodes, x=x, near=fit, iterations=SETTINGS.leap.steps, polish=False)
+        if tried.total < fit.total * (1.0 + SETTINGS.leap.min_gain_per_number * (len(members) - 1)):
             fit = tried
     return fit
 
@@ -213,5 +208,5 @@ def _needed(fitter: Fitter, fit: Fit, worth: float) -> Fit:
     for _, part in needless:
         keep[part] = False
     rest = Explanation(tuple(c for c in fit.explanation.candidates if c not in {c for c, _ in needless}))
-    less = fitter.fit(rest, fit.episodes, x=fit.x[keep], near=fit, iterations=STEPS, polish=False)
+    less = fitter.fit(rest, fit.episodes, x=fit.x[keep], near=fit, iterations=SETTINGS.leap.steps, polish=False)
     return less if less.total < fit.total + worth * len(needless) else fit

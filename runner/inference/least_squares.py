@@ -29,13 +29,9 @@ from runner.inference.variable_projection import (
 from runner.noise.measured import Measured
 from runner.progress import UNOBSERVED, ProgressObserver
 from runner.recording import Span
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import AbstractSimulator, Run
-
-HALVINGS = 6  # of a beginning at which the motion diverges
-AS_NEAR = 0.1  # of a parameter's value and prior width: so far derivatives are taken not to change
-SURVEYS = 4  # kept: around the nominal model and the best so far, of what is fitted and of what is held out
-FEWEST = 5  # samples of each channel that is measured at all that a piece of an episode must have
 
 
 @dataclass(frozen=True)
@@ -156,7 +152,7 @@ def are_near(a: Fit, b: Fit, context: Scope) -> bool:
     if a.explanation != b.explanation:
         return False
     size = np.array([p.scale for p in a.explanation.parameters(context)]) + np.abs(b.x)
-    return bool((np.abs(a.x - b.x) <= AS_NEAR * size).all())
+    return bool((np.abs(a.x - b.x) <= SETTINGS.fit.derivative_reuse * size).all())
 
 
 @dataclass(frozen=True)
@@ -171,7 +167,9 @@ class Fitter:
     measured: Measured
     held: Effects = ()
     observer: ProgressObserver = field(default=UNOBSERVED, compare=False, repr=False)
-    surveys: deque[Survey] = field(default_factory=lambda: deque(maxlen=SURVEYS), compare=False, repr=False)
+    surveys: deque[Survey] = field(
+        default_factory=lambda: deque(maxlen=SETTINGS.fit.kept_surveys), compare=False, repr=False
+    )
 
     @property
     def context(self) -> Scope:
@@ -198,8 +196,12 @@ class Fitter:
 
     def up_to(self, seconds: float) -> Fitter:
         """Return a fitter of the first so many seconds of every episode, at least two samples."""
+        return self.parts(self.beginnings(seconds, range(len(self.measured.values))))
+
+    def beginnings(self, seconds: float, episodes: Iterable[int]) -> list[Span]:
+        """Return the first so many seconds of some episodes, at least two samples."""
         most = max(2, int(seconds * self.system.rate_hz * (1 + 1e-9)) + 1)
-        return self.parts([Span(e, 0, min(len(v), most)) for e, v in enumerate(self.measured.values)])
+        return [Span(e, 0, min(len(self.measured.values[e]), most)) for e in episodes]
 
     def pieces(self, seconds: float, episodes: Sequence[int]) -> list[Span]:
         """Cut episodes into equal pieces of about so many seconds; what has hardly been measured is left out."""
@@ -210,9 +212,8 @@ class Fitter:
             edges = np.linspace(0, n, count + 1).round().astype(int)
             spans += [Span(e, int(a), int(b)) for a, b in pairwise(edges)]
         there = np.any([self.measured.valid[e].any(axis=0) for e in episodes], axis=0)
-        return [
-            s for s in spans if (self.measured.counted(s.episode)[s.begin : s.end, there].sum(axis=0) >= FEWEST).all()
-        ]
+        counts = [self.measured.counted(s.episode)[s.begin : s.end, there].sum(axis=0) for s in spans]
+        return [s for s, n in zip(spans, counts, strict=True) if (n >= SETTINGS.fit.min_start_samples).all()]
 
     def first_starts(self, episodes: Sequence[int]) -> np.ndarray:
         """Return rough start states from the first samples, (E, S)."""
@@ -249,10 +250,9 @@ class Fitter:
         With another account of the noise a fit hardly moves: what was simulated around it before still holds.
         """
         spans = tuple(self.measured.spans[e] for e in fit.episodes)
-        if self.system.leaps:
-            for known in self.surveys:
-                if known.spans == spans and known.held == self.held and are_near(known.fit, fit, self.context):
-                    return known.shown
+        for known in self.surveys:
+            if known.spans == spans and known.held == self.held and are_near(known.fit, fit, self.context):
+                return known.shown
         simulator = self.simulator.surveying()
         before_s, shown = simulator.simulated_s, []
         for e, start in zip(fit.episodes, fit.starts, strict=True):
@@ -272,8 +272,8 @@ class Fitter:
         starts: np.ndarray | None = None,
         target: float = np.inf,
         patience: int = 0,
-        iterations: int = 15,
-        tolerance: float = 0.3,
+        iterations: int = SETTINGS.fit.max_steps,
+        tolerance: float = SETTINGS.fit.tolerance_loss,
         polish: bool = True,
     ) -> Fit:
         """Fit an explanation; stops when a step gains less than `tolerance` in the loss (more where the fit is bad).
@@ -353,7 +353,7 @@ def _first_point(
     low, high = bounds(parameters)
     x = np.clip(np.zeros(len(parameters)) if x is None else np.asarray(x, float), low, high)
     point = linearise(x, starts, basis)
-    for _ in range(HALVINGS):
+    for _ in range(SETTINGS.fit.divergence_halvings):
         if np.isfinite(point.total):
             break
         # where the motion diverges there is no way down

@@ -16,12 +16,10 @@ import numpy as np
 from runner.effects.vocabulary import Candidate
 from runner.inference.contender import Contender
 from runner.inference.least_squares import Fit, Fitter
-from runner.inference.probability import TEMPER, allowed_excess
+from runner.inference.probability import allowed_excess
 from runner.inference.warm_start import key_of
+from runner.settings import SETTINGS
 from runner.systems.simulator import Run
-
-HIDDEN = 1.0  # noises, root mean square in the channel that it moves most: less is hidden in what the sensors add
-NEAR = 100.0  # log odds behind the likeliest: what is further has no share in what is told
 
 
 def influence(fit: Fit, fitter: Fitter) -> dict[Candidate, float]:
@@ -52,7 +50,7 @@ def causes_of(contenders: Sequence[Contender], fitter: Fitter, gap: float) -> li
     """
     known = {key_of(c.fit.explanation): c for c in contenders}
     for contender in contenders:
-        if contender.log_posterior < contenders[0].log_posterior - NEAR:
+        if contender.log_posterior < contenders[0].log_posterior - SETTINGS.odds.told_log_odds:
             break
         taken, given = contender, known.pop(key_of(contender.fit.explanation))
         while (fewer := _without_least(taken, known, fitter, gap)) is not None:
@@ -61,7 +59,8 @@ def causes_of(contenders: Sequence[Contender], fitter: Fitter, gap: float) -> li
         if taken is contender:
             known[key] = given
         else:
-            together = TEMPER * np.logaddexp(taken.log_posterior / TEMPER, given.log_posterior / TEMPER)
+            t = SETTINGS.probability.temperature
+            together = t * np.logaddexp(taken.log_posterior / t, given.log_posterior / t)
             known[key] = replace(taken, log_posterior=float(together))
     return sorted(known.values(), key=lambda c: -c.log_posterior)
 
@@ -75,7 +74,7 @@ def _without_least(
     moved = influence(contender.fit, fitter)
     least = min(moved, key=lambda c: moved[c])
     fewer = known.get(key_of(contender.fit.explanation.without(least)))
-    if moved[least] >= HIDDEN or fewer is None:
+    if moved[least] >= SETTINGS.odds.visible_noises or fewer is None:
         return None
     left = fitter.measured.excess(fewer.evidence.loss, fewer.fit.episodes)
     return fewer if left < allowed_excess(gap, fitter.system.unknown_share) else None

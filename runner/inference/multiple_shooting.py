@@ -14,23 +14,10 @@ import numpy as np
 from runner.inference.breakaway import hanging
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 from runner.inference.parameters import is_out_of_range
-from runner.inference.search import NEAR, RESTED, Search, resumed, search, singles
+from runner.inference.search import search, singles
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of
-from runner.progress import UNOBSERVED
 from runner.recording import Span
-
-ASTRAY = 2.5  # mean square, in noises, from which on a descent from the nominal model is not trusted
-# Into so many pieces episodes are cut, and into more as long as the nominal model goes astray in them, none shorter.
-PIECES, SHORTEST_S = 8, 0.5
-# Of what the nominal model leaves of the whole: where pieces leave more, its errors do not pile up over time, descents
-# go as well from the whole as from pieces, and those show nothing that the whole does not.
-PILED_UP = 0.5
-TOLD = 0.5  # share of the pieces that is searched
-TOGETHER = 2  # effects that are sought in pieces: what acts less than those comes in on the whole
-LIKELIEST = 2  # of several effects, of each size, that fits begin with; and of all that are carried over to the whole
-# Shares of the episodes that those are fitted to on the way to the whole, where they leave such a mean square there,
-# and steps of the fit to the whole; one that then leaves less than the last is what has to be beaten.
-RUNGS, ASTRAY_THERE, CARRIED, EXPLAINED = (0.5, 0.75), 2.0, 6, 1.5
+from runner.settings import SETTINGS
 
 
 @dataclass(frozen=True)
@@ -51,7 +38,10 @@ class Look:
 
 
 def look(fitter: Fitter, nominal: Fit) -> Look | None:
-    """Search the episodes of a nominal fit in pieces, if it goes astray and they are long enough; else None.
+    """Search the episodes of a nominal fit in pieces, if it goes astray; else None.
+
+    What is too short to be cut, such as a flight into an impact, is looked at as far as its first half: a model that is
+    wrong in the air meets the ground elsewhere, and a descent through that ends anywhere.
 
     What is left for the whole are the single effects that are near the likeliest, and the likeliest several. If one of
     those explains the whole, no other single effect is worth a fit of its own.
@@ -61,27 +51,29 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     # by the noise of this fitter, which may have been told from that fit
     whole_loss = fitter.loss(NONE, nominal.x, nominal.starts, episodes)
     longest_s = fitter.longest_s(episodes)
-    piece_s = max(longest_s / PIECES, SHORTEST_S)
-    if whole_loss <= ASTRAY * count or longest_s < 2 * piece_s:
-        return None
-    spans = fitter.pieces(piece_s, episodes)
-    if not spans:
+    limits = SETTINGS.pieces
+    piece_s = max(longest_s / limits.count, limits.min_length_s)
+    cuttable = longest_s >= 2 * piece_s
+    spans = fitter.pieces(piece_s, episodes) if cuttable else fitter.beginnings(limits.beginning * longest_s, episodes)
+    if whole_loss <= limits.far_mean_square * count or not spans:
         return None
     while True:
         cut = fitter.parts(spans)
-        rough = cut.fit(NONE, range(len(spans)), iterations=RESTED)
-        shorter = fitter.pieces(piece_s / 2, episodes) if piece_s / 2 >= SHORTEST_S else []
-        if not shorter or rough.total < ASTRAY * cut.measured.count(rough.episodes):
+        rough = cut.fit(NONE, range(len(spans)), iterations=SETTINGS.fit.nominal_steps)
+        shorter = fitter.pieces(piece_s / 2, episodes) if piece_s / 2 >= limits.min_length_s else []
+        if not shorter or rough.total < limits.far_mean_square * cut.measured.count(rough.episodes):
             break
         spans, piece_s = shorter, piece_s / 2
-    if rough.total / cut.measured.count(rough.episodes) > PILED_UP * whole_loss / count:
+    if rough.total / cut.measured.count(rough.episodes) > limits.max_mean_square_ratio * whole_loss / count:
         fitter.simulator.simulated_s += cut.simulator.simulated_s
         return None
     # where the nominal model is good, little is to be learnt about what it lacks
     lacks = rough.loss - [cut.measured.count([i]) for i in rough.episodes]
     first = np.array([s.begin == 0 for s in spans])
-    chosen = np.flatnonzero(first | (lacks > np.quantile(lacks, 1.0 - TOLD)))
-    found, cut, hung = _searched(cut, chosen.tolist(), rough.starts[chosen])
+    chosen = np.flatnonzero(first | (lacks > np.quantile(lacks, 1.0 - limits.searched_share)))
+    found = search(cut, chosen.tolist(), starts=rough.starts[chosen], pieces=True)
+    hung = hanging(cut, found.best.fit)
+    cut = replace(cut, measured=cut.measured.without(hung))
     fitter.simulator.simulated_s += cut.simulator.simulated_s
     late = _earliest(hung, spans)
     whole = replace(fitter, measured=fitter.measured.without(late))
@@ -89,44 +81,29 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     def seed(fit: Fit) -> WarmStart:
         return _seed(whole, fit.explanation, fit.x, begun(fit, spans, nominal), episodes)
 
-    seeds, near = {}, found.best.log_posterior - NEAR
+    seeds, near = {}, found.best.log_posterior - SETTINGS.search.expansion_log_odds
     for c in found.contenders:
         candidates = c.fit.explanation.candidates
-        few = len(candidates) == 1 or sum(len(k) == len(candidates) for k in seeds) < LIKELIEST
+        few = len(candidates) == 1 or sum(len(k) == len(candidates) for k in seeds) < SETTINGS.search.beam_width
         if candidates and few and c.log_posterior > near:
             seeds[key_of(c.fit.explanation)] = seed(c.fit)
     best, there = found.best.fit, set[Key]()
-    if cut.measured.excess(best.total, best.episodes) > fitter.system.cut_from and key_of(best.explanation) in seeds:
+    little = cut.measured.excess(best.total, best.episodes) < fitter.system.cut_from
+    if cuttable and not little and key_of(best.explanation) in seeds:
         # over longer times what is lacking may pile up, or what is there may come to show: whichever leaves less tells
-        longer = carried(whole, seeds[key_of(best.explanation)], episodes, longest_s)[-1]
+        longer = carried(whole, seeds[key_of(best.explanation)], episodes, longest_s)
         if longer.total / whole_loss > best.total / found.nominal.total:
             return Look(Beginning(seeds), late, piece_s)
         seeds[key_of(best.explanation)] = longer
         there = {key_of(best.explanation)}
-    for c in found.contenders[:LIKELIEST]:
+    for c in found.contenders[: SETTINGS.search.beam_width]:
         key = key_of(c.fit.explanation)
         if key in seeds and key not in there:
-            for further in carried(whole, seeds[key], episodes, longest_s):
-                at = key_of(further.explanation)
-                seeds[at] = min(further, seeds.get(at, further), key=lambda s: s.total)
+            seeds[key] = min(carried(whole, seeds[key], episodes, longest_s), seeds[key], key=lambda s: s.total)
     explained = any(explains(s, whole, episodes) for s in seeds.values())
     return Look(
         Beginning(seeds, singles(fitter.system.vocabulary) - set(seeds) if explained else frozenset[Key]()), late
     )
-
-
-def _searched(cut: Fitter, chosen: Sequence[int], starts: np.ndarray) -> tuple[Search, Fitter, dict[int, int]]:
-    """Search pieces; also returns the fitter without what hangs on a breakaway, and from which sample each does."""
-    if cut.system.leaps:
-        found = search(cut, chosen, starts=starts, pieces=True)
-        hung = hanging(cut, found.best.fit)
-        return found, replace(cut, measured=cut.measured.without(hung)), hung
-    found = search(cut, chosen, most=1, starts=starts, pieces=True)
-    # before a second effect makes up for what hangs on a breakaway
-    hung = hanging(cut, found.best.fit)
-    cut = replace(cut, measured=cut.measured.without(hung))
-    begin, starts = resumed(found, cut), found.nominal.starts
-    return search(cut, chosen, most=TOGETHER, starts=starts, beginning=begin, pieces=True), cut, hung
 
 
 def recut(beginning: Beginning, fitter: Fitter, nominal: Fit) -> Beginning:
@@ -147,7 +124,7 @@ def explains(seed: WarmStart, fitter: Fitter, episodes: Sequence[int]) -> bool:
     """
     if is_out_of_range(seed.explanation.parameters(fitter.context), seed.x):
         return False
-    return bool(seed.total < EXPLAINED * fitter.measured.count(episodes))
+    return bool(seed.total < (1.0 + SETTINGS.search.near_excess) * fitter.measured.count(episodes))
 
 
 def begun(fit: Fit, spans: Sequence[Span], whole: Fit) -> np.ndarray:
@@ -175,36 +152,18 @@ def _seed(
     return WarmStart(explanation, x, starts, fitter.loss(explanation, x, starts, episodes))
 
 
-def carried(fitter: Fitter, seed: WarmStart, episodes: Sequence[int], longest_s: float) -> list[WarmStart]:
-    """Fit what was found in pieces of the episodes to longer parts, as long as it goes astray, and to the whole.
-
-    Where it goes astray in a longer part already, it lacks something that does not show in pieces; with that, if there
-    is one, it goes on.
-    """
-    count, left_behind = fitter.measured.count(episodes), []
-    for share in RUNGS:
-        if seed.total < ASTRAY_THERE * count:
+def carried(fitter: Fitter, seed: WarmStart, episodes: Sequence[int], longest_s: float) -> WarmStart:
+    """Fit what was found in pieces of the episodes to longer parts, as long as it goes astray, and to the whole."""
+    count = fitter.measured.count(episodes)
+    plain = 1.0 + SETTINGS.held_out.plain_excess  # mean square from which on it goes astray
+    for share in SETTINGS.pieces.growing_shares:
+        if seed.total < plain * count:
             break
         longer = fitter.up_to(longest_s * share)
-        fit = longer.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=12, polish=False)
-        lacks = fit.total > ASTRAY_THERE * longer.measured.count(episodes) and len(fit.x) and not left_behind
-        if lacks and not fitter.system.leaps:
-            left_behind.append(_seed(fitter, fit.explanation, fit.x, fit.starts, episodes))
-            fit = _with_another(longer, fit)
+        steps = SETTINGS.fit.warm_steps
+        fit = longer.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=steps, polish=False)
         fitter.simulator.simulated_s += longer.simulator.simulated_s
         seed = _seed(fitter, fit.explanation, fit.x, fit.starts, episodes)
-    fit = fitter.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=CARRIED, polish=False)
-    return [*left_behind, WarmStart(fit.explanation, fit.x, fit.starts, fit.total)]
-
-
-def _with_another(fitter: Fitter, fit: Fit) -> Fit:
-    """Return the likeliest explanation of the same episodes that has the effects of a fit and another one.
-
-    The fit itself, where there is none.
-    """
-    held, known = fit.explanation.candidates, WarmStart(fit.explanation, fit.x, fit.starts, fit.total)
-    beginning = Beginning({key_of(fit.explanation): known}, singles(fitter.system.vocabulary) - {held})
-    # what is best here is no more than a step on the way: nobody is told
-    unobserved = replace(fitter, observer=UNOBSERVED)
-    best = search(unobserved, fit.episodes, most=len(held) + 1, starts=fit.starts, beginning=beginning).best.fit
-    return best if set(best.explanation.candidates) >= set(held) else fit
+    steps = SETTINGS.pieces.whole_steps
+    fit = fitter.fit(seed.explanation, episodes, x=seed.x, starts=seed.starts, iterations=steps, polish=False)
+    return WarmStart(fit.explanation, fit.x, fit.starts, fit.total)

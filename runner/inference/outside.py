@@ -12,11 +12,8 @@ from runner.inference.contender import Contender, contend
 from runner.inference.evidence import directions, sensitivities
 from runner.inference.least_squares import Explanation, Fitter
 from runner.inference.search import Search
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
-
-RARE = 10.0  # log prior odds against each, beside those of the vocabulary
-COMPARABLE = 0.1  # squared noises: what leaves more than the best does, by so much, is not weighed
-STEPS, PATIENCE = 25, 4  # of its fits at most; and before one is judged by whether it will come near the best
 
 
 def with_outside(found: Search, fitter: Fitter) -> Search:
@@ -27,16 +24,17 @@ def with_outside(found: Search, fitter: Fitter) -> Search:
     count = fitter.measured.count(best.episodes)
     new: list[Contender] = []
     for candidate in fitter.system.vocabulary.outside:
-        how = {"iterations": STEPS, "target": best.total, "patience": PATIENCE}
+        steps, patience = SETTINGS.fit.refit_steps, SETTINGS.fit.outside_patience_steps
+        how = {"iterations": steps, "target": best.total, "patience": patience}
         tries = [
             fitter.fit(Explanation((candidate,)), best.episodes, starts=near.starts, **how)
             for near in (best, found.nominal)
         ]
         fit = min(tries, key=lambda f: f.total)
-        if fit.total < best.total + COMPARABLE * count and not fit.at_bound.any():
+        if fit.total < best.total + SETTINGS.search.negligible_excess * count and not fit.at_bound.any():
             every = directions(fitter.system)
             around, dispersion = sensitivities(fitter, fit, every), found.best.evidence.dispersion
-            new.append(contend(fitter, fit, around, against=RARE, dispersion=dispersion))
+            new.append(contend(fitter, fit, around, against=SETTINGS.odds.outside_log_odds, dispersion=dispersion))
     return Search(tuple(sorted((*found.contenders, *new), key=lambda c: -c.log_posterior)), found.nominal)
 
 

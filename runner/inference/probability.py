@@ -9,18 +9,12 @@ from scipy.special import expit, softmax
 
 from runner.inference.contender import Contender
 from runner.numerics.arrays import FloatArray
-
-TEMPER = 2.0  # log odds are divided by it, against overconfidence; not yet calibrated
-UNKNOWN_EXCESS = 0.12  # see `unknown_by_excess`; known effects of tuning and practice cases left up to 0.09
-UNKNOWN_WIDTH = 0.4
-SOMETHING, SOMETHING_WIDTH = 0.45, 0.15  # see `not_none`; in null cases of tuning sets the gap was 0.40 at most
-MOST_UNKNOWN = 0.97
-LEAST_UNKNOWN = 0.03  # of unknown effects some look like known ones, as wear does like a patch
+from runner.settings import SETTINGS
 
 
 def shares(contenders: Sequence[Contender]) -> FloatArray:
     """Return the probability of each explanation, (n,), if one of them holds."""
-    return softmax(np.array([c.log_posterior for c in contenders]) / TEMPER)
+    return softmax(np.array([c.log_posterior for c in contenders]) / SETTINGS.probability.temperature)
 
 
 def unknown_by_excess(excess: float, nominal_excess: float, share: float) -> float:
@@ -30,13 +24,18 @@ def unknown_by_excess(excess: float, nominal_excess: float, share: float) -> flo
     a small share of the gap: the larger an effect, the more of it small errors of its model leave. `share` is
     `AbstractSystem.unknown_share`.
     """
-    score = (np.log(max(excess, 1e-4)) - np.log(allowed_excess(nominal_excess, share))) / UNKNOWN_WIDTH
-    return float(np.clip(expit(score), LEAST_UNKNOWN, MOST_UNKNOWN))
+    score = np.log(max(excess, 1e-4)) - np.log(allowed_excess(nominal_excess, share))
+    return as_unknown(expit(score / SETTINGS.probability.unknown_log_width))
+
+
+def as_unknown(probability: float) -> float:
+    """Return a probability of `unknown` within its limits: neither it nor what is known is ever certain."""
+    return float(np.clip(probability, SETTINGS.probability.min_unknown, SETTINGS.probability.max_unknown))
 
 
 def allowed_excess(nominal_excess: float, share: float) -> float:
     """Return what an explanation may leave beyond the noise, in squared noises, and be as likely as none of them."""
-    return UNKNOWN_EXCESS + share * max(nominal_excess, 0.0)
+    return SETTINGS.probability.unknown_excess + share * max(nominal_excess, 0.0)
 
 
 def not_none(gap: float) -> float:
@@ -45,4 +44,5 @@ def not_none(gap: float) -> float:
     In squared noises, of all episodes. How much of that small errors of the simulator could do says little: they could
     do much of what anything does.
     """
-    return float(expit(np.log(max(gap, 1e-4) / SOMETHING) / SOMETHING_WIDTH))
+    limits = SETTINGS.probability
+    return float(expit(np.log(max(gap, 1e-4) / limits.something_excess) / limits.something_log_width))

@@ -27,26 +27,7 @@ from runner.inference.least_squares import NONE, Fit, Fitter, are_near
 from runner.inference.probability import not_none, shares, unknown_by_excess
 from runner.inference.shortlist import finished, gain, with_fit, without_one, worth_of
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of, over_edges, where_to_begin
-
-BEAM = 2
-RESTED = 30  # steps of the nominal fit: where its start states are not at rest, any effect seems to help
-# Of effects whose promise, linear as it is, says little, so many are fitted to pieces by themselves: all of a box,
-# of a machine with many joints the most promising.
-NONLINEAR = 12
-CANDIDATES = 8  # fitted per explanation in the beam, from the second effect on
-FINISHED, STEPS = 4, 20  # leaders whose fit is carried on until it rests, in so many steps at most,
-STEPS_OF_PIECES = 8  # and in pieces, where fits only begin
-SURVEYED = 7  # explanations of one size that are compared by evidence
-NEAR = 1000.0  # log odds within which an explanation is worth adding to
-# Of the nominal model's excess: where the leader leaves less, or less than an effect is worth, nothing else is worth
-# adding to.
-SETTLED = 0.03
-CLOSE, FEWEST = 0.5, 5  # squared noises: where the nominal model leaves less, promises hold; so many are fitted anyway
-# Of the nominal model's excess: where a fit leaves less, and no more than the noise, promises of further effects hold.
-LINEAR = 0.1
-AHEAD = 3.0  # times what a larger set leaves beyond the noise: who leaves more is not added to,
-AHEAD_BY_LEAP = 1.5  # and where that set is what a leap led to, which has tried what to add
-OFFERED = 0.25  # of `worth`: near a good fit, an effect that promises less is not tried
+from runner.settings import SETTINGS
 
 
 @dataclass(frozen=True)
@@ -83,12 +64,12 @@ def search(
         fits = rounds.fitted(size, beam)
         # where several are far ahead of each alone, or of fewer, only they come from before
         new = rounds.weighed(size, fits) if fits else None
-        if size == 1 < most and fitter.system.leaps:
+        if size == 1 < most:
             rounds.leap()
         if new is None and not any(len(key) > size for key in rounds.seeds):
             break
         # in pieces, where fits only begin, a leap is enough
-        beam = [] if pieces and fitter.system.leaps else rounds.beam(new or [])
+        beam = [] if pieces else rounds.beam(new or [])
     return Search(tuple(_likeliest_first(rounds.contenders)), rounds.nominal)
 
 
@@ -134,7 +115,7 @@ class _Rounds:
     ) -> _Rounds:
         """Return the rounds before the first: the nominal model is the one contender."""
         every = directions(fitter.system)
-        nominal = fitter.fit(NONE, episodes, starts=starts, iterations=RESTED)
+        nominal = fitter.fit(NONE, episodes, starts=starts, iterations=SETTINGS.fit.nominal_steps)
         count = fitter.measured.count(episodes)
         alone = sensitivities(fitter, nominal, every)
         dispersion = dispersion_of(nominal, fitter)
@@ -171,8 +152,8 @@ class _Rounds:
         if self.seeds:
             seed = min(self.seeds.values(), key=lambda s: s.total)
             if seed.total < begin.total:
-                how = {"x": seed.x, "starts": seed.starts, "iterations": 12, "polish": False}
-                begin = self.fitter.fit(seed.explanation, self.episodes, **how)
+                how = {"x": seed.x, "starts": seed.starts, "iterations": SETTINGS.fit.warm_steps}
+                begin = self.fitter.fit(seed.explanation, self.episodes, polish=False, **how)
                 self._seed(begin)
         fit, self.last = leap(self.fitter, begin, self.every, self._around(begin), self._worth_beside)
         if fit is not begin:
@@ -204,7 +185,8 @@ class _Rounds:
             seed = self.seeds.pop(key)
             self.seen.add(key)
             begin = where_to_begin(self.fitter, seed.explanation, seed.x, self.nominal, seed)
-            how = {"target": target, "patience": 3, "iterations": 12, "polish": False}
+            steps, patience = SETTINGS.fit.warm_steps, SETTINGS.fit.patience_steps
+            how = {"target": target, "patience": patience, "iterations": steps, "polish": False}
             fit = self.fitter.fit(seed.explanation, self.episodes, **begin, **how)
             if size == 1 or gain(fit, self.contenders) > self.worth:
                 fits = with_fit(fits, fit)
@@ -214,11 +196,13 @@ class _Rounds:
     def weighed(self, size: int, fits: Sequence[Fit]) -> list[Contender] | None:
         """Finish fits of so many effects and compare them by evidence; None: nothing speaks for a further effect."""
         fits = sorted(fits, key=lambda f: f.total)
-        leaders, steps = (BEAM, STEPS_OF_PIECES) if self.pieces else (FINISHED, STEPS)
+        limits, how = SETTINGS.search, SETTINGS.fit
+        leaders = limits.beam_width if self.pieces else 2 * limits.beam_width
+        steps = how.screening_steps if self.pieces else how.final_steps
         fits = finished(self.fitter, fits, self.count, leaders, steps=steps)
         around_best = self._around(fits[0])
         self._disperse(fits[0])
-        new = [self._worthy(fit, around_best) for fit in fits[:SURVEYED]]
+        new = [self._worthy(fit, around_best) for fit in fits[: limits.compared]]
         best = max(c.log_posterior for c in self.contenders)
         left_before = min(c.fit.total for c in self.contenders) - self.count
         self.contenders += new
@@ -256,50 +240,46 @@ class _Rounds:
         """Return what is worth adding to, of contenders of one size, likeliest first."""
         beam: list[Contender] = []
         left = min((s.total for s in self.seeds.values()), default=np.inf) - self.count
-        ahead = AHEAD_BY_LEAP if self.fitter.system.leaps else AHEAD
+        limits = SETTINGS.search
         for contender in new:
-            if contender.fit.total - self.count > ahead * max(left, self.worth):
+            if contender.fit.total - self.count > limits.leap_lead_ratio * max(left, self.worth):
                 continue  # a set of more effects is so far ahead that one more beside this will not reach it
-            settled = max(SETTLED * (self.nominal.total - self.count), self.worth)
+            settled = max(limits.settled_share * (self.nominal.total - self.count), self.worth)
             if beam and beam[0].fit.total - self.count < settled:
                 break
-            near = contender.log_posterior > new[0].log_posterior - NEAR
-            if near and len(beam) < BEAM and not any(are_confounded(contender.fit, b.fit) for b in beam):
+            near = contender.log_posterior > new[0].log_posterior - limits.expansion_log_odds
+            if near and len(beam) < limits.beam_width and not any(are_confounded(contender.fit, b.fit) for b in beam):
                 beam.append(contender)
         return beam
 
     def _worth_a_fit(self, contender: Contender, size: int) -> list[Offer]:
         """Return the effects that are tried beside those of a contender, most promising first."""
         promised = offers(contender, self.fitter)
-        left = contender.fit.total - self.count
+        left, limits = contender.fit.total - self.count, SETTINGS.search
         if size == 1 and self.pieces:
             return self._likely(promised)
         if size == 1:
             foreseen = min((s.total for s in self.seeds.values()), default=np.inf) - self.count
-            if self.fitter.system.leaps and foreseen < SETTLED * left:
-                return promised[:FEWEST]  # an earlier look has found where to begin
-            every = left >= CLOSE * self.count
-            ahead = AHEAD * max(foreseen, self.worth) < left
-            if self.fitter.system.leaps and (ahead or every):
+            if foreseen < limits.settled_share * left:
+                return promised[: limits.most_promising]  # an earlier look has found where to begin
+            every = left >= limits.near_excess * self.count
+            ahead = limits.lead_ratio * max(foreseen, self.worth) < left
+            if ahead or every:
                 return self._likely(promised)
-            return [o for i, o in enumerate(promised) if every or i < FEWEST or o[0] > OFFERED * self.worth]
+            few, enough = limits.most_promising, limits.min_promise_share * self.worth
+            return [o for i, o in enumerate(promised) if i < few or o[0] > enough]
         if left < self.worth:
             return []  # nothing is left that would be worth an effect
-        candidates = FEWEST if self.pieces else CANDIDATES
-        if self.fitter.system.leaps:
-            reached = min(s.total for s in (*self.seeds.values(), *(c.fit for c in self.contenders))) - self.count
-            enough = max(OFFERED * self.worth, left - AHEAD_BY_LEAP * max(reached, self.worth))
-            return [o for o in promised[:FEWEST] if o[0] > enough]
-        if left < min(LINEAR * (self.nominal.total - self.count), self.count):
-            return [o for o in promised[:candidates] if o[0] > OFFERED * self.worth]
-        # far from a good fit the linear promise misleads: the commonest effects are always tried
-        return [o for i, o in enumerate(promised) if i < candidates or o[1].effect.common]
+        reached = min(s.total for s in (*self.seeds.values(), *(c.fit for c in self.contenders))) - self.count
+        behind = left - limits.leap_lead_ratio * max(reached, self.worth)
+        enough = max(limits.min_promise_share * self.worth, behind)
+        return [o for o in promised[: limits.most_promising] if o[0] > enough]
 
     def _likely(self, promised: list[Offer]) -> list[Offer]:
         """Return the most promising, and of those whose promise says little."""
         jumps = [o for o in promised if o[1].effect.discontinuous or len(o[1].starts(self.fitter.context))]
-        nonlinear = {o[1] for o in jumps[:NONLINEAR]}
-        return [o for i, o in enumerate(promised) if i < CANDIDATES or o[1] in nonlinear]
+        nonlinear = {o[1] for o in jumps[: SETTINGS.search.nonlinear_candidates]}
+        return [o for i, o in enumerate(promised) if i < SETTINGS.search.candidates or o[1] in nonlinear]
 
     def _with_one_more(
         self, contender: Contender, candidate: Candidate, vector: np.ndarray, size: int, target: float
@@ -309,20 +289,22 @@ class _Rounds:
         key = key_of(explanation)
         placed = len(candidate.starts(self.fitter.context)) > 0
         # what has a place may have missed it without what is in now
-        anew = size > 1 and contender.fit.total - self.count > CLOSE * self.count and placed
+        far = SETTINGS.search.near_excess * self.count
+        anew = size > 1 and contender.fit.total - self.count > far and placed
         if key in self.ruled_out or (key in self.seen and not anew):
             return None
         self.seen.add(key)
+        steps = SETTINGS.fit.screening_steps if size == 1 or self.pieces else SETTINGS.fit.warm_steps
         fit = self.fitter.fit(
             explanation,
             self.episodes,
             **where_to_begin(self.fitter, explanation, x, contender.fit, self.seeds.pop(key, None)),
             target=target,
             patience=self._patience(size, placed=placed),
-            iterations=8 if size == 1 or self.pieces else 12,
+            iterations=steps,
             polish=False,
         )
-        if candidate.effect.discontinuous and fit.total - self.count > CLOSE * self.count:
+        if candidate.effect.discontinuous and fit.total - self.count > far:
             fit = over_edges(self.fitter, fit, contender.fit)
         return fit
 
@@ -332,9 +314,7 @@ class _Rounds:
         What begins at a place or a range of its own has some way to go before it can be judged; a delay, too, where a
         leap has set the mark and the model is far from it.
         """
-        if size == 1 and not placed:
-            return 1 if self.fitter.system.leaps else 0
-        return 1 if self.pieces else 3
+        return 1 if self.pieces or (size == 1 and not placed) else SETTINGS.fit.patience_steps
 
     def _pared(self, size: int, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
         """Return contenders of one size and what they are with less in them, likeliest first.
@@ -343,8 +323,6 @@ class _Rounds:
         """
         while True:
             new = _likeliest_first(self._and_with_one_less(new, around_best))
-            if not self.fitter.system.leaps:
-                return new
             if not 1 < len(new[0].fit.explanation.candidates) < size:
                 new = _likeliest_first(self._and_with_one_for_two(new, around_best))
             likeliest = len(new[0].fit.explanation.candidates)
@@ -391,7 +369,9 @@ def _likeliest_first(contenders: Sequence[Contender]) -> list[Contender]:
 
 def resumed(before: Search, fitter: Fitter) -> Beginning:
     """Return where a search of the same episodes with another account of the noise begins: where the last one ended."""
-    near = [c for c in before.contenders if c.log_posterior > before.best.log_posterior - NEAR]
+    near = [
+        c for c in before.contenders if c.log_posterior > before.best.log_posterior - SETTINGS.search.expansion_log_odds
+    ]
     fits = [c.fit for c in near if c.fit.explanation.candidates]
     tried = {key_of(f.explanation) for f in fits}
     seeds = {

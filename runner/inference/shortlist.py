@@ -10,12 +10,8 @@ from runner.inference.contender import Contender
 from runner.inference.evidence import clip
 from runner.inference.least_squares import Fit, Fitter
 from runner.inference.warm_start import key_of
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
-
-# An effect must matter: lower the mean square residual by this, in squared noises. Less is what any simulator's own
-# small errors would offer to explain.
-WORTH = 0.03
-WORTH_SHARE = 0.004  # of what the nominal model leaves: so much an effect must take off beyond that
 
 
 def worth_of(system: AbstractSystem, count: int, nominal: float, left: float) -> float:
@@ -31,10 +27,14 @@ def worth_of(system: AbstractSystem, count: int, nominal: float, left: float) ->
         nominal: Loss of the nominal model.
         left: That of the explanation that leaves least so far.
     """
-    share = WORTH_SHARE * max(nominal - count, 0.0)
-    if system.leaps:
-        share = min(share, (1.0 - system.worth_another) * max(left - count, 0.0))
-    return WORTH * count + share
+    share = SETTINGS.search.min_gain_share * max(nominal - count, 0.0)
+    share = min(share, (1.0 - system.worth_another) * max(left - count, 0.0))
+    return least_gain(count) + share
+
+
+def least_gain(count: int) -> float:
+    """Return what an effect has to take off the loss of so many measurements, however little is left."""
+    return SETTINGS.search.min_gain_excess * count
 
 
 def gain(fit: Fit, contenders: Sequence[Contender]) -> float:
@@ -60,11 +60,12 @@ def finished(fitter: Fitter, fits: list[Fit], count: int, leaders: int, *, steps
     Whatever is far behind the first of them, once that has come to rest, is left as it is.
     """
     out: list[Fit] = []
+    behind, further = SETTINGS.search.lag_gains * SETTINGS.search.min_gain_excess, SETTINGS.fit.behind_share
     for i, fit in enumerate(fits):
-        lags = out and fit.total > out[0].total + 5 * WORTH * count + 0.5 * max(out[0].total - count, 0.0)
+        lags = out and fit.total > out[0].total + behind * count + further * max(out[0].total - count, 0.0)
         if i < leaders and not fit.converged and not lags:
             fit = fitter.fit(fit.explanation, fit.episodes, x=fit.x, near=fit, iterations=steps)
-        if i < leaders and not lags and fit.total - count > WORTH * count:
+        if i < leaders and not lags and fit.total - count > least_gain(count):
             fit = _from_elsewhere(fitter, fit, count, steps=steps)
         out.append(fit)
     return sorted(out, key=lambda f: f.total)
@@ -78,10 +79,10 @@ def _from_elsewhere(fitter: Fitter, fit: Fit, count: int, *, steps: int) -> Fit:
             for vector in candidate.elsewhere(fit.x[part], fitter.context):
                 x = fit.x.copy()
                 x[part] = clip(candidate, vector, fitter.context)
-                how = {"target": fit.total, "patience": 3, "iterations": steps}
+                how = {"target": fit.total, "patience": SETTINGS.fit.patience_steps, "iterations": steps}
                 tries.append(fitter.fit(fit.explanation, fit.episodes, x=x, near=fit, **how))
         best = min(tries, key=lambda f: f.total, default=fit)
-        if fit.total - best.total < WORTH * count:
+        if fit.total - best.total < least_gain(count):
             return fit
         fit = best
 
@@ -99,8 +100,10 @@ def without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], e
         rest = whole.fit.explanation.without(candidate)
         x = np.delete(whole.fit.x, part)
         reached = before.get(key_of(rest), np.inf)
-        if reached - whole.fit.total > WORTH * count:
-            fit = fitter.fit(rest, episodes, x=x, near=whole.fit, target=whole.fit.total, patience=3, iterations=25)
-            if reached - fit.total > WORTH * count:
+        if reached - whole.fit.total > least_gain(count):
+            steps, patience = SETTINGS.fit.refit_steps, SETTINGS.fit.patience_steps
+            how = {"target": whole.fit.total, "patience": patience, "iterations": steps}
+            fit = fitter.fit(rest, episodes, x=x, near=whole.fit, **how)
+            if reached - fit.total > least_gain(count):
                 out.append(fit)
     return out

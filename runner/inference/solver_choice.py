@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import replace
 
-from runner.inference.least_squares import SURVEYS, Fit, Fitter
-from runner.inference.shortlist import WORTH
+from runner.inference.least_squares import Fit, Fitter
+from runner.inference.shortlist import least_gain
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 
 
@@ -23,10 +24,10 @@ def better_solved(fitter: Fitter, fit: Fit) -> AbstractSystem | None:
         fit: What was found so far.
     """
     left = fitter.loss(fit.explanation, fit.x, fit.starts, fit.episodes)
-    target = left - WORTH * fitter.measured.count(fit.episodes)
+    target = left - least_gain(fitter.measured.count(fit.episodes))
     for system in fitter.system.solved_otherwise():
         simulator = system.simulator().parts(fitter.measured.spans)
-        other = replace(fitter, system=system, simulator=simulator, surveys=deque(maxlen=SURVEYS))
+        other = replace(fitter, system=system, simulator=simulator, surveys=deque(maxlen=SETTINGS.fit.kept_surveys))
         # where the model has nothing that is solved otherwise, neither is it with other parameters
         if other.loss(fit.explanation, fit.x, fit.starts, fit.episodes) != left:
             again = other.fit(fit.explanation, fit.episodes, x=fit.x, starts=fit.starts)

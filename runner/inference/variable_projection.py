@@ -18,11 +18,9 @@ from scipy.optimize import lsq_linear
 from runner.effects.base import Parameter
 from runner.inference.parameters import bounds
 from runner.numerics.levenberg_marquardt import Schedule, Trial, descend
+from runner.settings import SETTINGS
 
-BEHIND = 0.05  # squared noises by which a fit may be behind what others have reached, and is finished all the same
 DAMPING = Schedule(1e-4, least=1e-8, least_refused=1e-2, most=1e7)
-KEPT_PROMISE = 0.6  # share of what a step promised that it has to gain for the linear model to be trusted
-FARTHEST = 4.0  # prior widths of one step: beyond that the linear model says nothing
 
 
 @dataclass(frozen=True)
@@ -97,9 +95,11 @@ class Descent:
 
     def _attempt(self, iteration: int, point: FitPoint, _: np.ndarray, damping: np.ndarray) -> Trial[FitPoint]:
         dx, ds, promised = _step(point, self.parameters, float(damping[0]))
-        enough = self.tolerance + 2e-3 * max(point.total - self.count, 0.0)
-        hopeless = self.target + 0.5 * max(self.target - self.count, 0.0) + BEHIND * self.count + 100.0
-        if iteration > self.patience and point.total - 3 * promised > hopeless:
+        limits = SETTINGS.fit
+        enough = self.tolerance + limits.rest_share * max(point.total - self.count, 0.0)
+        behind = limits.behind_share * max(self.target - self.count, 0.0)
+        hopeless = self.target + behind + limits.behind_excess * self.count + limits.behind_loss
+        if iteration > self.patience and point.total - limits.promise_factor * promised > hopeless:
             return Trial(replace(point, ending=Ending.BEHIND), rests=True)
         if promised < enough:
             if point.fresh or not self.polish:
@@ -107,11 +107,11 @@ class Descent:
             return Trial(self._renewed(point))
         # the start states' derivatives change slowly: keep them while they predict well
         trial = self.linearise(point.x + dx, point.starts + ds, point.basis)
-        gain = point.total - trial.total
+        gain, trusted = point.total - trial.total, limits.min_gain_ratio * promised
         if np.isfinite(trial.total) and gain > 0:
-            if gain < KEPT_PROMISE * promised and gain > enough:
+            if gain < trusted and gain > enough:
                 trial = self._renewed(trial)
-            return Trial(trial, eased=gain > KEPT_PROMISE * promised)
+            return Trial(trial, eased=gain > trusted)
         return Trial(point, refused=True) if point.fresh else Trial(self._renewed(point))
 
     def _renewed(self, point: FitPoint) -> FitPoint:
@@ -144,7 +144,8 @@ def _shared_step(point: FitPoint, parameters: Sequence[Parameter], damping: floa
     matrix = np.vstack([s[:, :p] for s in small]) * size
     ridge = np.sqrt(damping * (matrix**2).sum(axis=0) + 1e-9)
     low, high = bounds(parameters)
-    lower, upper = np.maximum((low - point.x) / size, -FARTHEST), np.minimum((high - point.x) / size, FARTHEST)
+    radius = SETTINGS.fit.trust_radius
+    lower, upper = np.maximum((low - point.x) / size, -radius), np.minimum((high - point.x) / size, radius)
     solved = lsq_linear(
         np.vstack([matrix, np.diag(ridge)]),
         np.concatenate([right, np.zeros(p)]),

@@ -9,12 +9,8 @@ import numpy as np
 
 from runner.effects.vocabulary import Candidate
 from runner.inference.least_squares import Explanation, Fit, Fitter
+from runner.settings import SETTINGS
 
-# How far, and how often, the fit of an effect that makes the motion jump is taken over the edges of its hollow, once it
-# has explained such a share.
-OVER, CLIMBS, PART = (0.85, 1.1, 1.3), 3, 0.2
-FINER = 14  # values between the neighbours of the one that leaves least
-CLIMBED, CLIMB_STEPS = 0.02, 5  # share that a climb has to take off to be followed by another; steps of its fits
 Key = tuple[Candidate, ...]
 
 
@@ -74,7 +70,7 @@ def _scanned(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit,
         return fitter.loss(explanation, _with(x, place, size), near.starts, near.episodes)
 
     i = int(np.argmin([left(s) for s in sizes]))
-    finer = np.linspace(sizes[max(i - 1, 0)], sizes[min(i + 1, len(sizes) - 1)], FINER)
+    finer = np.linspace(sizes[max(i - 1, 0)], sizes[min(i + 1, len(sizes) - 1)], SETTINGS.fit.scanned_sizes)
     return _with(x, place, min((x[place], *finer), key=left))
 
 
@@ -95,18 +91,18 @@ def over_edges(fitter: Fitter, fit: Fit, without: Fit) -> Fit:
 
     Descents end where a push just starts the body, or just doesn't.
     """
-    count = fitter.measured.count(fit.episodes)
-    if fit.total - count > (1.0 - PART) * (without.total - count):
+    limits, count = SETTINGS.fit, fitter.measured.count(fit.episodes)
+    if fit.total - count > (1.0 - limits.restart_min_share) * (without.total - count):
         return fit
     place = _size_of_last(fit.explanation, fitter)
-    for _ in range(CLIMBS):
-        sizes = [_with(fit.x, place, fit.x[place] * by) for by in OVER]
+    for _ in range(limits.max_restarts):
+        sizes = [_with(fit.x, place, fit.x[place] * by) for by in limits.restart_factors]
         tries = [
-            fitter.fit(fit.explanation, fit.episodes, x=x, near=fit, iterations=CLIMB_STEPS, polish=False)
+            fitter.fit(fit.explanation, fit.episodes, x=x, near=fit, iterations=limits.restart_steps, polish=False)
             for x in sizes
         ]
         best = min(tries, key=lambda f: f.total)
-        if best.total - count > (1.0 - CLIMBED) * (fit.total - count):
+        if best.total - count > (1.0 - limits.restart_gain) * (fit.total - count):
             break
         fit = best
     return fit

@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 
 from runner.localise.excess import WindowExcess, probability_by_noise
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 
-PERMUTATIONS, AT_ONCE = 3999, 100  # and so many of those are in memory
-BLOCK = 4  # windows that change places together where whole episodes are compared
+ORDERS_AT_ONCE = 100  # in memory
 
 
 def tested_cells(system: AbstractSystem, windows: WindowExcess) -> pd.DataFrame:
@@ -94,28 +94,30 @@ def _by_chance(factors: Mapping[str, _Factor], episode: np.ndarray) -> dict[str,
         for order in orders:
             for factor in tested:
                 counts[factor] += factors[factor].as_large(order)
-    return {factor: (1 + count) / (1 + PERMUTATIONS) for factor, count in counts.items()}
+    return {factor: (1 + count) / (1 + SETTINGS.where.permutations) for factor, count in counts.items()}
 
 
 def _shifts(episode: np.ndarray, rng: np.random.Generator) -> Iterator[np.ndarray]:
     """Yield orders of windows, shifted in circles within each episode, in portions (P, W)."""
     of = [np.flatnonzero(episode == name) for name in dict.fromkeys(episode)]
-    starts = [rng.integers(len(index), size=(PERMUTATIONS, 1)) for index in of]
-    for begin in range(0, PERMUTATIONS, AT_ONCE):
-        out = np.empty((min(AT_ONCE, PERMUTATIONS - begin), len(episode)), dtype=int)
+    count = SETTINGS.where.permutations
+    starts = [rng.integers(len(index), size=(count, 1)) for index in of]
+    for begin in range(0, count, ORDERS_AT_ONCE):
+        out = np.empty((min(ORDERS_AT_ONCE, count - begin), len(episode)), dtype=int)
         for index, start in zip(of, starts, strict=True):
-            out[:, index] = index[(np.arange(len(index)) + start[begin : begin + AT_ONCE]) % len(index)]
+            out[:, index] = index[(np.arange(len(index)) + start[begin : begin + ORDERS_AT_ONCE]) % len(index)]
         yield out
 
 
 def _blocks(count: int, rng: np.random.Generator) -> Iterator[np.ndarray]:
     """Yield orders of windows in which blocks of neighbours have changed places, in portions (P, W)."""
-    blocks = np.array_split(np.arange(count), max(1, count // BLOCK))
+    blocks = np.array_split(np.arange(count), max(1, count // SETTINGS.where.block_windows))
     filled = np.full((len(blocks), max(map(len, blocks))), -1)
     for row, block in zip(filled, blocks, strict=True):
         row[: len(block)] = block
-    for begin in range(0, PERMUTATIONS, AT_ONCE):
-        moved = (filled[rng.permutation(len(blocks))] for _ in range(min(AT_ONCE, PERMUTATIONS - begin)))
+    orders = SETTINGS.where.permutations
+    for begin in range(0, orders, ORDERS_AT_ONCE):
+        moved = (filled[rng.permutation(len(blocks))] for _ in range(min(ORDERS_AT_ONCE, orders - begin)))
         yield np.array([order[order >= 0] for order in moved])
 
 

@@ -16,21 +16,14 @@ from scipy.optimize import least_squares
 from runner.effects.base import Effects
 from runner.effects.wording import plus_minus
 from runner.localise.excess import window_excess
-from runner.localise.linearised import DEGREE, Model
+from runner.localise.linearised import Model
 from runner.localise.missing_force import missing_force
 from runner.noise.measured import Measured
 from runner.numerics.arrays import FloatArray
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import AbstractSimulator
 from runner.systems.windows import Windows
-
-WINDOW_S = 0.2
-OVERLAP = 8  # windows that see an instant, near a disturbance
-# What an explanation lacks has heavy tails: taken for a Laplace distribution around zero, so likely a run of windows
-# that lack as much as these is found nowhere in a recording that nobody has disturbed.
-SURE = 0.01
-MARGIN = 3  # windows before and after a run that take part in dating it
-MOST = 8  # of one recording: with more than that it is the explanation that is wrong
 
 
 @dataclass(frozen=True)
@@ -84,17 +77,17 @@ def dated_disturbances(
         effects: The best explanation.
         measured: Channels and noise of whole episodes.
     """
-    samples = max(2 * DEGREE, round(WINDOW_S * system.rate_hz))
+    samples = max(2 * SETTINGS.noise.smooth_degree, round(SETTINGS.disturbance.window_s * system.rate_hz))
     lengths = [len(v) for v in measured.values]
     fits = [(e, f) for e, n in enumerate(lengths) for f in range(0, n - samples + 1, samples)]
-    if len(fits) < 1.0 / SURE:
+    if len(fits) < 1.0 / SETTINGS.where.significance:
         return ()  # too few to know what is usual
     model = Model(system, simulator, effects)
     at = np.array(fits)
     value, error = _missing(model, Windows(at[:, 0], at[:, 1], samples), measured)
     usual = _usual(value)
     runs = sorted(_runs(at, value, error, usual, samples), key=lambda r: -r.surprise)
-    if not 0 < len(runs) <= MOST:
+    if not 0 < len(runs) <= SETTINGS.disturbance.max_count:
         return ()
     dated = (_dated(run, model, measured, usual, samples) for run in runs)
     return tuple(d for d in dated if d is not None)
@@ -113,16 +106,19 @@ def _usual(value: FloatArray) -> FloatArray:
 
 
 def _runs(at: np.ndarray, value: FloatArray, error: FloatArray, usual: FloatArray, samples: int) -> list[_Run]:
-    """Return runs of windows that lack more of one force than is likely anywhere."""
+    """Return runs of windows that lack more of one force than is likely anywhere.
+
+    What an explanation lacks has heavy tails: it is taken for a Laplace distribution around zero.
+    """
     found = []
     for d in range(value.shape[1]):
         # what is badly known is not surprising
         surprise = np.abs(value[:, d]) / np.hypot(usual[d], error[:, d])
-        sign = np.where(surprise > 2.0, np.sign(value[:, d]), 0.0)
+        sign = np.where(surprise > SETTINGS.disturbance.min_surprise, np.sign(value[:, d]), 0.0)
         edges = np.flatnonzero((np.diff(sign) != 0) | (np.diff(at[:, 0]) != 0)) + 1
         for part in np.split(np.arange(len(at)), edges):
             total = float(surprise[part].sum())
-            if sign[part[0]] and total > np.log(value.size / SURE):
+            if sign[part[0]] and total > np.log(value.size / SETTINGS.where.significance):
                 found.append(_Run(int(at[part[0], 0]), d, int(at[part[0], 1]), int(at[part[-1], 1]) + samples, total))
     return found
 
@@ -130,9 +126,10 @@ def _runs(at: np.ndarray, value: FloatArray, error: FloatArray, usual: FloatArra
 def _dated(run: _Run, model: Model, measured: Measured, usual: FloatArray, samples: int) -> DatedDisturbance | None:
     """Return beginning, end and size by least squares over overlapping windows; None where that tells nothing."""
     recorded = model.system.recording.episodes[run.episode]
-    hop = max(1, samples // OVERLAP)
+    overlap, margin = SETTINGS.disturbance.overlap, SETTINGS.disturbance.margin
+    hop = max(1, samples // overlap)
     last = len(measured.values[run.episode]) - samples
-    first = np.arange(max(run.first - MARGIN * samples, 0), min(run.last + (MARGIN - 1) * samples, last) + 1, hop)
+    first = np.arange(max(run.first - margin * samples, 0), min(run.last + (margin - 1) * samples, last) + 1, hop)
     value, error = _missing(model, Windows(np.full(len(first), run.episode), first, samples), measured)
     weight = 1.0 / np.hypot(usual[run.force], error[:, run.force])
     step_s, length_s = recorded.step_s, samples * recorded.step_s
@@ -153,7 +150,7 @@ def _dated(run: _Run, model: Model, measured: Measured, usual: FloatArray, sampl
     if until_s - from_s < step_s:
         return None
     # neighbours share most of their samples
-    spread = np.linalg.pinv(fit.jac.T @ fit.jac) * OVERLAP
+    spread = np.linalg.pinv(fit.jac.T @ fit.jac) * overlap
     errors = np.sqrt(np.diag(spread) * max(2.0 * fit.cost / len(seen), 1e-12))
     return DatedDisturbance(
         recorded.index,

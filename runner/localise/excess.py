@@ -13,14 +13,11 @@ import numpy as np
 from scipy.special import ndtr  # of scipy.stats' import every diagnosis would wait for a second
 
 from runner.localise.linearised import Model, linearised
-from runner.localise.windows import FEWEST, WINDOWS_S, windows_of_length
+from runner.localise.windows import windows_of_length
 from runner.noise.measured import Measured
+from runner.settings import SETTINGS
 from runner.simulate.shooting import WINDOWS_AT_ONCE
 from runner.systems.windows import Labels, Windows
-
-SURE = 0.01
-NOISE_SHARE = 0.06  # the noise may be this much larger (in variance) than stated before it counts as a gap
-REST_FREEDOM = 30  # values that the noise at rest must rest on
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,7 @@ class WindowExcess:
 
 def probability_by_noise(excess: float, freedom: float) -> float:
     """Return how likely noise alone makes so much excess, of so many values."""
-    return float(ndtr((NOISE_SHARE * freedom - excess) / np.sqrt(2 * max(freedom, 1e-9))))
+    return float(ndtr((SETTINGS.where.noise_variance_share * freedom - excess) / np.sqrt(2 * max(freedom, 1e-9))))
 
 
 def shortest_that_tells(model: Model, measured: Measured, episodes: Sequence[int]) -> tuple[WindowExcess, WindowExcess]:
@@ -64,17 +61,18 @@ def shortest_that_tells(model: Model, measured: Measured, episodes: Sequence[int
         measured: The channels and their noise.
         episodes: Those that count, by their position.
     """
-    system = model.system
-    windows = windows_of_length(system, WINDOWS_S[0], episodes)
+    system, limits = model.system, SETTINGS.where
+    first_s, *longer_s = limits.window_lengths_s
+    windows = windows_of_length(system, first_s, episodes)
     shortest = telling = window_excess(model, windows, measured, np.ones(len(system.channels)))
     noise = shortest.noise
-    for window_s in WINDOWS_S[1:]:
+    for window_s in longer_s:
         windows = windows_of_length(system, window_s, episodes)
-        if telling.p < SURE or len(windows) < FEWEST:
+        if telling.p < limits.significance or len(windows) < limits.min_windows:
             break
         longer = window_excess(model, windows, measured, noise)
         noise = longer.noise
-        telling = longer if longer.p < SURE else telling
+        telling = longer if longer.p < limits.significance else telling
     return shortest, telling
 
 
@@ -103,4 +101,4 @@ def _noise_at_rest(slow: np.ndarray, freedom: np.ndarray, rest: np.ndarray, shor
     free = freedom[rest].sum(axis=0)
     ratio = slow[rest].sum(axis=0) / np.maximum(free, 1e-9)
     sure = ratio > 1 + 2 * np.sqrt(2 / np.maximum(free, 1e-9))
-    return np.where(free >= REST_FREEDOM, np.where(sure, ratio, 1.0), shorter**2)
+    return np.where(free >= SETTINGS.where.min_rest_values, np.where(sure, ratio, 1.0), shorter**2)

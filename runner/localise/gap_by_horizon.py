@@ -10,12 +10,11 @@ import pandas as pd
 from runner.localise.linearised import Model, linearised
 from runner.noise.measured import Measured
 from runner.recording import Span
+from runner.settings import SETTINGS
 from runner.simulate.gap import HORIZONS_S, WHOLE_EPISODE, of_a_sample
 from runner.simulate.shooting import WINDOWS_AT_ONCE, windows_of
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import Run
-
-TOLD, FEWEST = 3.0, 50  # times `AbstractSystem.searched_s`, and windows: so much of a long recording is enough
 
 
 def gap_by_horizon(
@@ -36,7 +35,8 @@ def gap_by_horizon(
     for horizon in of_a_sample(HORIZONS_S, rate):
         windows = windows_of(lengths, round(horizon * rate), episodes)
         if len(windows):
-            windows = windows.some(max(FEWEST, int(min(TOLD * system.searched_s / horizon, len(windows)))))
+            enough = SETTINGS.where.horizon_searched * system.searched_s / horizon
+            windows = windows.some(max(SETTINGS.where.horizon_min_windows, int(min(enough, len(windows)))))
             parts = []
             for _, some in windows.chunks(WINDOWS_AT_ONCE):
                 smoothed = system.initial.guess_windows(measured, some, smooth=True)

@@ -16,13 +16,10 @@ import pandas as pd
 from scipy.special import fdtrc  # of scipy.stats' import every diagnosis would wait for a second
 
 from runner.numerics.arrays import FloatArray
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 
-FEWEST = 20  # windows
-SURE = 0.001  # chance that a shape accounts for as much without being there, for each shape that is tried
-LEAST_SHARE = 0.1  # of the mean square: less is not worth a word
-TOLD = 2  # shapes of one force
-FREQUENCIES = 200  # that a beat may have: from one in an episode up to one in two windows
+SHAPES_SHOWN = 2  # of one force
 RIDGE = 1e-9  # of a shape's size: shapes that are always the same have none
 
 
@@ -59,7 +56,7 @@ def likenesses(system: AbstractSystem, missing: pd.DataFrame) -> tuple[Likeness,
         value, error = missing[name].to_numpy(float), missing[f"{name}_se"].to_numpy(float)
         seen = np.isfinite(value) & np.isfinite(error)
         square = float(np.mean(value[seen] ** 2) - np.mean(error[seen] ** 2)) if seen.any() else 0.0
-        if seen.sum() < FEWEST or not square > 0:
+        if seen.sum() < SETTINGS.likeness.min_windows or not square > 0:
             continue
         one = _Force(value[seen], 1.0 / (error[seen] ** 2 + square), missing.loc[seen, ["episode", "t_s"]])
         alike = one.alike({words: columns[seen] for words, columns in shapes[name].items()})
@@ -80,8 +77,8 @@ class _Force:
         shares = {words: self.share(columns) for words, columns in shapes.items()}
         hz, of_beat = self.beat()
         shares[f"a beat of {hz:.3g} Hz"] = of_beat
-        told = sorted(((w, s) for w, s in shares.items() if s > LEAST_SHARE), key=lambda s: -s[1])
-        return tuple(told[:TOLD])
+        told = sorted(((w, s) for w, s in shares.items() if s > SETTINGS.likeness.min_share), key=lambda s: -s[1])
+        return tuple(told[:SHAPES_SHOWN])
 
     def share(self, columns: FloatArray) -> float:
         """Return the share of the mean square that columns (n, k) account for; 0 where that may be chance.
@@ -108,7 +105,7 @@ class _Force:
         if not len(between) or not longest > 2 * float(np.median(between)):
             return 0.0, 0.0
         best = (0.0, 0.0)
-        for hz in np.geomspace(1.0 / longest, 0.5 / float(np.median(between)), FREQUENCIES):
+        for hz in np.geomspace(1.0 / longest, 0.5 / float(np.median(between)), SETTINGS.likeness.frequencies):
             best = max(best, (self._share_of_beat(2 * np.pi * hz * t_s, numbers), float(hz)))
         return best[1], best[0]
 
@@ -128,7 +125,7 @@ class _Force:
         across = np.bincount(numbers, columns.prod(axis=0)) / size.prod(axis=0)
         along = 1.0 + RIDGE
         taken = (along * (right**2).sum(axis=0) - 2 * across * right.prod(axis=0)) / (along**2 - across**2)
-        return _share(float(taken.sum()), float(y @ y), n, k, FREQUENCIES)
+        return _share(float(taken.sum()), float(y @ y), n, k, SETTINGS.likeness.frequencies)
 
 
 def _share(taken: float, whole: float, n: int, k: int, tried: int = 1) -> float:
@@ -142,6 +139,6 @@ def _share(taken: float, whole: float, n: int, k: int, tried: int = 1) -> float:
         tried: How many such shapes were looked through for the best.
     """
     left = max(whole - taken, 1e-300)
-    if fdtrc(k, n - k, taken / k / (left / (n - k))) * tried > SURE:
+    if fdtrc(k, n - k, taken / k / (left / (n - k))) * tried > SETTINGS.likeness.significance:
         return 0.0
     return float(np.clip(1.0 - left / whole * n / (n - k), 0.0, 1.0))

@@ -1,8 +1,8 @@
 """The model in short windows of a recording, linearised around the state in which each is begun anew.
 
 Start states are unknowns of every window and projected out, so that a window tells of its own time alone. What is
-left, in units of the noise, is reduced to its slow part (polynomials of `DEGREE` in time, per channel): noise has
-little of it, and a missing force has hardly anything else.
+left, in units of the noise, is reduced to its slow part (polynomials in time of the degree that noise is told by, per
+channel): noise has little of it, and a missing force has hardly anything else.
 """
 
 from __future__ import annotations
@@ -13,12 +13,11 @@ import numpy as np
 
 from runner.effects.base import Effects
 from runner.noise.measured import Measured
+from runner.settings import SETTINGS
 from runner.simulate.shooting import PRIOR_SIGMAS, whiten
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import AbstractSimulator
 from runner.systems.windows import Windows
-
-DEGREE = 3
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,9 @@ class Linearised:
     def slow(self) -> tuple[np.ndarray, np.ndarray]:
         """Return sums of squares of the slow residual, and what noise makes of them, per window and channel, (W, C)."""
         w, n, c, p = self.jacobian.shape
-        basis = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, n), min(DEGREE, n - 1)))[0]
+        basis = np.linalg.qr(
+            np.polynomial.legendre.legvander(np.linspace(-1, 1, n), min(SETTINGS.noise.smooth_degree, n - 1))
+        )[0]
         d = basis.shape[1]
         part = np.einsum("nd,wnc->wcd", basis, self.residual).reshape(w, c * d)
         starts = np.einsum("nd,wncp->wcdp", basis, self.jacobian, optimize=True).reshape(w, c * d, p)

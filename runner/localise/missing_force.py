@@ -10,9 +10,8 @@ import numpy as np
 import pandas as pd
 
 from runner.localise.excess import WindowExcess
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
-
-WEAK = 0.25  # a force known no better than this share of its prior is not known
 
 
 def missing_force(system: AbstractSystem, windows: WindowExcess) -> tuple[np.ndarray, np.ndarray]:
@@ -27,7 +26,7 @@ def missing_force_table(system: AbstractSystem, windows: WindowExcess) -> pd.Dat
     prior = system.disturbance.prior
     value, spread = missing_force(system, windows)
     error = np.sqrt(np.einsum("wdd->wd", spread))
-    known = error < WEAK * prior
+    known = error < SETTINGS.where.force_error_share * prior
     out = {}
     for i, name in enumerate(system.disturbance.names):
         out[name] = np.where(known[:, i], value[:, i], np.nan)

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import pandas as pd
 
-from runner.localise.excess import SURE
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
-
-LEVEL = 0.05  # of the false discovery rate
 
 
 def sentence_of(system: AbstractSystem, cells: pd.DataFrame, p: float) -> str:
     """Say where the gap is, in one sentence."""
-    if not p < SURE:
+    level = SETTINGS.where.false_discovery_rate
+    if not p < SETTINGS.where.significance:
         return "nothing exceeds chance"
     rows = cells.to_dict("records")
-    channels = [r for r in rows if r["factor"] == "channel" and r["q"] < LEVEL and r["share"] > 0]
+    channels = [r for r in rows if r["factor"] == "channel" and r["q"] < level and r["share"] > 0]
     channel = max(channels, key=lambda r: r["share"]) if channels else None
     parts = [f"{channel['cell']}" if channel else "all channels"]
-    found = [r for r in rows if r["factor"] != "channel" and r["q"] < LEVEL and r["lift"] > 1]
+    found = [r for r in rows if r["factor"] != "channel" and r["q"] < level and r["lift"] > 1]
     # what is rarer by chance comes first, and of equals what has more of the excess
     for regime in (True, False):
         these = [r for r in found if (r["factor"] in system.activities) is regime]

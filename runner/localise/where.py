@@ -14,7 +14,7 @@ import pandas as pd
 
 from runner.effects.base import Effects
 from runner.localise.cells import tested_cells
-from runner.localise.excess import SURE, shortest_that_tells
+from runner.localise.excess import shortest_that_tells
 from runner.localise.gap_by_horizon import gap_by_horizon
 from runner.localise.linearised import Model
 from runner.localise.missing_force import missing_force_table
@@ -22,6 +22,7 @@ from runner.localise.sentence import sentence_of
 from runner.localise.windows import check_length
 from runner.noise.measured import Measured
 from runner.recording import Span
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 
 
@@ -56,7 +57,7 @@ class Where:
     @property
     def exceeds(self) -> bool:
         """Whether there is a gap beyond the noise at all."""
-        return self.p < SURE
+        return self.p < SETTINGS.where.significance
 
     def _repr_html_(self) -> str:
         return f"<p>{html.escape(self.sentence)}</p>{self.cells.to_html(index=False, float_format='{:.3g}'.format)}"

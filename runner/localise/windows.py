@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from runner.errors import RecordingError
-from runner.localise.linearised import DEGREE
+from runner.settings import SETTINGS
 from runner.simulate.shooting import windows_of
 from runner.systems.base import AbstractSystem
 from runner.systems.windows import Windows
-
-WINDOWS_S = (0.25, 0.5, 1.0)  # a longer one is less local, and sees smaller effects: taken where a shorter sees none
-FEWEST = 8  # windows
 
 
 def windows_of_length(system: AbstractSystem, window_s: float, episodes: Sequence[int]) -> Windows:
     """Return windows of about this length, end to end, in these episodes of a recording."""
     lengths = [len(e) for e in system.recording.episodes]
-    samples = max(DEGREE + 1, round(window_s * system.rate_hz))
+    samples = max(SETTINGS.noise.smooth_degree + 1, round(window_s * system.rate_hz))
     return windows_of(lengths, samples, episodes)
 
 
@@ -28,8 +25,9 @@ def check_length(system: AbstractSystem, episodes: Sequence[int] | None = None) 
         RecordingError: If there are not even a few windows.
     """
     chosen = range(len(system.recording.episodes)) if episodes is None else episodes
-    count = len(windows_of_length(system, WINDOWS_S[0], chosen))
-    if count < FEWEST:
+    shortest_s, least = SETTINGS.where.window_lengths_s[0], SETTINGS.where.min_windows
+    count = len(windows_of_length(system, shortest_s, chosen))
+    if count < least:
         raise RecordingError(
-            f"{system.recording.path}: {count} windows of {WINDOWS_S[0]:g} s, at least {FEWEST} are needed."
+            f"{system.recording.path}: {count} windows of {shortest_s:g} s, at least {least} are needed."
         )

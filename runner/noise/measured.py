@@ -16,12 +16,9 @@ from scipy.ndimage import median_filter
 from runner.noise.model import Found, NoiseModel, estimate
 from runner.numerics.differences import white_noise
 from runner.recording import Span
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 from runner.systems.channels import Space
-
-OUTLIER_SIGMAS = 6.0
-STATED = 0.5  # log-normal: a data sheet's noise is that of some range and rate, and off by a factor of 1.6 as a rule
-MATERIAL = 0.05  # a noise level that moved by this share, or a colour by twice as much, is another one
 
 
 @dataclass(frozen=True)
@@ -87,7 +84,18 @@ class Measured:
             valid[s.episode][s.begin : s.end] = self.valid[i]
             if i in self.hung:
                 hung[s.episode] = min(hung.get(s.episode, s.end), s.begin + self.hung[i])
-        return replace(whole, sigma=self.sigma, noise_model=self.noise_model, valid=tuple(valid), hung=hung)
+        return replace(
+            whole,
+            sigma=self.sigma,
+            noise_model=self.noise_model,
+            valid=tuple(valid),
+            scatter=self.scatter,
+            hung=hung,
+        )
+
+    def is_scatter(self) -> np.ndarray:
+        """Return which channels have the noise of what no model predicts, not of their sensors, (C,)."""
+        return np.zeros(len(self.sigma), bool) if self.scatter is None else self.sigma <= self.scatter
 
     def without(self, hung: Mapping[int, int]) -> Measured:
         """Return the same less what hangs on a breakaway, from such a sample of an episode on."""
@@ -157,7 +165,9 @@ def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.n
     otherwise = measured.sigma[[columns[0] for columns in groups]]
     rounding = _rounding_noise(system.values(), groups)
     stated = system.stated_noise()
-    sigma, noise_model = _noise(stretches, _step_s(system), groups, stated, otherwise, rounding, doubt=STATED)
+    sigma, noise_model = _noise(
+        stretches, _step_s(system), groups, stated, otherwise, rounding, doubt=SETTINGS.noise.stated_log_error
+    )
     sigma = _at_least(sigma, measured.scatter)
     return without_outliers(replace(measured, sigma=sigma, noise_model=noise_model), residuals)
 
@@ -179,17 +189,21 @@ def without_outliers(measured: Measured, residuals: Mapping[int, np.ndarray]) ->
 def materially_different(a: Measured, b: Measured) -> bool:
     """Whether two accounts of the noise of a recording lead to other standard errors."""
     return bool(
-        np.any(np.abs(np.log(a.sigma / b.sigma)) > MATERIAL)
-        or np.any(np.abs(a.noise_model.lag_one - b.noise_model.lag_one) > 2 * MATERIAL)
+        np.any(np.abs(np.log(a.sigma / b.sigma)) > SETTINGS.noise.material_log_change)
+        or np.any(np.abs(a.noise_model.lag_one - b.noise_model.lag_one) > 2 * SETTINGS.noise.material_log_change)
     )
 
 
 def off_from_stated(measured: Measured, system: AbstractSystem) -> dict[str, float]:
-    """Return how many times as large as its owner states the noise of each group of channels is, where materially."""
-    out = {}
+    """Return how many times as large as its owner states a sensor's noise is, where materially, by group of channels.
+
+    Where something else counts as noise beside it, nothing is known of the sensor.
+    """
+    out, hidden = {}, measured.is_scatter()
     for columns in _groups(system):
         stated, found = measured.stated[columns[0]], measured.sigma[columns[0]]
-        if np.isfinite(stated) and abs(np.log(found / stated)) > 2 * MATERIAL:
+        hides = hidden[columns[0]]
+        if np.isfinite(stated) and not hides and abs(np.log(found / stated)) > 2 * SETTINGS.noise.material_log_change:
             out[", ".join(system.channels[c].name for c in columns)] = float(found / stated)
     return out
 
@@ -259,5 +273,5 @@ def _inliers(values: np.ndarray, new: np.ndarray) -> np.ndarray:
         if len(there):
             own = values[there, c]
             distance = np.abs(own - median_filter(own, size=5, mode="nearest"))
-            inliers[there, c] = distance < OUTLIER_SIGMAS * level + 3.0 * np.median(distance)
+            inliers[there, c] = distance < SETTINGS.noise.outlier_sigmas * level + 3.0 * np.median(distance)
     return inliers

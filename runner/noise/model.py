@@ -16,19 +16,9 @@ from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.optimize import minimize
 
 from runner.numerics.recursive_filter import filtered
+from runner.settings import SETTINGS
 
-WINDOW_S, MOST_SAMPLES = 0.5, 64
-DEGREE = 3  # a motion, or a model's error, is close to a cubic over a window; noise is not
-LEAST_SAMPLES = 300
-LEAST_CORRELATION = 0.1  # at lag one: less does no harm
-CLEAR = 25.0  # twice the log likelihood that colour must gain
-LEAST_VARIANCE = 1e-18  # squares of m, rad, m/s, rad/s
-KNOCKED = 3.0  # windows with so many times the median power, in all or in what is slow, hold more than noise
-# Of what no cubic follows, the slowest so many terms: what a push that is in no log leaves of a window is there, and
-# its power hardly tells beside that of all the noise.
-SLOW_TERMS = 8
-BELIEF_STEPS = 12  # of Newton's method, in the logarithm: from what the data show it takes few
-MEMORIES_S = 0.006, 0.25  # the slow part lasts at least and at most so long
+NEWTON_STEPS = 12  # in the logarithm of a variance: from what the data show it takes few
 
 
 @dataclass(frozen=True)
@@ -120,7 +110,7 @@ def _with_belief(shown: np.ndarray, freedom: np.ndarray, known: np.ndarray, doub
         return believed, 0.0
     stiff = np.where(np.isfinite(known), 0.5 / doubt**2, 0.0)  # by the log of the variance: its curvature
     log = np.log(shown)
-    for _ in range(BELIEF_STEPS):
+    for _ in range(NEWTON_STEPS):
         data = shown * np.exp(-log)
         slope = freedom * (1.0 - data) + stiff * (log - np.log(believed))
         log = log - slope / (freedom * np.maximum(data, 1.0) + stiff)
@@ -145,35 +135,37 @@ def estimate(
     Returns:
         None with too little to tell.
     """
-    n = min(max(3 * (DEGREE + 1), round(WINDOW_S / step_s)), MOST_SAMPLES)
+    limits = SETTINGS.noise
+    terms = limits.smooth_degree + 1
+    n = min(max(3 * terms, round(limits.window_s / step_s)), limits.max_window_samples)
     every = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, n), n - 1))[0]
-    rough = every[:, DEGREE + 1 :]
+    rough = every[:, terms:]
     spreads, counts = [], []
     for stretches in kinds:
         parts = [r[i : i + n] for r in stretches for i in range(0, len(r) - n + 1, n)]
-        if not parts or n * len(parts) * parts[0].shape[1] < LEAST_SAMPLES:
+        if not parts or n * len(parts) * parts[0].shape[1] < limits.min_samples:
             return None
         left = rough.T @ np.concatenate(parts, axis=1)  # (n - 4, windows * k)
-        powers = [(some**2).sum(axis=0) for some in (left, left[:SLOW_TERMS])]
-        left = left[:, np.all([power <= KNOCKED * np.median(power) for power in powers], axis=0)]
+        powers = [(some**2).sum(axis=0) for some in (left, left[: limits.slow_terms])]
+        left = left[:, np.all([power <= limits.max_window_power * np.median(power) for power in powers], axis=0)]
         spreads.append(left @ left.T / left.shape[1])
         counts.append(left.shape[1])
     spread, count = np.array(spreads), np.array(counts)
-    dimension = n - DEGREE - 1
+    dimension = n - terms
 
     def fit(share: float, memory: float) -> tuple[float, np.ndarray]:
         """Return -2 log likelihood and the levels."""
         factor = cho_factor(rough.T @ (share * toeplitz(memory ** np.arange(n)) + (1 - share) * np.eye(n)) @ rough)
         square = np.array([np.trace(cho_solve(factor, one)) for one in spread])
         # a channel that never moves at rest has no noise to speak of; its likelihood must stay finite
-        shown = np.maximum(square / dimension, LEAST_VARIANCE)
+        shown = np.maximum(square / dimension, limits.min_variance)
         variance, against = _with_belief(shown, count * dimension, known, doubt)
         volume = 2 * np.log(np.diag(factor[0])).sum()
         loss = count @ (volume + dimension * np.log(variance) + square / variance)
         return float(loss + against), np.sqrt(variance)
 
     white, level = fit(0.0, 0.0)
-    longest, shortest = np.exp(-step_s / MEMORIES_S[1]), np.exp(-step_s / MEMORIES_S[0])
+    longest, shortest = np.exp(-step_s / limits.max_memory_s), np.exp(-step_s / limits.min_memory_s)
     bounds = [(0.0, 1.0), (shortest, longest)]
     starts = [(0.5, 0.5 * (shortest + longest)), (0.7, 0.95 * longest)]
     found = min(
@@ -181,6 +173,6 @@ def estimate(
         key=lambda result: result.fun,
     )
     share, memory = map(float, found.x)
-    if found.fun > -CLEAR or share * memory < LEAST_CORRELATION:
+    if found.fun > -limits.colour_loss or share * memory < limits.min_lag_one:
         return Found(level, 0.0, 0.0)
     return Found(fit(share, memory)[1], share, memory)

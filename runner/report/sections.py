@@ -20,6 +20,7 @@ from runner.report.missing_force import by_regime, components, missing_force
 from runner.report.motions import Paths, autocorrelation, where_after, whitened
 from runner.report.statement import Statement
 from runner.report.suspects import suspects
+from runner.settings import SETTINGS
 
 if TYPE_CHECKING:
     from runner.diagnosis.result import Diagnosis
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 WHITE_AT = 0.01  # significance below which residuals are called structured
 LAGS = 20
-LEVEL = 0.05  # of the false discovery rate, from which on a cell stands out
 AS_NOISE = 1.5  # noise levels: within it is as good as the noise
 QUARTERS = tuple(f"the {q} quarter" for q in ("first", "second", "third", "last"))
 
@@ -39,7 +39,9 @@ def first_figure(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | N
         return None
     places = _places(found)
     about = {"sentence": spelt(diagnosis, found.sentence), "window": f"{found.window_s:.3g} s"}
-    if diagnosis.system.plan_view is not None and np.any(places["q"].to_numpy(float) < LEVEL):
+    if diagnosis.system.plan_view is not None and np.any(
+        places["q"].to_numpy(float) < SETTINGS.where.false_discovery_rate
+    ):
         svg = where_figures.place_map(diagnosis.system, places, paths, diagnosis.effects, "first")
         return about | {"kind": "map", "svg": Markup(svg), "framed": None}
     # one cell is marked, that of the first sentence's: what was done, if anything done stands out
@@ -257,7 +259,7 @@ def _factor(diagnosis: Diagnosis, cells: pd.DataFrame, factor: str) -> dict[str,
                 "share": percent(max(share, 0.0)) if np.isfinite(share) else "–",
                 "width": f"{100 * float(np.clip(np.nan_to_num(share) / top, 0, 1)):.1f}",
                 "even": f"{100 * float(np.clip(np.nan_to_num(even) / top, 0, 1)):.1f}",
-                "stands_out": bool(row["q"] < LEVEL),
+                "stands_out": bool(row["q"] < SETTINGS.where.false_discovery_rate),
             }
         )
     return {"name": factor, "rows": rows}

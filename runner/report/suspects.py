@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from runner.effects.wording import percent
+from runner.settings import SETTINGS
 
 if TYPE_CHECKING:
     from runner.localise.where import Where
     from runner.systems.base import AbstractSystem
 
-LEVEL = 0.05  # of the false discovery rate: as for the sentence of where the gap is
 MOST_OF_IT = 0.5  # share of the excess from which on a channel is named alone
 
 # what a cluster of the gap suggests, by the beginning of its factor or, for a regime, by what it says
@@ -51,15 +51,15 @@ def suspects(system: AbstractSystem, where: Where | None) -> tuple[Suspect, ...]
     """Return what stands out, at most three: in what was done, in where, when or how fast, and in one channel."""
     if where is None or not where.exceeds:
         return ()
-    rows = where.cells.to_dict("records")
-    standing = [r for r in rows if r["factor"] != "channel" and r["q"] < LEVEL and r["lift"] > 1]
+    rows, level = where.cells.to_dict("records"), SETTINGS.where.false_discovery_rate
+    standing = [r for r in rows if r["factor"] != "channel" and r["q"] < level and r["lift"] > 1]
     out = []
     for activity in (True, False):
         these = [r for r in standing if (r["factor"] in system.activities) is activity]
         if these:
             # as in the sentence of where the gap is: what is rarer by chance first, then what has more of it
             out.append(_of_cell(system, min(these, key=lambda r: (r["p"], -r["share"]))))
-    channels = [r for r in rows if r["factor"] == "channel" and r["q"] < LEVEL and r["share"] > MOST_OF_IT]
+    channels = [r for r in rows if r["factor"] == "channel" and r["q"] < level and r["share"] > MOST_OF_IT]
     return (*out, *(_of_channel(system, r) for r in channels))
 
 

@@ -17,6 +17,7 @@ from runner.effects.vocabulary import spoken
 from runner.effects.wording import Values, listed, number, percent, probability
 from runner.report.statement import NOISE_LEFT, NONE, UNKNOWN, Kind, Left, Statement, state
 from runner.report.suspects import suspects
+from runner.settings import SETTINGS
 
 if TYPE_CHECKING:
     from runner.diagnosis.result import Diagnosis, Ranked
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 Numbers = Mapping[str, float]
 SURE = 0.9  # an answer less likely than this asks for more data
-NOTEWORTHY = 0.02  # explanations less likely than this are not worth a sentence
 LEAST_SHARE = 0.005  # of anything: less is told as nothing
 PLACE = {"x_m", "y_m", "radius_m"}  # of an effect that is somewhere
 MANIFOLD = 1.0  # from twice the noise on it is told as so many times
@@ -148,7 +148,7 @@ def verdict(diagnosis: Diagnosis) -> str:
         tail = (
             f" The likeliest alternative is {title(said.named[0].effects)} (probability "
             f"{probability(said.named[0].probability)})."
-            if said.named and said.named[0].probability > NOTEWORTHY
+            if said.named and said.named[0].probability > SETTINGS.probability.noteworthy
             else ""
         )
         over = "" if said.left is Left.NOISE else f" ({beyond(said)}: small errors of any simulator)"
@@ -159,7 +159,7 @@ def verdict(diagnosis: Diagnosis) -> str:
         return f"{sentence} {nearest}".strip()
     text = explanation(system, top)
     if said.kind is Kind.OPEN:
-        rivals = [r for r in said.order[1:] if r.probability > NOTEWORTHY][:2]
+        rivals = [r for r in said.order[1:] if r.probability > SETTINGS.probability.noteworthy][:2]
         others = listed([f"{title(r.effects)} ({probability(r.probability)})" for r in rivals], "or")
         but = f", but it may also be {others}" if rivals else ""
         return f"This recording does not settle it. Likeliest {chance}{but}: {text}."

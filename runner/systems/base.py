@@ -66,10 +66,9 @@ class AbstractSystem(ABC):
         noun: What the object is called in a sentence: "object", "mechanism".
         experiment: What is done to it: "push"; `reach`: what limits that so far; `reach_further`: what would go beyond.
         mismatch_levels: How far any simulator of such an object may be off in the direction of each effect, in units of
-            `runner.inference.evidence.SHARE`: equally likely multiples, 1 among them. How far is not known beforehand.
+            `OddsSettings.mismatch_share`: equally likely multiples, 1 among them. How far is not known beforehand.
         unknown_share: Share of the gap that an explanation may leave and still be as likely as none of them.
         most_effects: So many may be at work at once.
-        leaps: Whether a search begins with what the linear model proposes together.
         worth_another: Where the last of several effects leaves more than this share of what fewer left, it is not yet
             another one that is missing.
         searched_s: So many seconds of a recording are searched for an explanation, spread over all of it; where it is
@@ -101,7 +100,6 @@ class AbstractSystem(ABC):
     screening_level: float = 1 / 16
     unknown_share: float = 0.05
     most_effects: int = 6
-    leaps: bool = True
     worth_another: float = 0.8
     searched_s: float = 30.0
     cut_from: float = 4.0

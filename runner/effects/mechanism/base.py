@@ -67,6 +67,7 @@ class Scope:
         signal: Standard deviation of each channel over the recording, in its unit.
         length_s: Of the longest episode.
         step_s: Usual time from one sample to the next.
+        pushed: Bodies that a recorded force acts on.
     """
 
     model: mujoco.MjModel
@@ -79,6 +80,7 @@ class Scope:
     signal: Mapping[str, float]
     length_s: float
     step_s: float
+    pushed: frozenset[str] = frozenset()
 
     def at(self, target: str | None) -> Scope:
         """Return what is known of a target."""

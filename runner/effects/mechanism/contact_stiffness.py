@@ -26,7 +26,6 @@ class ContactStiffness(MechanismEffect):
     name: ClassVar[str] = "contact_stiffness"
     label: ClassVar[str] = "a different stiffness of contact"
     target_kind: ClassVar[str] = "body"
-    common: ClassVar[bool] = True
     target: str
     ratio: float
 

@@ -187,7 +187,7 @@ def is_free(model: mujoco.MjModel, body: str | None) -> bool:
     return any(int(model.jnt_type[j]) == FREE for j in joints)
 
 
-def is_tossed(model: mujoco.MjModel, body: str | None) -> bool:
-    """Whether a body moves freely, by itself, and nothing but gravity and what stands still acts on it."""
+def is_alone(model: mujoco.MjModel, body: str | None) -> bool:
+    """Whether a body moves freely, and is all that moves: no actuator, and no other body, acts on it."""
     moving = [b for b in range(1, model.nbody) if int(model.body_weldid[b]) != 0 and float(model.body_mass[b]) > 0.0]
     return is_free(model, body) and moving == [model.body(body).id] and model.nu == 0

@@ -23,7 +23,6 @@ class ContactFriction(MechanismEffect):
     name: ClassVar[str] = "friction"
     label: ClassVar[str] = "a different friction in contact"
     target_kind: ClassVar[str] = "body"
-    common: ClassVar[bool] = True
     target: str
     mu: float
 

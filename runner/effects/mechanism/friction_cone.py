@@ -32,7 +32,6 @@ class FrictionCone(MechanismEffect):
     label: ClassVar[str] = "another friction cone"
     target_kind: ClassVar[str] = "body"
     commonness: ClassVar[int] = 2
-    common: ClassVar[bool] = True
     target: str
     elliptic: float
 

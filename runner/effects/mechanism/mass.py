@@ -38,9 +38,10 @@ class Mass(MechanismEffect):
     @classmethod
     def applies(cls, scope: Scope) -> bool:
         model = scope.model
-        # what is tossed moves alike whatever its mass
-        moves = len(parts.joints_above(model, scope.target)) > 0 and not contacts.is_tossed(model, scope.target)
-        return model.body_mass[model.body(scope.target).id] > 0 and moves
+        # what is tossed moves alike whatever its mass, as long as no known force pushes it besides
+        tossed = contacts.is_alone(model, scope.target) and scope.target not in scope.pushed
+        moves = len(parts.joints_above(model, scope.target)) > 0
+        return model.body_mass[model.body(scope.target).id] > 0 and moves and not tossed
 
     @classmethod
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:

@@ -30,7 +30,6 @@ class Restitution(MechanismEffect):
     name: ClassVar[str] = "restitution"
     label: ClassVar[str] = "a different rebound"
     target_kind: ClassVar[str] = "body"
-    common: ClassVar[bool] = True
     target: str
     ratio: float
 

@@ -19,7 +19,6 @@ class Friction(PlanarEffect):
 
     name: ClassVar[str] = "friction"
     label: ClassVar[str] = "a different friction coefficient"
-    common: ClassVar[bool] = True
     mu: float
 
     def __post_init__(self) -> None:

@@ -21,7 +21,6 @@ class Mass(PlanarEffect):
 
     name: ClassVar[str] = "mass"
     label: ClassVar[str] = "a different mass"
-    common: ClassVar[bool] = True
     commonness: ClassVar[int] = 0
     confounded: ClassVar[tuple[Confounded, ...]] = (
         Confounded(

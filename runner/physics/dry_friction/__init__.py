@@ -45,6 +45,7 @@ Modules, in the order of their imports:
     settle        velocity and load at the end of an implicit step, together
     step          one implicit step, in parts where the motion turns round
     planar, push  from MuJoCo's numbers to a step and back; pushes on bodies that MuJoCo's contacts carry
+    rollout       many motions at once, where nothing else acts
     binding       the callback itself
 """
 
@@ -80,6 +81,7 @@ from runner.physics.dry_friction.record import (
     corner_points,
     pack,
 )
+from runner.physics.dry_friction.rollout import is_all_that_acts, rollout
 
 __all__ = [
     "COLUMN",
@@ -109,6 +111,8 @@ __all__ = [
     "bearing_radius",
     "corner_points",
     "install",
+    "is_all_that_acts",
     "outline_points",
     "pack",
+    "rollout",
 ]

@@ -9,13 +9,14 @@ import mujoco
 from numba import carray, cfunc, types
 
 from runner.physics import engine_memory, passive
-from runner.physics.dry_friction.planar import Engine, step_planar
+from runner.physics.dry_friction.planar import Engine, hand_over, step_planar
+from runner.physics.dry_friction.points import room_for
 from runner.physics.dry_friction.push import push_free, push_upright
 from runner.physics.dry_friction.record import COLUMN, FREE, MAGIC, STRIDE, UPRIGHT
 from runner.physics.engine_memory import as_pointer, double, doubles, integer, ints, offset_of
 from runner.storage.numba_cache import fingerprint
 
-JOINTS = COLUMN["joints"]
+JOINTS, POINTS = COLUMN["joints"], COLUMN["points"]
 
 # taken when this is imported: the files may be others by the time that something is compiled
 SOURCES = fingerprint(engine_memory.__file__, *Path(__file__).parent.glob("*.py"))
@@ -132,7 +133,8 @@ def _compile(at: FrictionOffsets):
                     qfrc_applied=doubles(d, at.qfrc_applied, big),
                     qfrc_passive=passive,
                 )
-                step_planar(record, body, dof, qadr, engine)
+                end, lever, inertia = step_planar(record, body, dof, qadr, engine, room_for(int(record[POINTS])))
+                hand_over(engine, body, dof, lever, inertia, end)
 
     return dry_friction
 

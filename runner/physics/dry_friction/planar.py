@@ -99,7 +99,7 @@ def _forces(engine, push, body, dof, mass, com_z, lever, c, s):
 
 
 @njit(error_model="numpy", forceinline=True)
-def _hand_over(engine, body, dof, lever, inertia, x):
+def hand_over(engine, body, dof, lever, inertia, x):
     """Give MuJoCo what it needs so that its step, with its own mass and implicit damping, ends at velocity x."""
     h, gravity, passive, applied = engine.timestep, engine.gravity, engine.qfrc_passive, engine.qfrc_applied
     full = engine.body_mass[body]
@@ -120,8 +120,15 @@ def _hand_over(engine, body, dof, lever, inertia, x):
 
 
 @njit(error_model="numpy", forceinline=True)
-def step_planar(record, body, dof, qadr, engine):
-    """Take a step of a body with slides x, y and a hinge about z, and tell what friction did."""
+def step_planar(record, body, dof, qadr, engine, room):
+    """Take a step of a body with slides x, y and a hinge about z, and tell what friction did.
+
+    `room` is memory for its base points, `room_for` them.
+
+    Returns:
+        Velocity at the end of the step (3), centre of mass relative to the body frame (2, world axes), and moment of
+        inertia about the frame.
+    """
     push = int(record[PUSH_ADR])
     n = int(record[POINTS])
     qpos, h = engine.qpos, engine.timestep
@@ -159,11 +166,10 @@ def step_planar(record, body, dof, qadr, engine):
         turn=(cr, sr),
         touch=touch,
     )
-    end, rub, cop, lifted, held = step_in_parts(record, n, h, (ca * v0 + sa * v1, ca * v1 - sa * v0, v2), planar)
+    end, rub, cop, lifted, held = step_in_parts(record, n, h, (ca * v0 + sa * v1, ca * v1 - sa * v0, v2), planar, room)
     x0, x1, x2 = ca * end[0] - sa * end[1], sa * end[0] + ca * end[1], end[2]
     rub0, rub1, rub2 = ca * rub[0] - sa * rub[1], sa * rub[0] + ca * rub[1], rub[2]
 
-    _hand_over(engine, body, dof, lever, inertia, (x0, x1, x2))
     out = engine.userdata[push + PUSH_SIZE :]
     out[OUT_FORCE] = rub0
     out[OUT_FORCE + 1] = rub1
@@ -177,3 +183,4 @@ def step_planar(record, body, dof, qadr, engine):
     out[OUT_TURN] = x2
     out[OUT_PIN] = ca * held[0] - sa * held[1]
     out[OUT_PIN + 1] = sa * held[0] + ca * held[1]
+    return (x0, x1, x2), lever, inertia

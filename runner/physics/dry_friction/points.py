@@ -41,11 +41,20 @@ class Anisotropy(NamedTuple):
     ahead: Triple  # where a point at rest would slip
 
 
+SUMS, WHOLE, SHARE = 10, 9, 12  # numbers of those fields
+
+
+@njit(error_model="numpy")
+def room_for(n):
+    """Return the memory for n base points and the sums over them, to be taken once for many steps."""
+    return np.empty(6 * n + SUMS + WHOLE + SHARE)
+
+
 @njit(error_model="numpy", forceinline=True)
-def lay_out(record, n, turn):
+def lay_out(record, n, turn, room):
     """Return the base points of a body in the axes of friction; their weights do not sum to 1 yet but to the second."""
     cr, sr = turn
-    rx, ry, w = np.empty(n), np.empty(n), np.empty(n)
+    rx, ry, w = room[:n], room[n : 2 * n], room[2 * n : 3 * n]
     film, pressure = record[FILM], record[PRESSURE]
     f0 = f2 = f4 = f5 = 0.0
     reach_x = reach_y = total = 0.0
@@ -72,7 +81,8 @@ def lay_out(record, n, turn):
     base_x, base_y = record[BASE_X], record[BASE_Y]
     base = (cr * base_x + sr * base_y, cr * base_y - sr * base_x, bears, record[BEARING_RADIUS])
     points = Points(
-        rx, ry, w, np.empty(n), np.empty(n), np.empty(n), np.empty(10), np.empty(9), np.empty(12),
+        rx, ry, w, room[3 * n : 4 * n], room[4 * n : 5 * n], room[5 * n : 6 * n],
+        room[6 * n : 6 * n + SUMS], room[6 * n + SUMS : 6 * n + SUMS + WHOLE], room[6 * n + SUMS + WHOLE :],
         (reach_x, reach_y), base, films,
     )  # fmt: skip
     return points, total

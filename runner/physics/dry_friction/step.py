@@ -119,7 +119,7 @@ def _lifted(record, n, points, turn, follow, y):
 
 
 @njit(error_model="numpy", forceinline=True)
-def implicit_step(record, n, h, v, body, gap):
+def implicit_step(record, n, h, v, body, gap, room):
     """Return the velocity at the end of a step, the friction, where the load is, how much is lifted, and a pin's force.
 
     Velocity, load and friction are solved together: the load is affine in its centre, and its centre in the friction.
@@ -137,6 +137,7 @@ def implicit_step(record, n, h, v, body, gap):
         v: Velocity (x, y, yaw) at the start of the step.
         body: The body.
         gap: Between it and a pin at the start of the step, m.
+        room: Memory for the points, `room_for` them.
 
     Returns:
         Velocity (3), friction (3), centre of the load that the moments ask for (2, body axes), lifted share, force of
@@ -145,7 +146,7 @@ def implicit_step(record, n, h, v, body, gap):
     mass = body.mass
     bears = n > 0 and body.weight > 0.0
     pin = pin_over(record, body.touch, gap, h, v)
-    points, total = lay_out(record, n, body.turn)
+    points, total = lay_out(record, n, body.turn, room)
     axes = anisotropy(record, v, body)
     speed_counts = depends_on_speed(record) or axes.bends
     set_coefficients(record, n, points, axes, v, body.place)
@@ -195,7 +196,7 @@ def implicit_step(record, n, h, v, body, gap):
 
 
 @njit(error_model="numpy", forceinline=True)
-def step_in_parts(record, n, h, v, body):
+def step_in_parts(record, n, h, v, body, room):
     """Advance by a step, in parts where the motion turns round within it; see `implicit_step`, which this returns as.
 
     A body that stops under a push that is stronger than friction goes back at once, and friction turns with the slip.
@@ -208,7 +209,7 @@ def step_in_parts(record, n, h, v, body):
     least = STANDING * STANDING * m[0]
     by_speed = depends_on_speed(record)
     while True:
-        end, rub, cop, lifted, held = implicit_step(record, n, part, v, body, gap)
+        end, rub, cop, lifted, held = implicit_step(record, n, part, v, body, gap, room)
         momentum = times(m, v)
         motion, goes_on, after = dot(v, momentum), dot(end, momentum), dot(end, times(m, end))
         turned = goes_on < STOPPED * motion or goes_on * goes_on < (1.0 - TURNED * TURNED) * motion * after

@@ -17,16 +17,10 @@ import numpy as np
 from runner.numerics.arrays import spread_over
 from runner.recording import Span
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
+from runner.settings import SETTINGS
 from runner.systems.mechanism.coordinates import FREE, Coordinates
 from runner.systems.mechanism.models import can_touch
-
-CLEAR = 0.03  # of a body's size: farther from all that it may touch it is in flight
-FEWEST = 5  # samples of a flight that a start rests on
-LONGEST_S = 0.2  # of a flight: more tell the start hardly better
-SHORTEST_S = 0.05  # of a flight that does not begin an episode: a start state rests on it alone
-RESTS = 8  # episodes whose last part at rest is told: one says as much as the next
-STILL = 0.02  # of its size: a body that moves less until the end lies
-MOST_LOOKED_AT = 400  # samples of an episode; beyond, those of a thinner grid
+from runner.systems.mechanism.settings import MECHANISM
 
 
 def measured_freely(recording: MechanismRecording, coordinates: Coordinates, model: mujoco.MjModel) -> bool:
@@ -54,7 +48,7 @@ def flights(recording: MechanismRecording, coordinates: Coordinates, model: mujo
         model: As believed; not written to.
     """
     near = copy.copy(model)
-    near.geom_margin[:] = 0.5 * CLEAR * size_m(model)
+    near.geom_margin[:] = 0.5 * MECHANISM.flight.clearance * size_m(model)
     data = mujoco.MjData(near)
     return [_flights(e, k, recording, coordinates, near, data) for k, e in enumerate(recording.episodes)]
 
@@ -79,7 +73,7 @@ def _flights(
         if (found := _pose_channels(recording, near.body(int(near.jnt_bodyid[i])).name)) is not None
     }
     free = np.zeros(len(episode), bool)
-    every = max(1, len(episode) // MOST_LOOKED_AT)
+    every = max(1, len(episode) // MECHANISM.flight.max_looked_at)
     for k in range(0, len(episode), every):
         for q, places, turn in where.values():
             data.qpos[q] = np.concatenate([episode.values[k, places], episode.orientations[turn][k]])
@@ -88,8 +82,9 @@ def _flights(
             mujoco.mj_collision(near, data)
             free[k : k + every] = data.ncon == 0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], free, [False]]).astype(int)))
-    least = max(FEWEST, round(SHORTEST_S / episode.step_s))
-    return [Span(number, int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= (least if a else FEWEST)]
+    fewest = SETTINGS.fit.min_start_samples
+    least = max(fewest, round(MECHANISM.flight.min_length_s / episode.step_s))
+    return [Span(number, int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= (least if a else fewest)]
 
 
 def rests(recording: MechanismRecording, coordinates: Coordinates, model: mujoco.MjModel) -> list[Span]:
@@ -100,7 +95,7 @@ def rests(recording: MechanismRecording, coordinates: Coordinates, model: mujoco
     out = []
     bodies = [model.body(int(model.jnt_bodyid[i])).name for i in range(len(coordinates.joints))]
     poses = [found for b in bodies if (found := _pose_channels(recording, b)) is not None]
-    size = size_m(model)
+    size, limits = size_m(model), MECHANISM.flight
     for e, episode in enumerate(recording.episodes):
         moved = np.zeros(len(episode))
         for places, turn in poses:
@@ -108,12 +103,12 @@ def rests(recording: MechanismRecording, coordinates: Coordinates, model: mujoco
             moved = np.maximum(moved, np.linalg.norm(episode.values[:, places] - episode.values[-1, places], axis=1))
             # the chord of a turn, at the distance of the size
             moved = np.maximum(moved, size * np.minimum(*(2 * np.linalg.norm(q - s * q[-1], axis=1) for s in (1, -1))))
-        still = np.isfinite(moved) & (moved < STILL * size)
+        still = np.isfinite(moved) & (moved < limits.still * size)
         begin = len(episode) - int(np.argmin(still[::-1])) if not still.all() else 0
-        begin = max(begin, len(episode) - round(LONGEST_S / episode.step_s))
-        if len(episode) - begin >= 2 * FEWEST:
+        begin = max(begin, len(episode) - round(limits.max_length_s / episode.step_s))
+        if len(episode) - begin >= 2 * SETTINGS.fit.min_start_samples:
             out.append(Span(e, begin, len(episode)))
-    return [out[i] for i in spread_over(len(out), RESTS)]
+    return [out[i] for i in spread_over(len(out), limits.rests)]
 
 
 def into_impacts(recording: MechanismRecording, found: Sequence[Sequence[Span]], after_s: float) -> tuple[Span, ...]:
@@ -126,7 +121,7 @@ def into_impacts(recording: MechanismRecording, found: Sequence[Sequence[Span]],
     """
     out = []
     for e, (episode, own) in enumerate(zip(recording.episodes, found, strict=True)):
-        after, longest = (max(1, round(s / episode.step_s)) for s in (after_s, LONGEST_S))
+        after, longest = (max(1, round(s / episode.step_s)) for s in (after_s, MECHANISM.flight.max_length_s))
         begins = [max(s.begin, s.end - longest) for s in own]
         for begin, span, following in zip(begins, own, [*begins, len(episode)][1:], strict=True):
             out.append(Span(e, begin, min(span.end + after, following)))

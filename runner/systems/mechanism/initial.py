@@ -16,22 +16,18 @@ from runner.numerics.arrays import FloatArray
 from runner.recording import Span
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import ChannelSource
+from runner.settings import SETTINGS
 from runner.systems.channels import Signals
 from runner.systems.initial import AbstractInitialState
 from runner.systems.mechanism import quaternions
 from runner.systems.mechanism.coordinates import HINGE, Coordinates
 from runner.systems.mechanism.kinematics import Kinematics
 from runner.systems.mechanism.models import Models
+from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.windows import Windows
 
-SMOOTH_S = 0.05  # half width of the local polynomials
-FEWEST = 5  # samples that a local polynomial rests on
-BROAD = {"rad": 1.0, "m": 0.3}  # what nobody measured may be so far from the reference
-BROAD_RATE = 3.0  # and so fast, rad/s or m/s
-SLOPE = 0.03  # a slope over a window that short: its error is that of a sample over so many seconds
 ITERATIONS, CLOSE = 12, 1e-7  # of positions that show what was measured; rad or m
 NEAR = 0.02  # within a step so small, rad or m, the derivatives stay
-WEAK = 1e-6  # what is not measured is held at its reference by so much of its breadth
 
 
 class MechanismStart(AbstractInitialState):
@@ -58,13 +54,13 @@ class MechanismStart(AbstractInitialState):
 
     def broad(self) -> FloatArray:
         """Return how far a joint that nobody measured may be from its reference, and how fast, (S,)."""
-        unit = np.full(self._coordinates.nv, BROAD["m"])
+        unit = np.full(self._coordinates.nv, MECHANISM.start.broad_m)
         for joint in self._coordinates.joints:
             if joint.kind == HINGE:
-                unit[joint.v] = BROAD["rad"]
+                unit[joint.v] = MECHANISM.start.broad_rad
             elif joint.v.stop - joint.v.start >= 3:
-                unit[joint.v.stop - 3 : joint.v.stop] = BROAD["rad"]
-        return np.concatenate([unit, np.full(self._coordinates.nv, BROAD_RATE)])
+                unit[joint.v.stop - 3 : joint.v.stop] = MECHANISM.start.broad_rad
+        return np.concatenate([unit, np.full(self._coordinates.nv, MECHANISM.start.broad_rate)])
 
     def scale(self, sigma: FloatArray) -> FloatArray:
         """Return how well the channels of one sample, and slopes of a few, tell each number."""
@@ -72,14 +68,14 @@ class MechanismStart(AbstractInitialState):
         return np.concatenate(
             [
                 self._known(sigma, broad[: self._coordinates.nv], position=1.0, velocity=0.0),
-                self._known(sigma, broad[self._coordinates.nv :], position=SLOPE, velocity=1.0),
+                self._known(sigma, broad[self._coordinates.nv :], position=MECHANISM.start.slope_s, velocity=1.0),
             ]
         )
 
     def speed_error(self, sigma: FloatArray) -> FloatArray:
         """Return the standard error of velocities of a smooth guess in the middle of an episode, (nv,)."""
         step_s = self._recording.step_s
-        n = 2 * max(FEWEST, round(SMOOTH_S / step_s)) + 1
+        n = 2 * max(SETTINGS.fit.min_start_samples, round(MECHANISM.start.smooth_s / step_s)) + 1
         broad = self.broad()[self._coordinates.nv :]
         # of a straight line through n samples: slope and level
         return self._known(sigma, broad, position=step_s * np.sqrt(n**3 / 12.0), velocity=np.sqrt(n))
@@ -136,12 +132,16 @@ class MechanismStart(AbstractInitialState):
         rows = np.vstack(
             [
                 matrix[rates] / signals.sigma[rates, None],
-                matrix[slopes] / signals.sigma[slopes, None] * SLOPE,
-                np.diag(WEAK / broad[nv:]),
+                matrix[slopes] / signals.sigma[slopes, None] * MECHANISM.start.slope_s,
+                np.diag(MECHANISM.start.unmeasured_weight / broad[nv:]),
             ]
         )
         right = np.concatenate(
-            [level[rates] / signals.sigma[rates], slope[slopes] / signals.sigma[slopes] * SLOPE, np.zeros(nv)]
+            [
+                level[rates] / signals.sigma[rates],
+                slope[slopes] / signals.sigma[slopes] * MECHANISM.start.slope_s,
+                np.zeros(nv),
+            ]
         )
         return np.concatenate([x, _least_squares(rows, right)])
 
@@ -157,7 +157,7 @@ class MechanismStart(AbstractInitialState):
         """
         told = np.isfinite(level)
         nv, reference = self._coordinates.nv, np.array(self._model.qpos0)
-        weight, weak = 1.0 / sigma[told], WEAK / self.broad()[:nv]
+        weight, weak = 1.0 / sigma[told], MECHANISM.start.unmeasured_weight / self.broad()[:nv]
         turns = {k: self._reference(episode, sample, s) for k, s in self._kinematics.turns.items()}
         qpos = begin
         matrix = self._kinematics.jacobian(qpos)
@@ -180,7 +180,7 @@ class MechanismStart(AbstractInitialState):
         """Return level and slope of each channel at a sample, (C,): of a quadratic around it, NaN where nothing is."""
         whole = signals.spans[episode]
         t = self._recording.episodes[whole.episode].t_s[whole.begin : whole.end]
-        reach = max(FEWEST, round(SMOOTH_S / self._recording.step_s))
+        reach = max(SETTINGS.fit.min_start_samples, round(MECHANISM.start.smooth_s / self._recording.step_s))
         span = slice(max(0, first - reach), min(len(t), first + reach + 1))
         values = self._turned(signals.values[episode], whole, first)[span]
         valid = signals.valid[episode][span] & np.isfinite(values)

@@ -13,17 +13,13 @@ from runner.numerics.arrays import FloatArray
 from runner.recording import Span
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import AT_JOINT, is_servo
+from runner.settings import SETTINGS
 from runner.systems.channels import Signals
 from runner.systems.mechanism.coordinates import FREE, HINGE, SLIDE
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.models import Models
+from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.windows import Labels, Windows
-
-AFTER_S = 0.1  # so long a change of command is "just" past
-CHANGE = 0.2  # of the largest command: a step of the command that counts as a change
-IDLE = 0.01  # of the largest command: a motor below is not driven
-SLOW, ERRORS = 0.03, 4.0  # of the usual speed, and standard errors: a joint below does not move
-FULL = 0.999  # of a limit: an actuator above is saturated
 
 REGIMES = (
     "at rest",
@@ -98,7 +94,7 @@ def label(
     most = np.argmax(np.abs(share).max(axis=1), axis=1) if motion.names else np.zeros(count, int)
     steps = windows.samples - 1
     error = initial.speed_error(signals.sigma)[[initial.coordinates.by_name[n].v.start for n in motion.names]]
-    still = np.abs(share) < np.maximum(SLOW, ERRORS * error / usual)
+    still = np.abs(share) < np.maximum(MECHANISM.signal.slow, MECHANISM.signal.still_errors * error / usual)
     rest = np.asarray(still.all(axis=(1, 2)))
     breakaway = (still[:, 0] & ~still[:, 2]).any(axis=1)
     turned = ((share[:, 0] * share[:, 2] < 0) & ~still[:, 0] & ~still[:, 2]).any(axis=1)
@@ -194,9 +190,12 @@ def _after_change(recording: MechanismRecording, scope: Scope, windows: Windows)
     changed = []
     for episode in recording.episodes:
         # an episode begins with a change from what was commanded before
-        jumps = np.abs(np.diff(episode.commands, axis=0, prepend=episode.commands[:1])) > CHANGE * largest
+        jumps = (
+            np.abs(np.diff(episode.commands, axis=0, prepend=episode.commands[:1]))
+            > SETTINGS.where.command_change * largest
+        )
         changed.append(jumps.any(axis=1))
-    back = round(AFTER_S / recording.step_s)
+    back = round(SETTINGS.where.just_after_s / recording.step_s)
     steps = windows.samples - 1
     return np.array(
         [changed[e][max(0, f - back) : f + steps].any() for e, f in zip(windows.episode, windows.first, strict=True)],
@@ -242,11 +241,11 @@ def _actuation(
             force = np.abs(model.actuator_gainprm[a, 0] * sent[..., k].mean(axis=1) + bias[1] * here + bias[2] * rate)
             idle[:] = False
         else:
-            idle &= size < IDLE * max(scope.command[target.actuator], 1e-12)
+            idle &= size < MECHANISM.signal.idle * max(scope.command[target.actuator], 1e-12)
             force = np.abs(model.actuator_gainprm[a, 0]) * size
-        saturated |= force >= FULL * limit
+        saturated |= force >= MECHANISM.signal.saturated * limit
         if model.actuator_ctrllimited[a] and not is_servo(model, a):
-            saturated |= size >= FULL * float(np.abs(model.actuator_ctrlrange[a]).max())
+            saturated |= size >= MECHANISM.signal.saturated * float(np.abs(model.actuator_ctrlrange[a]).max())
         usual = float(np.sqrt(np.mean(force**2))) if count else 0.0
         effort = np.maximum(effort, force / usual if usual > 0 else 0.0)
     named = np.full(count, None, dtype=object)
@@ -256,7 +255,7 @@ def _actuation(
         named = np.array([words[i] for i in np.searchsorted(edges, effort)], dtype=object)
     for i in range(len(recording.mapping.forces)):
         sizes = [np.linalg.norm(e.forces_n[:, i], axis=1) for e in recording.episodes]
-        idle &= windows.of(sizes).mean(axis=1) < IDLE * max(float(s.max()) for s in sizes)
+        idle &= windows.of(sizes).mean(axis=1) < MECHANISM.signal.idle * max(float(s.max()) for s in sizes)
     return saturated, idle, named
 
 

@@ -8,11 +8,7 @@ import numpy as np
 
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
 from runner.systems.mechanism.scope import spreads
-
-SETTLE_S, LEAST_S = 0.5, 0.3
-FEWEST = 8  # samples
-FLAT = 0.01  # a stretch spreads at most by this share of its channel's spread
-ERRORS = 4.0  # a trend within so many of its standard errors is none
+from runner.systems.mechanism.settings import MECHANISM
 
 
 def resting(recording: MechanismRecording) -> list[tuple[int, slice]]:
@@ -28,7 +24,9 @@ def _spans(episode: MechanismEpisode, spread: np.ndarray, moving: list[int]) -> 
         return []
     driven = np.hstack([episode.commands, episode.forces_n.reshape(len(episode), -1)])
     changes = np.flatnonzero(np.any(np.diff(driven, axis=0) != 0, axis=1)) + 1
-    settle, least = round(SETTLE_S / episode.step_s), max(round(LEAST_S / episode.step_s), FEWEST)
+    limits = MECHANISM.signal
+    settle = round(limits.settle_s / episode.step_s)
+    least = max(round(limits.min_rest_s / episode.step_s), limits.min_rest_samples)
     out = []
     for begin, end in pairwise([0, *changes.tolist(), len(episode)]):
         span = slice(begin + settle, end)
@@ -39,9 +37,12 @@ def _spans(episode: MechanismEpisode, spread: np.ndarray, moving: list[int]) -> 
 
 def _is_flat(episode: MechanismEpisode, span: slice, channel: int, spread: float) -> bool:
     """Whether a channel has no trend and next to no spread in a stretch."""
+    limits = MECHANISM.signal
     values, t = episode.values[span, channel], episode.t_s[span]
     known = np.isfinite(values)
-    if known.sum() < FEWEST:
+    if known.sum() < limits.min_rest_samples:
         return False
     fit, covariance = np.polyfit(t[known] - t[known].mean(), values[known], 1, cov=True)
-    return bool(np.std(values[known]) < FLAT * spread and abs(fit[0]) <= ERRORS * np.sqrt(covariance[0, 0]))
+    return bool(
+        np.std(values[known]) < limits.flat * spread and abs(fit[0]) <= limits.still_errors * np.sqrt(covariance[0, 0])
+    )

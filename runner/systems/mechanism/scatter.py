@@ -16,10 +16,8 @@ from runner.effects.base import Effects
 from runner.effects.mechanism import ContactStiffness, contacts
 from runner.numerics.arrays import FloatArray, spread_over
 from runner.recording import Span
+from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.mechanism.simulator import MechanismSimulator, Stretch
-
-HARDER = 1.25  # times as stiff
-LOOKS = 24  # stretches
 
 
 def scatter(
@@ -35,9 +33,11 @@ def scatter(
     """
     model = simulator.models.compiled(()).model
     bodies = [model.body(b).name for b in range(1, model.nbody)]
-    harder: Effects = tuple(ContactStiffness(b, HARDER) for b in bodies if contacts.touches(model, b))
+    harder: Effects = tuple(
+        ContactStiffness(b, MECHANISM.replay.harder_contact) for b in bodies if contacts.touches(model, b)
+    )
     squares = []
-    for i in spread_over(len(spans), LOOKS):
+    for i in spread_over(len(spans), MECHANISM.replay.probed_windows):
         span = spans[i]
         shown = simulator.simulate(
             [Stretch(span.episode, span.begin, span.end, effects, starts[i]) for effects in ((), harder)]

@@ -19,11 +19,8 @@ from runner.systems.mechanism.coordinates import HINGE, SLIDE, Coordinates
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.models import Models
 from runner.systems.mechanism.observer import first_orientation, turns_from
+from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.windows import Windows
-
-LOOKS = 200  # states of the recording that speeds, ranges and forces are taken from
-APART_S = 0.02  # at least so far apart
-ASKED = 4000  # samples, at most, at which is looked how much force the commands ask for: that peaks where they jump
 
 
 @dataclass(frozen=True)
@@ -95,6 +92,7 @@ def scope_of(recording: MechanismRecording, models: Models, initial: MechanismSt
         signal={s.name: float(spread[k]) for k, s in enumerate(recording.mapping.sources)},
         length_s=max(float(e.t_s[-1] - e.t_s[0]) for e in recording.episodes),
         step_s=recording.step_s,
+        pushed=frozenset(f.body for f in recording.mapping.forces),
     )
 
 
@@ -103,7 +101,7 @@ def _motion(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return root mean square speed, half the range and root mean square force of each degree of freedom, (nv,)."""
     coordinates, total = initial.coordinates, sum(len(e) for e in recording.episodes)
-    every = max(1, total // LOOKS, round(APART_S / recording.step_s))
+    every = max(1, total // MECHANISM.signal.looked_at, round(MECHANISM.signal.apart_s / recording.step_s))
     model = models.edited(())
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     data = mujoco.MjData(model)
@@ -142,7 +140,7 @@ def _demand(
     targets = [c.actuator for c in recording.mapping.commands.values()]
     if not targets:
         return {}
-    every = max(1, sum(len(e) for e in recording.episodes) // ASKED)
+    every = max(1, sum(len(e) for e in recording.episodes) // MECHANISM.signal.asked)
     model = models.edited(())
     model.actuator_forcelimited[:] = 0
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)

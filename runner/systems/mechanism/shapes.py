@@ -10,8 +10,8 @@ import pandas as pd
 from runner.numerics.arrays import FloatArray
 from runner.recording.model_form import MechanismRecording
 from runner.systems.mechanism.coordinates import HINGE, SLIDE, Coordinates
+from runner.systems.mechanism.settings import MECHANISM
 
-SLOW = 0.03  # of the root mean square of a joint's speed: below it has no direction
 DIRECTION = "the direction of its motion, as dry friction does"
 SPEED = "its speed, as viscous friction does"
 DRAG = "the square of its speed, as drag does"
@@ -45,7 +45,7 @@ def force_shapes(
         turns = [np.sin(q), np.cos(q) - np.cos(q).mean()] if joint.kind == HINGE else []
         shapes = {
             CONSTANT: [np.ones(len(q))],
-            DIRECTION: [np.where(np.abs(v) > SLOW * size, np.sign(v), 0.0)],
+            DIRECTION: [np.where(np.abs(v) > MECHANISM.signal.slow * size, np.sign(v), 0.0)],
             SPEED: [v],
             DRAG: [v * np.abs(v)],
             PLACE: [centred, centred**2 - np.mean(centred**2), *turns],

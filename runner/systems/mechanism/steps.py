@@ -10,19 +10,14 @@ import numpy as np
 from runner.numerics.arrays import FloatArray
 from runner.recording.model_form import MechanismRecording
 from runner.systems.mechanism.models import Models
+from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.mechanism.simulator import MechanismSimulator, Stretch
-
-LONGEST_S = 0.004
-PER_SAMPLE = 3  # steps in a sample period, unless the file's own step is longer
-ALIKE = 0.1  # root mean square difference, in noises
-EPISODES = 3  # that are compared
-EVEN = 1e-3  # a clock whose samples are off an even grid by no more than this share of a period is even
 
 
 def choose_step(
     recording: MechanismRecording, models: Models, starts: list[FloatArray], sigma: FloatArray, threads: int
 ) -> float:
-    """Return the longest step whose prediction differs from that of the file's step by less than `ALIKE` noises.
+    """Return the longest step whose prediction differs from that of the file's step by little of the noise.
 
     Args:
         recording: The case.
@@ -32,7 +27,7 @@ def choose_step(
         threads: For the rollouts.
     """
     candidates = _candidates(recording, models.file_step_s)
-    order = np.argsort([-len(e) for e in recording.episodes])[:EPISODES]
+    order = np.argsort([-len(e) for e in recording.episodes])[: MECHANISM.replay.compared_episodes]
 
     def predicted(step_s: float) -> list[FloatArray]:
         simulator = MechanismSimulator(recording, models, step_s, threads)
@@ -41,16 +36,17 @@ def choose_step(
     exact = predicted(candidates[-1])
     for step_s in candidates[:-1]:
         differences = np.concatenate([a - b for a, b in zip(predicted(step_s), exact, strict=True)])
-        if np.all(np.sqrt(np.mean(differences**2, axis=0)) < ALIKE * sigma):
+        if np.all(np.sqrt(np.mean(differences**2, axis=0)) < MECHANISM.replay.step_change_noises * sigma):
             return step_s
     return candidates[-1]
 
 
 def _candidates(recording: MechanismRecording, file_step_s: float) -> list[float]:
     """Return steps to try, the longest first, the last about the file's own."""
-    period = recording.step_s
-    even = all(np.abs(e.t_s - e.t_s[0] - period * np.arange(len(e))).max() < EVEN * period for e in recording.episodes)
-    longest = max(min(LONGEST_S, period / PER_SAMPLE), file_step_s)
+    period, limits = recording.step_s, MECHANISM.replay
+    tolerance = limits.even_clock * period
+    even = all(np.abs(e.t_s - e.t_s[0] - period * np.arange(len(e))).max() < tolerance for e in recording.episodes)
+    longest = max(min(limits.max_step_s, period / limits.min_steps_per_sample), file_step_s)
     if not even:
         doublings = int(np.floor(np.log2(max(longest / file_step_s, 1.0)) + 1e-9))
         return [file_step_s * 2.0**k for k in range(doublings, -1, -1)]

@@ -16,28 +16,13 @@ import numpy as np
 
 from runner.numerics.arrays import FloatArray, spread_over
 from runner.recording import Span
+from runner.settings import SETTINGS
 from runner.systems.channels import Signals
 from runner.systems.initial import AbstractInitialState
 from runner.systems.mechanism.flights import into_impacts
+from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.mechanism.simulator import MechanismSimulator
 from runner.systems.windows import Windows
-
-LONGEST_S = 8.0  # no longer: errors that pile up over more tell nothing new, and cost as much as what does
-SOME_S = 2.0  # what so many episodes share that each would get less of it may be longer
-SHORTEST_S = 0.5  # no shorter: a start state is then most of what is told
-LONGEST_IMPACT_S, SHORTEST_IMPACT_S = 0.4, 0.1  # the same of what follows a flight: several impacts; one
-BENT_BY_IMPACTS = 0.25  # the same where it is impacts that bend: of those hit, half answer in proportion for longer
-SMALL, LARGE = 0.01, 0.1  # forces that are compared: shares of the usual force
-BENT = 0.2  # share of the response that may be out of proportion, in half of the windows and joints
-# ... and how far the larger of those may lead within a stretch, of what was moved at all: who is a tenth off in a force
-# must still be near enough for a comparison
-FAR = 0.5
-LOOKS = 24  # windows that are looked at, for each length
-# The longest physics steps of a survey of all effects, which asks only how a prediction changes; and by which share
-# the response to a small force may be another with them than with the steps of fits, in half of the windows.
-LONGEST_STEP_S, ANOTHER = 0.01, 0.02
-SAME_CLOCK = 1.1  # times the shortest period
-FEWEST = 5  # samples of each measured channel in a stretch
 
 
 @dataclass(frozen=True)
@@ -64,12 +49,12 @@ def stretches(known: Sensitive, searched_s: float) -> tuple[Span, ...]:
         known: The recording.
         searched_s: So much of it is searched: they are so short that this holds some of every episode.
     """
-    signals = known.signals
+    signals, limits = known.signals, MECHANISM.replay
     lengths = [len(v) for v in signals.values]
     periods_s = np.array([e.step_s for e in known.simulator.recording.episodes])
     whole = tuple(Span(e, 0, n) for e, n in enumerate(lengths))
     longest_s = float(max((n - 1) * p for n, p in zip(lengths, periods_s, strict=True)))
-    at_most_s = float(np.clip(searched_s / len(lengths), SOME_S, LONGEST_S))
+    at_most_s = float(np.clip(searched_s / len(lengths), limits.shared_length_s, limits.max_length_s))
     length_s = longest_s / max(1, int(np.ceil(longest_s / at_most_s - 1e-6)))
     by_episode = np.full(len(lengths), length_s)
     for alike in _of_one_clock(periods_s):
@@ -79,7 +64,8 @@ def stretches(known: Sensitive, searched_s: float) -> tuple[Span, ...]:
         edges = np.linspace(0, n, max(1, round((n - 1) * periods_s[e] / by_episode[e])) + 1).round().astype(int)
         parts += [Span(e, int(a), int(b)) for a, b in pairwise(edges)]
     there = np.any([v.any(axis=0) for v in signals.valid], axis=0)
-    told = [s for s in parts if (signals.valid[s.episode][s.begin : s.end, there].sum(axis=0) >= FEWEST).all()]
+    least = SETTINGS.fit.min_start_samples
+    told = [s for s in parts if (signals.valid[s.episode][s.begin : s.end, there].sum(axis=0) >= least).all()]
     return tuple(told) if {s.episode for s in told} == set(range(len(lengths))) else whole
 
 
@@ -87,7 +73,7 @@ def _of_one_clock(periods_s: FloatArray) -> list[list[int]]:
     """Return the positions of episodes in groups whose sample periods are about the same."""
     groups: list[list[int]] = []
     for e in np.argsort(periods_s, kind="stable"):
-        if groups and periods_s[e] < SAME_CLOCK * periods_s[groups[-1][0]]:
+        if groups and periods_s[e] < MECHANISM.replay.same_clock * periods_s[groups[-1][0]]:
             groups[-1].append(int(e))
         else:
             groups.append([int(e)])
@@ -99,16 +85,16 @@ def _lengths_s(known: Sensitive, episodes: Sequence[int], length_s: float) -> Fl
 
     One episode may swing about rest, another one over the top.
     """
-    out = dict.fromkeys(episodes, length_s)
-    unsure = list(episodes)
-    while length_s > SHORTEST_S and unsure:
+    out, limits = dict.fromkeys(episodes, length_s), MECHANISM.replay
+    unsure, shortest_s = list(episodes), SETTINGS.pieces.min_length_s
+    while length_s > shortest_s and unsure:
         windows = _windows(known.simulator, length_s, unsure)
         share = _bent(known, windows)
         # an episode that is shorter than a window is like the others
         over = {e: _median(share[windows.episode == e]) for e in set(windows.episode.tolist())}
         others = _median(share)
-        length_s = max(length_s / 2, SHORTEST_S)
-        unsure = [e for e in unsure if over.get(e, others) > BENT]
+        length_s = max(length_s / 2, shortest_s)
+        unsure = [e for e in unsure if over.get(e, others) > limits.max_bent]
         out |= dict.fromkeys(unsure, length_s)
     return np.array([out[e] for e in episodes])
 
@@ -116,22 +102,22 @@ def _lengths_s(known: Sensitive, episodes: Sequence[int], length_s: float) -> Fl
 def survey_step_s(known: Sensitive, spans: Sequence[Span]) -> float:
     """Return the longest physics step with which these parts of a recording answer a small force as they do in fits."""
     simulator, period_s = known.simulator, known.simulator.recording.step_s
-    chosen = [spans[i] for i in spread_over(len(spans), LOOKS)]
+    chosen = [spans[i] for i in spread_over(len(spans), MECHANISM.replay.probed_windows)]
     samples = min(len(range(s.begin, s.end)) for s in chosen)
     windows = Windows(np.array([s.episode for s in chosen]), np.array([s.begin for s in chosen]), samples)
-    if samples < FEWEST:
+    if samples < SETTINGS.fit.min_start_samples:
         return simulator.step_s
     exact = _responses(known, windows, simulator)
     for step_s in _longer_steps(period_s, simulator.step_s):
         off = _norm(_responses(known, windows, simulator.stepping(step_s)) - exact)
-        if _median(np.nan_to_num(off / np.maximum(_norm(exact), 1e-9), nan=np.inf)) < ANOTHER:
+        if _median(np.nan_to_num(off / np.maximum(_norm(exact), 1e-9), nan=np.inf)) < MECHANISM.replay.survey_change:
             return step_s
     return simulator.step_s
 
 
 def _longer_steps(period_s: float, than_s: float) -> list[float]:
     """Return steps that are longer than another, each about half of the one before: some or parts of a period."""
-    steps, longest_s = [], LONGEST_STEP_S
+    steps, longest_s = [], MECHANISM.replay.max_survey_step_s
     while longest_s > than_s * (1 + 1e-9):
         some, parts = int(longest_s / period_s + 1e-9), int(np.ceil(period_s / longest_s - 1e-9))
         steps.append(some * period_s if some else period_s / parts)
@@ -142,7 +128,7 @@ def _longer_steps(period_s: float, than_s: float) -> list[float]:
 def _responses(known: Sensitive, windows: Windows, simulator: MechanismSimulator) -> FloatArray:
     """Return how a small force on each degree of freedom changes what is shown, in noises, (W, D, n, C)."""
     starts = known.initial.guess_windows(known.signals, windows, smooth=True)
-    forces = np.vstack([np.zeros(len(known.usual)), np.diag(LARGE * known.usual)])
+    forces = np.vstack([np.zeros(len(known.usual)), np.diag(MECHANISM.replay.large_force * known.usual)])
     with np.errstate(invalid="ignore", over="ignore"):
         shown = simulator.predict_windows((), windows, np.repeat(starts[:, None], len(forces), axis=1), forces)
         return (shown[:, 1:] - shown[:, :1]) / known.signals.sigma
@@ -156,12 +142,13 @@ def impact_stretches(known: Sensitive, found: Sequence[Sequence[Span]], lying: S
         found: Flights of each episode.
         lying: When bodies lie still: that is told too.
     """
-    after_s = LONGEST_IMPACT_S
-    while after_s > SHORTEST_IMPACT_S:
+    limits = MECHANISM.replay
+    after_s = limits.max_impact_s
+    while after_s > limits.min_impact_s:
         windows = _from_flights(known.simulator, found, after_s)
-        if len(windows) and _median(_bent(known, windows)) <= BENT_BY_IMPACTS:
+        if len(windows) and _median(_bent(known, windows)) <= limits.max_bent_by_impacts:
             break
-        after_s = max(after_s / 2, SHORTEST_IMPACT_S)
+        after_s = max(after_s / 2, limits.min_impact_s)
     hits = into_impacts(known.simulator.recording, found, after_s)
     ends = {e: max(s.end for s in hits if s.episode == e) for e in {s.episode for s in hits}}
     still = [s for s in lying if s.begin >= ends.get(s.episode, 0)]
@@ -171,25 +158,26 @@ def impact_stretches(known: Sensitive, found: Sequence[Sequence[Span]], lying: S
 def _from_flights(simulator: MechanismSimulator, found: Sequence[Sequence[Span]], after_s: float) -> Windows:
     """Return windows of one length from the last samples of flights until so long after them, spread over all."""
     episodes = simulator.recording.episodes
-    after = max(1, round(after_s / simulator.recording.step_s))
-    fits = [(s.episode, s.end - FEWEST) for own in found for s in own if s.end + after <= len(episodes[s.episode])]
-    return _spread(np.array(fits, dtype=int).reshape(-1, 2), after + FEWEST)
+    after, before = max(1, round(after_s / simulator.recording.step_s)), SETTINGS.fit.min_start_samples
+    fits = [(s.episode, s.end - before) for own in found for s in own if s.end + after <= len(episodes[s.episode])]
+    return _spread(np.array(fits, dtype=int).reshape(-1, 2), after + before)
 
 
 def _bent(known: Sensitive, windows: Windows) -> FloatArray:
     """Return which share of the response to a force is out of proportion in windows, (W, D); NaN: none is seen."""
-    signals, usual = known.signals, known.usual
+    signals, usual, limits = known.signals, known.usual, MECHANISM.replay
     starts = known.initial.guess_windows(signals, windows, smooth=True)
     d = len(usual)
-    forces = np.vstack([np.zeros(d), *(np.diag(size * usual) for size in (SMALL, LARGE))])
+    sizes = (limits.small_force, limits.large_force)
+    forces = np.vstack([np.zeros(d), *(np.diag(size * usual) for size in sizes)])
     with np.errstate(invalid="ignore", over="ignore"):
         shown = known.simulator.predict_windows((), windows, np.repeat(starts[:, None], len(forces), axis=1), forces)
         change = (shown[:, 1:] - shown[:, :1]) / signals.sigma
-        small, large = change[:, :d] * (LARGE / SMALL), change[:, d:]
+        small, large = change[:, :d] * (sizes[1] / sizes[0]), change[:, d:]
         off, size = (_norm(x) for x in (large - small, np.where(np.isfinite(large), large, small)))
     size = np.maximum(size, _norm(small))
     share = np.where(np.isfinite(off) & np.isfinite(size), off / np.maximum(size, 1e-9), 1.0)
-    share = np.maximum(share, BENT / FAR * _strayed(large, signals, windows))
+    share = np.maximum(share, limits.max_bent / limits.max_strayed * _strayed(large, signals, windows))
     # what cannot be seen in the noise is out of no proportion
     return np.where(size < np.sqrt(windows.samples), np.nan, share)
 
@@ -232,7 +220,7 @@ def _windows(simulator: MechanismSimulator, length_s: float, chosen: Sequence[in
 
 def _spread(index: FloatArray, samples: int) -> Windows:
     """Return some windows of those with these episodes and first samples, (W, 2), spread over all."""
-    return Windows(index[:, 0], index[:, 1], samples).some(LOOKS)
+    return Windows(index[:, 0], index[:, 1], samples).some(MECHANISM.replay.probed_windows)
 
 
 __all__ = ["Sensitive", "impact_stretches", "stretches"]

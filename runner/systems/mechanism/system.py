@@ -15,6 +15,7 @@ from runner.numerics.arrays import FloatArray
 from runner.recording import Span
 from runner.recording.model_form import MechanismRecording, read_model_case, with_episode_to_check
 from runner.recording.model_form_mapping import ChannelSource
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem, Proposal
 from runner.systems.channels import Channel, Signals, Space
 from runner.systems.disturbance import Disturbance
@@ -30,23 +31,13 @@ from runner.systems.mechanism.proposals import trials, unmeasured
 from runner.systems.mechanism.rests import resting
 from runner.systems.mechanism.scatter import scatter
 from runner.systems.mechanism.scope import RawSignals, raw_signals, scope_of, vocabulary_of
+from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.mechanism.shapes import force_shapes
 from runner.systems.mechanism.simulator import MechanismSimulator, cores
 from runner.systems.mechanism.steps import choose_step
 from runner.systems.mechanism.stretches import Sensitive, impact_stretches, stretches, survey_step_s
 from runner.systems.windows import Labels, Windows
 
-FORCE_SHARE, LARGE = 0.03, 3.0  # of the usual force: the step of a missing force; how large one may be
-# Of bodies that hit things: what an impact does has many causes, each with a small share of it, and no simulator of
-# rigid bodies follows real tosses closely (Acosta et al. 2022): about half of what a wrong friction makes is left, a
-# fifth in squares. That share was seen on the tosses of one cube and is calibrated on nothing else. A few seconds of
-# flights and impacts tell as much as the tenfold.
-OF_IMPACTS = 0.97, 0.2, 8.0  # `worth_another`, `unknown_share`, `searched_s`
-# A look at all effects of an arm with six joints simulates each second three hundred times: with more of them, less of
-# a recording has to do. So many simulated seconds are a minute of one core, or less.
-LOOK_S = 6000.0
-STEP = 0.005  # of a body's size, and rad: by so much start states differ where sensitivities are taken
-LEAST_FORCE = 1e-3  # N or N m, of a joint that nothing moved
 HARD = "joints that dry friction truly holds (solreffriction as hard as the step allows)"
 SOFT = "dry friction as soft as the MJCF has it (solreffriction)"
 
@@ -85,16 +76,19 @@ class MechanismSystem(AbstractSystem):
         self.context = self.beliefs = scope_of(recording, self._models, self.initial, self._raw)
         self.vocabulary = vocabulary_of(recording, self.context, self.initial.coordinates)
         ways = sum(len(c.starts(self.context)) or len(c.parameters(self.context)) for c in self.vocabulary)
-        self.searched_s = min(self.searched_s, LOOK_S / max(ways, 1))
+        self.searched_s = min(self.searched_s, MECHANISM.effort.look_s / max(ways, 1))
         self.disturbance = self._missing_force()
         self._step_s = step_s
         self._simulator: MechanismSimulator | None = None
         self._stretches: tuple[Span, ...] | None = None
         self._found_flights = self._flights()
         if any(self._found_flights):
-            self.worth_another, self.unknown_share, self.searched_s = OF_IMPACTS
+            of = MECHANISM.effort
+            self.worth_another, self.unknown_share = of.impact_worth_another, of.impact_unknown_share
+            self.searched_s = of.impact_searched_s
             # what is smaller than that tells which corner chatters, and not where the body goes
-            coarse = np.array([STEP * (size_m(self.context.model) if c.unit == "m" else 1.0) for c in self.channels])
+            step, size = MECHANISM.start.difference_of_size, size_m(self.context.model)
+            coarse = np.array([step * (size if c.unit == "m" else 1.0) for c in self.channels])
             self.initial.steps = self.initial.scale(np.maximum(self._raw.sigma, coarse))
 
     @property
@@ -109,10 +103,10 @@ class MechanismSystem(AbstractSystem):
         """Return the force that may be missing at each joint."""
         coordinates = self.initial.coordinates
         weight = float(np.sum(self.context.model.body_mass)) * float(np.linalg.norm(self.context.model.opt.gravity))
-        usual = np.full(coordinates.nv, max(weight, LEAST_FORCE))
+        usual = np.full(coordinates.nv, max(weight, MECHANISM.signal.min_force))
         for joint in coordinates.joints:
             if joint.kind in (HINGE, SLIDE):
-                usual[joint.v] = max(self.context.force[joint.name], LEAST_FORCE)
+                usual[joint.v] = max(self.context.force[joint.name], MECHANISM.signal.min_force)
             else:
                 # turns: the weight on an arm as long as the model
                 usual[joint.v.stop - 3 : joint.v.stop] *= 0.1 * float(self.context.model.stat.extent)
@@ -120,8 +114,8 @@ class MechanismSystem(AbstractSystem):
         return Disturbance(
             tuple(f"{name}_{unit.replace(' ', '_').lower()}" for name, unit, _ in names),
             tuple(f"{words} [{unit}]" for _, unit, words in names),
-            FORCE_SHARE * usual,
-            LARGE * usual,
+            SETTINGS.where.force_step * usual,
+            SETTINGS.where.max_force * usual,
         )
 
     def values(self) -> tuple[FloatArray, ...]:
@@ -167,7 +161,7 @@ class MechanismSystem(AbstractSystem):
     def stretches(self) -> tuple[Span, ...]:
         """See `AbstractSystem`."""
         if self._stretches is None:
-            usual = self.disturbance.prior / LARGE
+            usual = self.disturbance.prior / SETTINGS.where.max_force
             known = Sensitive(self.simulator(), self.initial, usual, self._raw)
             if any(self._found_flights):
                 lying = rests(self.recording, self.initial.coordinates, self.context.model)

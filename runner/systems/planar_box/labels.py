@@ -9,11 +9,11 @@ import pandas as pd
 
 from runner.effects.planar_box import Context
 from runner.recording import Recording
+from runner.settings import SETTINGS
 from runner.systems.channels import Signals
 from runner.systems.planar_box.motion import measured_columns, motion
 from runner.systems.windows import Labels, Windows
 
-AFTER_S = 0.1  # so long a change of command is "just" past
 PLACES = 5  # cells along each side of the floor map
 SECTORS = 8
 
@@ -61,12 +61,12 @@ def label(recording: Recording, context: Context, measured: Signals, windows: Wi
         # the moment turns with the body: a change of point is one of the command
         jump = np.linalg.norm(np.diff(f, axis=0, prepend=f[:1]), axis=1)
         shift = np.linalg.norm(np.diff(point * size_n[:, None], axis=0, prepend=(point * size_n[:, None])[:1]), axis=1)
-        changed.append(np.maximum(jump, shift / size) > 0.2 * context.force_n)
+        changed.append(np.maximum(jump, shift / size) > SETTINGS.where.command_change * context.force_n)
     steps = windows.samples - 1
     held, arms = windows.of(force)[:, :-1], windows.of(arm)[:, :-1]
     pushed = (held > 1e-9 * context.force_n).mean(axis=1) > 0.5
     lever = (arms * held).sum(axis=1) / np.maximum(held.sum(axis=1), 1e-300)
-    back = round(AFTER_S * rate)
+    back = round(SETTINGS.where.just_after_s * rate)
     after = np.array(
         [changed[e][max(0, f - back) : f + steps].any() for e, f in zip(windows.episode, windows.first, strict=True)],
         bool,

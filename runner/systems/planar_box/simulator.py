@@ -1,7 +1,8 @@
 """Open-loop simulation of a recording: its commands through the believed model, with or without effects.
 
-Everything runs in `mujoco.rollout` on all cores: a batch of models (one per set of effects) and start states, under
-the commands of one episode. Effects outside the engine change the command before and the measurement after.
+A batch of models (one per set of effects) and start states runs on all cores, under the commands of one episode:
+in `mujoco.rollout`, or where the friction of the base is all that acts in `dry_friction.rollout`, which is the same to
+rounding. Effects outside the engine change the command before and the measurement after.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from mujoco import rollout
 from runner.effects.base import AbstractEffect
 from runner.effects.planar_box import Context, Motion, PlanarEffect, Target
 from runner.errors import RecordingError
+from runner.numerics.arrays import FloatArray
 from runner.physics import dry_friction
 from runner.physics.scene import Base, BodyConfig, Dof, PinConfig, SceneConfig, build
 from runner.recording import Form, Nominal, Recording, Span, Support
@@ -197,22 +199,31 @@ class Simulator(AbstractSimulator):
         n = (span.end - 1 - span.begin) * self.steps_per_sample
         if len(self._models) > MODELS:
             self._models.clear()
-        models, control = [], np.zeros((len(runs), n, dry_friction.USERDATA_SIZE))
-        start = np.zeros((len(runs), mujoco.mj_stateSize(base.model, FULL)))
+        models, controls = [], dict[int, FloatArray]()
+        start, which = np.zeros((len(runs), mujoco.mj_stateSize(base.model, FULL))), list[int]()
         for i, run in enumerate(runs):
             effects = planar(run.effects)
             if effects not in self._models:
                 self._models[effects] = self.model(effects)
             models.append(self._models[effects])
-            control[i] = self._commands.control(effects, span.episode)[before : before + n]
+            control = self._commands.control(effects, span.episode)
+            controls.setdefault(id(control), control[before : before + n])
+            which.append(list(controls).index(id(control)))
             start[i, 0] = before * self.step_s
             start[i, 1:7] = run.start
             # half a step ahead: MuJoCo's pose is then the one at the middle of each step (leapfrog), second order
             start[i, 1:4] += 0.5 * self.step_s * run.start[3:]
-        with quiet():  # what runs away is told by its residuals
-            state, _ = self._pool.rollout(models, list(base.data), start, control, control_spec=USERDATA, chunk_size=1)
+        if dry_friction.is_all_that_acts(base.model):
+            after = dry_friction.rollout(models, start[:, :7], np.stack(list(controls.values())), which, self._threads)
+        else:
+            control = np.stack(list(controls.values()))[which]
+            with quiet():  # what runs away is told by its residuals
+                state, _ = self._pool.rollout(
+                    models, list(base.data), start, control, control_spec=USERDATA, chunk_size=1
+                )
+            after = state[:, :, 1:7]
         self.simulated_s += n * self.step_s * len(runs)
-        motion = np.concatenate([start[:, None, 1:7], state[:, :, 1:7]], axis=1)
+        motion = np.concatenate([start[:, None, 1:7], after], axis=1)
         motion[:, :, :3] -= 0.5 * self.step_s * motion[:, :, 3:]
         time = np.arange(n + 1) * self.step_s
         for effects in dict.fromkeys(planar(run.effects) for run in runs):

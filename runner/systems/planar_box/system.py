@@ -16,6 +16,7 @@ from runner.effects.wording import number
 from runner.errors import RecordingError
 from runner.numerics.arrays import FloatArray
 from runner.recording import Form, Recording, Support
+from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem, Proposal
 from runner.systems.channels import Channel, Signals, Space
 from runner.systems.disturbance import Disturbance
@@ -39,8 +40,6 @@ CHANNELS = (
     Channel("vy", "m/s", "velocity", "velocity y"),
     Channel("wz", "rad/s", "rate", "yaw rate"),
 )
-FORCE_SHARE, LARGE = 0.03, 3.0  # of friction: the step of a missing force; times the largest usual force: how large
-
 PIN, PIN_HEIGHTS = "pin", 3.0  # as it is drawn, and how many times as high as the body
 
 
@@ -66,7 +65,6 @@ class PlanarBox(AbstractSystem):
     mismatch_levels = (0.5, 1.0, 2.0, 4.0, 8.0)
     # a floor, a box and a push: what more than three effects explain is something else; errors stay where they are made
     most_effects = 3
-    leaps = False
     dates_disturbances = False  # a box is touched by all that pushes it: its commands are that
     worth_another = 0.5
     # so much tells what there is to tell, and the time that a search takes grows with it
@@ -91,8 +89,8 @@ class PlanarBox(AbstractSystem):
         self.channels = tuple(CHANNELS[k] for k in self._columns)
         self.initial = PlanarStart(self.rate_hz, self._columns)
         self.context = context_of(recording)
-        force = FORCE_SHARE * self.context.friction_n
-        large = LARGE * max(self.context.friction_n, self.context.force_n)
+        force = SETTINGS.where.force_step * self.context.friction_n
+        large = SETTINGS.where.max_force * max(self.context.friction_n, self.context.force_n)
         arm = np.array([1.0, 1.0, self.context.size_m])
         self.disturbance = Disturbance(
             ("fx_n", "fy_n", "mz_n_m"),
