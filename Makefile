@@ -53,7 +53,7 @@ golden: $(FULL)  ## Every number of all golden verdicts; ARGS=--refresh writes t
 fuzz: $(FULL)  ## 100,000 spoilt inputs over all readers, some an hour; ARGS="count=1000 seed=7 kind=log_"
 	@$(ONE_BLAS_THREAD) nice $(BIN)/python -m tests.fuzzing $(ARGS)
 
-faults: $(FULL)  ## Every call that changes a file fails once, and kills once; ARGS="only=run every=10"
+faults: $(FULL)  ## Every call that changes a file fails once, and the process ends at each once; ARGS="only=run every=10"
 	@$(ONE_BLAS_THREAD) nice $(BIN)/python -m tests.faults $(ARGS)
 
 soak: $(FULL)  ## 10,000 runs in one process, an hour at 240 Hz diagnosed; ARGS="runs=1000 minutes=5"

@@ -25,7 +25,7 @@ def arm_case(folder: Path, *, csv: bool = False) -> Path:
     columns = {
         "t": t,
         "ua": np.sin(t),
-        "ub": 0.1 * t,
+        "ub": -0.5 * t,
         "q_shoulder": 0.3 + t,
         "q_elbow": -t,
         "tau": 0.5 * t,

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pandas as pd
 import pytest
@@ -16,53 +16,24 @@ from runner.errors import RecordingError
 from runner.recording import read_case, write_case
 from runner.recording.kinematics import lone_samples
 from runner.recording.model_form import read_model_case
+from tests import mechanism_cases
 from tests.cases import made
+from tests.corruptions.edits import (
+    Edit,
+    constant,
+    exchanged,
+    frozen,
+    late,
+    noise,
+    of_another_episode,
+    rounded,
+    scaled,
+    shifted,
+    spike,
+    zero,
+)
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "cases"
-Edit = Callable[[pd.DataFrame], pd.DataFrame]
-
-
-def scaled(factor: float, *names: str) -> Edit:
-    """Return an edit that multiplies columns."""
-    return lambda f: f.assign(**{n: f[n] * factor for n in names})
-
-
-def exchanged(*pairs: tuple[str, str]) -> Edit:
-    """Return an edit that exchanges columns."""
-    return lambda f: f.assign(**{a: f[b] for a, b in pairs}, **{b: f[a] for a, b in pairs})
-
-
-def constant(*names: str) -> Edit:
-    """Return an edit that holds columns at their first value."""
-    return lambda f: f.assign(**{n: f[n].iloc[0] for n in names})
-
-
-def zero(*names: str) -> Edit:
-    """Return an edit that sets columns to zero."""
-    return lambda f: f.assign(**dict.fromkeys(names, 0.0))
-
-
-def spike(name: str, by: float, row: int = 700) -> Edit:
-    """Return an edit that moves one sample."""
-    return lambda f: f.assign(**{name: f[name] + by * (np.arange(len(f)) == row)})
-
-
-def late(samples: int, *names: str) -> Edit:
-    """Return an edit that shifts columns within each episode, their ends held."""
-    return lambda f: f.assign(**{n: f.groupby("episode")[n].shift(samples).bfill().ffill() for n in names})
-
-
-def frozen(first: int, last: int, *names: str) -> Edit:
-    """Return an edit that keeps one value for a while, everything else as it was."""
-    return lambda f: f.assign(
-        **{n: f[n].where((np.arange(len(f)) < first) | (np.arange(len(f)) >= last), f[n].iloc[first]) for n in names}
-    )
-
-
-def shifted(by: float, first: int, last: int | None, name: str) -> Edit:
-    """Return an edit that adds to a stretch of a column."""
-    return lambda f: f.assign(**{name: f[name] + by * np.isin(np.arange(len(f)), np.arange(len(f))[first:last])})
-
 
 MEASURED = ("x", "y", "yaw", "vx", "vy", "wz")
 REFUSED: dict[str, tuple[Edit, str]] = {
@@ -131,6 +102,18 @@ WARNED: dict[str, tuple[Edit, str]] = {
     "px and py": (exchanged(("px", "py")), "the body turns as if 'px' and 'py' were exchanged"),
     "points mirrored": (scaled(-1, "px", "py"), "the body turns against the forces: 'px', 'py', or 'yaw' and the"),
     "yaw mirrored": (scaled(-1, "yaw", "wz"), "the body turns as if 'yaw' and 'wz' had the other sign"),
+    "x a thousandth": (
+        scaled(0.001, "x"),
+        r"'x' changes 0\.001 times as much as 'vx' says \(is one of them in thousandths\?\)",
+    ),
+    "an offset of a force": (
+        shifted(-20.0, 0, None, "fy"),
+        r"needs 2\d\.?\d* N less or more than 'fx', 'fy' all the time: has 'fy' an offset\?",
+    ),
+    "a place beyond the body": (
+        spike("px", 10.0),
+        r"the place 'px', 'py' of the force is (9|10)\.?\d* m off the body's middle at data row 701",
+    ),
     "points zero": (zero("px", "py"), r"the places 'px', 'py' of the forces explain \d% of how the body turns"),
 }
 
@@ -267,6 +250,10 @@ def lever(folder: Path, edit: Edit) -> Path:
         (lambda f: f.assign(dq=f["dq"].sample(frac=1, random_state=0).to_numpy()), "'q' does not follow 'dq'"),
         (shifted(1.0, 400, 600, "q"), r"warning: 'q' jumps by (0\.9|1)\d*\.?\d* rad to data row 401 \(episode 1"),
         (frozen(400, 450, "dq"), r"warning: 'dq' keeps one value for 0\.49 s from data row 401 .* 'q' says otherwise"),
+        (scaled(180 / np.pi, "dq"), r"'q' changes 0\.0175 times as much as 'dq' says \(is the second in degrees/s\?\)"),
+        (scaled(1000, "q"), r"'q' changes 1e\+03 times as much as 'dq' says \(is one of them in thousandths\?\)"),
+        (lambda f: f.assign(t=f["t"] / 2), r"'q' changes 2 times as much as 'dq' says"),
+        (spike("dq", 50.0, 400), r"'dq' is off by (49|50)\.?\d* rad/s for one sample at data row 401"),
         (lambda f: f.assign(dq=f["dq"] + 1.0), r"warning: 'q' drifts by -(0\.9|1)\d*\.?\d* rad/s from the integral of"),
     ],
 )
@@ -297,3 +284,85 @@ def test_a_sound_mechanism_is_not_warned_of(tmp_path: Path) -> None:
         lambda f: f.assign(dq=np.round(f["dq"])),
     ):
         assert not [n for n in read_model_case(lever(tmp_path / "c", edit)).notes if "warning" in n]
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (shifted(1.0, 400, None, "q"), r"'q' jumps by (0\.9|1)\d*\.?\d* rad to data row 401 \(episode 1"),
+        (shifted(3.0, 400, 403, "q"), r"'q' jumps by -?(2\.9|3)\d*\.?\d* rad to data row 40[14] .*, and 1 more"),
+        (noise(0.5, "q"), "'q' is another one at each sample, as noise is and no motion"),
+    ],
+)
+def test_a_position_alone_is_warned_of(edit: Edit, message: str, tmp_path: Path) -> None:
+    """Steps and noise, where no velocity is measured; not a slower sensor, rounding, or rest."""
+    assert not read_model_case(without_velocity(lever(tmp_path / "sound", lambda f: f))).notes
+    for sound in (lambda f: f.assign(q=f["q"].where(f.index % 5 == 0).ffill()), rounded(0.1, "q"), scaled(0.0, "q")):
+        assert not read_model_case(without_velocity(lever(tmp_path / "too", sound))).notes
+    (note,) = read_model_case(without_velocity(lever(tmp_path / "c", edit))).notes
+    with pytest.raises(AssertionError, match=message):
+        raise AssertionError(note)
+
+
+def without_velocity(case: Path) -> Path:
+    """Take a velocity out of a mapping and out of the table."""
+    content = yaml.safe_load((case / "nominal.yaml").read_text())
+    del content["channels"]["dq"]
+    (case / "nominal.yaml").write_text(yaml.safe_dump(content))
+    return edited(case, lambda f: f.drop(columns="dq"))
+
+
+MOTORS = """<mujoco><option timestep="0.001"/><worldbody><body name="upper">
+<joint name="shoulder" axis="0 -1 0" damping=".1"/>
+<inertial pos="0 0 -0.15" mass="0.6" diaginertia=".01 .01 .001"/></body></worldbody>
+<actuator><motor name="drive" joint="shoulder"/></actuator></mujoco>"""
+COMMANDS: dict[str, tuple[Edit, str]] = {
+    "mirrored": (scaled(-1, "u"), "'q' moves against 'u': one of them has the wrong sign"),
+    "motion mirrored": (scaled(-1, "q", "dq"), "'q' moves against 'u': one of them has the wrong sign"),
+    "x1000": (
+        scaled(1000, "u"),
+        r"the motion of 'q' needs 0\.00\d+ times the command 'u' by the model",
+    ),
+    "/1000": (
+        scaled(0.001, "u"),
+        r"the motion of 'q' needs (\d{3}|\d\.?\d*e\+03) times the command 'u'",
+    ),
+    "motion in degrees": (
+        scaled(180 / np.pi, "q", "dq"),
+        r"the motion of 'q' needs \d+\.?\d* times the|'q' moves against 'u'",
+    ),
+    "of another episode": (of_another_episode("u"), r"explains 1?\d% of (what the motion of 'q' needs|how 'q' moves)"),
+    "a spike": (spike("u", 1000.0, 500), r"'u' is (999|1000)\.?\d* at data row 501 .*, and the motion does not answer"),
+    "held": (constant("u"), "^the command 'u' never changes"),
+}
+
+
+@pytest.mark.parametrize("kind", COMMANDS)
+@pytest.mark.parametrize("servo", [False, True])
+def test_commands_that_the_motion_does_not_answer(kind: str, servo: bool, tmp_path: Path) -> None:
+    """Of a motor and of a servo; nothing is said of sound ones, nor of those that answer late or weakly."""
+    model = MOTORS.replace("<motor", '<position kp="6" kv=".4"') if servo else MOTORS
+    for edit in (lambda f: f, scaled(1 / 3, "u"), late(10, "u")):
+        assert not read_model_case(edited(commanded(tmp_path / "sound", model), edit)).notes
+    edit, message = COMMANDS[kind]
+    notes = read_model_case(edited(commanded(tmp_path / "c", model), edit)).notes
+    (note,) = [n for n in notes if "turns" not in n]
+    with pytest.raises(AssertionError, match=message):
+        raise AssertionError(note)
+
+
+def commanded(folder: Path, model: str) -> Path:
+    """Write what MuJoCo makes of a lever under random commands of a fifth of a second, 3 episodes, with noise."""
+    rng, columns = np.random.default_rng(0), []
+    world = mujoco.MjModel.from_xml_string(model)
+    for _ in range(3):
+        data, t = mujoco.MjData(world), np.arange(400) / 100
+        u = np.repeat(rng.normal(0, 0.6, 20), 20)
+        q, dq = np.empty(400), np.empty(400)
+        for k in range(400):
+            q[k], dq[k], data.ctrl[0] = data.qpos[0], data.qvel[0], u[k]
+            mujoco.mj_step(world, data, 10)
+        columns.append({"t": t, "u": u, "q": q + rng.normal(0, 1e-3, 400), "dq": dq + rng.normal(0, 1e-2, 400)})
+    channels = {n: {"joint": "shoulder", "quantity": k} for n, k in (("q", "position"), ("dq", "velocity"))}
+    nominal = {"commands": {"u": {"actuator": "drive"}}, "channels": channels}
+    return mechanism_cases.write_case(folder, model, columns, nominal)

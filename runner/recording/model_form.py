@@ -21,6 +21,7 @@ from runner.numerics.arrays import FloatArray
 from runner.recording.case import table_file
 from runner.recording.checks import episode_spans, lacking_notes, rising_steps
 from runner.recording.data import frozen_array
+from runner.recording.model_form_commands import note_commands
 from runner.recording.model_form_mapping import ChannelSource, ModelMapping, read_mapping
 from runner.recording.model_form_mjcf import read_mjcf
 from runner.recording.model_form_plausible import note_channels
@@ -29,7 +30,7 @@ from runner.recording.raw_table import RawTable, numbers, read_raw
 from runner.recording.table import Table
 from runner.storage.limits import check_shape
 
-SLOWEST_S = 1.0  # a mechanism that is sampled less often than once a second: the times are in another unit
+FASTEST_S, SLOWEST_S = 2e-5, 1.0  # sampled more often, or less: the times are in another unit
 TURNS = 5  # a joint that goes round more often without a range: worth a note
 ROUND = 12  # rows that hold whole rounds of two, three, four or six streams
 NORM = (0.9, 1.1)  # a quaternion of a length within is a rounded one
@@ -178,9 +179,9 @@ def read_model_case(path: str | Path) -> MechanismRecording:
     spans = episode_spans(table)
     for span in spans:
         steps = rising_steps(table, span)
-        if np.median(steps) > SLOWEST_S:
+        if not FASTEST_S < np.median(steps) <= SLOWEST_S:
             raise table.error(
-                f"column 't' rises by {np.median(steps):.4g} s per sample, allowed: at most {SLOWEST_S:g} s; "
+                f"column 't' rises by {np.median(steps):.4g} s per sample, allowed: {FASTEST_S:g} to {SLOWEST_S:g} s; "
                 "probably not in s.",
                 int(span.start),
             )
@@ -193,7 +194,7 @@ def read_model_case(path: str | Path) -> MechanismRecording:
     if lacking:
         raise table.error(f"channel '{lacking[0]}' is NaN in all {len(table)} rows; take it out of {FILE}.")
     notes += lacking_notes([s.name for s in mapping.sources], values)
-    notes += note_channels(table, spans, mapping)
+    notes += note_channels(table, spans, mapping) or note_commands(table, spans, mapping, model)
     commands = table.stack(mapping.commands) if mapping.commands else np.zeros((len(table), 0))
     forces = _triples(table, [f.force for f in mapping.forces])
     points = _triples(table, [f.point for f in mapping.forces])

@@ -9,7 +9,7 @@ import numpy as np
 from runner.numerics.arrays import FloatArray
 from runner.recording.data import WARNING
 from runner.recording.model_form_mapping import ChannelSource, ModelMapping
-from runner.recording.plausible_pairs import follows_of, lone_notes, pair_notes
+from runner.recording.plausible_pairs import alone_notes, follows_of, lone_notes, pair_notes
 from runner.recording.table import Table
 
 # less motion than this, of a position in its unit, says nothing; a lone sample has to be off by a part of it
@@ -41,9 +41,18 @@ def note_channels(table: Table, spans: Sequence[slice], mapping: ModelMapping) -
         else:
             least, unit = SPIKE * enough, position.unit
             notes += pair_notes(table, spans, position.name, velocity.name, unit, least=least, enough=enough)
+    paired = {position.name for position, _ in _pairs(mapping)}
     for source in mapping.sources:
-        if source.quantity == "position" and source.unit in MOVED:
-            notes += lone_notes(table, spans, source.name, source.unit, SPIKE * MOVED[source.unit])
+        if source.quantity == "position" and source.unit in MOVED and source.name not in paired:
+            least, enough = SPIKE * MOVED[source.unit], MOVED[source.unit]
+            notes += alone_notes(table, spans, source.name, source.unit, least=least, enough=enough)
+    rate_hz = 1 / float(np.median(np.concatenate([np.diff(table["t"][span]) for span in spans])))
+    for source in mapping.sources:
+        per_s = source.quantity == "velocity"
+        unit = source.unit.removesuffix("/s")
+        if source.quantity in ("position", "velocity") and unit in MOVED:
+            least = SPIKE * MOVED[unit] * (rate_hz if per_s else 1.0)
+            notes += lone_notes(table, spans, source.name, source.unit, least)
     return notes
 
 

@@ -22,6 +22,8 @@ TURNED_DEG = 45.0
 BLOCK_S, LEAST_BLOCKS = 0.1, 20
 LATEST_S = 0.5  # by which a motion may answer its forces late
 SLIDES_M_S = 0.05
+STEEP = 0.25  # of the weight, beside the commanded forces; 0.02 is the most of 26 sound recordings
+OUTSIDE = 2.0  # times the half diagonal: no force acts on a body there
 EXPLAINED = 0.3  # of the needed force, by the commanded one: below it size and direction say nothing
 UNEXPLAINED = 0.2  # less is explained of no sound recording: 0.29 is the least of 112
 PLAINLY = 0.6  # is explained if columns are taken otherwise
@@ -67,18 +69,31 @@ def force_notes(table: Table, spans: Sequence[slice], nominal: Nominal) -> list[
     """
     if len(table) >= MANY and not any(table[name].any() for name in ("fx", "fy")):
         return [f"{WARNING}nothing is pushed: 'fx', 'fy' are zero in every row"]
+    if outside := _outside(table, nominal):
+        return outside
     episodes, gained_j, given_j = _episodes(table, spans, nominal)
     beyond = _beyond(table, nominal, episodes)
     if beyond:
         return beyond
     used = max((_late(episodes, late) for late in range(round(LATEST_S / BLOCK_S) + 1)), key=_explained)
     enough = len(used.needed) >= LEAST_BLOCKS
-    notes = [*_unexplained(used), *_sizes(used)] if enough else []
+    notes = [*_unexplained(used), *_sizes(used), *_offset(used, nominal)] if enough else []
     if not notes and _explained(used) <= EXPLAINED and gained_j > GAIN * given_j:
         notes.append(
             f"{WARNING}the body gains {gained_j:.3g} J of motion, the forces 'fx', 'fy' give at most {given_j:.3g} J"
         )
     return notes if notes or not enough else _places(used, nominal)
+
+
+def _outside(table: Table, nominal: Nominal) -> list[str]:
+    """Note a place of a force that is far off the body."""
+    off = np.hypot(table["px"], table["py"])
+    row = int(np.argmax(off))
+    if off[row] <= OUTSIDE * float(np.hypot(*nominal.half_size_m[:2])):
+        return []
+    return [
+        f"{WARNING}the place 'px', 'py' of the force is {off[row]:.4g} m off the body's middle at {place(table, row)}"
+    ]
 
 
 def _beyond(table: Table, nominal: Nominal, episodes: Sequence[_Blocks]) -> list[str]:
@@ -131,6 +146,18 @@ def _sizes(used: _Blocks) -> list[str]:
             f"allowed: {1 / GAIN:g} to {GAIN:g}"
         )
     return notes
+
+
+def _offset(used: _Blocks, nominal: Nominal) -> list[str]:
+    """Note a force that the motion needs all the time beside the commanded ones, larger than of any slope or wind."""
+    constant = _fitted(used.commanded, used.needed)[2]
+    size = float(np.hypot(*constant))
+    if _explained(used) <= EXPLAINED or size < STEEP * nominal.mass_kg * nominal.gravity_m_s2:
+        return []
+    name = ("fx", "fy")[int(np.argmax(np.abs(constant)))]
+    return [
+        f"{WARNING}the motion needs {size:.3g} N less or more than 'fx', 'fy' all the time: has '{name}' an offset?"
+    ]
 
 
 def _places(used: _Blocks, nominal: Nominal) -> list[str]:

@@ -7,8 +7,16 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 
 from runner.recording.data import WARNING
-from runner.recording.kinematics import APART, Follows, follows, jumps, lone_samples, stuck
+from runner.recording.kinematics import APART, Follows, follows, is_noise, jumps, lone_samples, steps_alone, stuck
 from runner.recording.table import Table
+
+SCALE_SHARE = 0.03
+SCALES = {
+    1000.0: "is one of them in thousandths?",
+    0.001: "is one of them in thousandths?",
+    180 / np.pi: "is the first in degrees?",
+    np.pi / 180: "is the second in degrees/s?",
+}
 
 
 def follows_of(table: Table, spans: Iterable[slice], position: str, velocity: str) -> Follows:
@@ -37,6 +45,31 @@ def lone_notes(table: Table, spans: Iterable[slice], name: str, unit: str, least
         [found for found in rows if abs(found[1]) > least],
         lambda row, off: f"'{name}' is off by {off:.4g} {unit} for one sample at {place(table, row)}",
     )
+
+
+def alone_notes(
+    table: Table, spans: Iterable[slice], position: str, unit: str, *, least: float, enough: float
+) -> list[str]:
+    """Return notes on a position whose velocity is not measured: steps that no motion belongs to, noise.
+
+    Args:
+        table: Of which.
+        spans: Rows of each episode.
+        position: Column, in `unit`.
+        unit: m or rad.
+        least: Smaller steps than this are not told.
+        enough: Less motion than this says nothing.
+    """
+    leaps: list[tuple[int, float]] = []
+    restless, moved = [], 0.0
+    for part in _whole(table, spans, position):
+        values = table[position][part]
+        leaps += [(part.start + k, off) for k, off in steps_alone(table["t"][part], values) if abs(off) > least]
+        restless.append(is_noise(values))
+        moved = max(moved, float(np.std(values)))
+    if restless and all(restless) and moved > enough:
+        return [f"{WARNING}'{position}' is another one at each sample, as noise is and no motion"]
+    return _most(leaps, lambda row, off: f"'{position}' jumps by {off:.4g} {unit} to {place(table, row)}")
 
 
 def pair_notes(
@@ -79,12 +112,22 @@ def pair_notes(
             f"{WARNING}'{position}' does not follow '{velocity}': of its change {min(found.unexplained, 9.99):.0%} is "
             "not the integral of that"
         )
+    if found.scaled and max(found.moved, found.due) > enough:
+        notes.append(
+            f"{WARNING}'{position}' changes {found.gain:.3g} times as much as '{velocity}' says{scale_hint(found.gain)}"
+        )
     if found.drifts and max(found.moved, found.due) > enough:
         notes.append(
             f"{WARNING}'{position}' drifts by {found.drift:.3g} {unit}/s from the integral of '{velocity}', in all "
             "episodes: one of them has an offset"
         )
     return notes
+
+
+def scale_hint(gain: float) -> str:
+    """Return what another scale of a position or a velocity probably is, in brackets; "" if none is known."""
+    known = (text for factor, text in SCALES.items() if abs(gain / factor - 1) < SCALE_SHARE)
+    return f" ({text})" if (text := next(known, "")) else ""
 
 
 def _whole(table: Table, spans: Iterable[slice], *names: str) -> Iterator[slice]:

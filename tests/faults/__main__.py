@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 
-from tests.faults.harness import KILL, faults, in_force, start
+from tests.faults.harness import faults, in_force, start
 from tests.faults.scenarios import SCENARIOS
 
 
@@ -15,16 +15,14 @@ def main(arguments: list[str]) -> int:
     given |= dict(argument.split("=", 1) for argument in arguments)
     wrong = 0
     for name in given["only"].split(","):
-        begin, count = time.monotonic(), 0
-        for fault in faults(name, every=int(given["every"]), first=int(given["first"])):
-            count += 1
-            if fault.problem:
+        begin, count = time.monotonic(), {"stopped": 0, "failed": 0}
+        for tried in faults(name, every=int(given["every"]), first=int(given["first"])):
+            count[tried.how] += 1
+            if tried.problem:
                 wrong += 1
-                print(
-                    f"{name}, call {fault.number}, {'killed' if fault.how == KILL else 'failed'}: {fault.problem}",
-                    flush=True,
-                )
-        print(f"{name}: {count} faults in {time.monotonic() - begin:.0f} s", flush=True)
+                print(f"{name}, call {tried.call}, {tried.how}: {tried.problem}", flush=True)
+        took = time.monotonic() - begin
+        print(f"{name}: {count['stopped']} calls stopped at, {count['failed']} failed, in {took:.0f} s", flush=True)
     print(f"{wrong} left something between old and new, or were not told in a line")
     return 1 if wrong else 0
 

@@ -5,24 +5,44 @@ from __future__ import annotations
 import re
 import shutil
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import pyarrow.parquet as pq
+from rerun.chunk import RrdReader
 
 from runner.__main__ import main
 from runner.api.tables import read_table
+from runner.commands._execute import shown
+from runner.diagnosis.pipeline import diagnose
+from runner.diagnosis.verdict import ALL
+from runner.diagnosis.verdict import FILE as VERDICT
+from runner.outputs.many import collect, has_verdict
+from runner.progress import UNOBSERVED, ProgressObserver
+from runner.recording import write_case
+from runner.recording.case import content_hash
+from runner.report.html import render
+from runner.report.record import write_rrd
+from runner.storage.provenance import program
 from runner.storage.reading import read_json
+from runner.storage.run_status import FILE as RUN
+from runner.storage.run_status import Status, status_of
+from runner.storage.writing import write_bytes
 from runner.storage.yaml_text import read_yaml
+from runner.systems.case import open_case
 from runner.teleop import tables
+from tests.cases import made
+from tests.faults.kept import keep, kept
 
 SHORT = ("forces.pushes=1", "forces.push_s=0.1", "forces.rest_s=0.1", "forces.lead_s=0.1")
-TIMES = ["wall_s", "steps_per_s", "log_s", "host"]
 PART = re.compile(r"\..*\.[0-9a-f]{8}(\..*)?")  # a file under its temporary name
 
 
 class Scenario(ABC):
-    """A command that writes. What a scenario alone needs is imported by it: a slice begins sooner.
+    """A command that writes.
 
     Args:
         folder: Where it writes; faults are counted below it.
@@ -31,9 +51,6 @@ class Scenario(ABC):
 
     def __init__(self, folder: Path, apart: Path) -> None:
         self.folder, self.apart = folder, apart
-
-    def prepare(self) -> None:
-        """Find what is to be written, if that takes long; called once. Writes nothing by Rerun, which can't fork."""
 
     def before(self) -> None:
         """Write what is there before; called once, in a process of its own."""
@@ -46,12 +63,18 @@ class Scenario(ABC):
     def check(self, *, done: bool) -> None:
         """Assert that what is there is old or new; `done`: the command said that it went well."""
 
+    def check_goes_on(self) -> None:
+        """Assert that what did not end well comes to its end by the command that a user is told, if there is one."""
+
 
 class Run(Scenario):
     """A run into a new folder, with frames, steps and `.rrd`."""
 
+    LEFT = frozenset({"frames.parquet", "steps.parquet", "run.rrd"})
+    SETTINGS = (*SHORT, "log.frames=steps")
+
     def act(self) -> int:
-        return main(["run", *SHORT, "log.frames=steps", f"out={self.folder / 'r'}"])
+        return main(["run", *self.SETTINGS, f"out={self.folder / 'r'}"])
 
     def check(self, *, done: bool) -> None:
         whole(self.folder)
@@ -59,13 +82,16 @@ class Run(Scenario):
         if done or (folder / tables.SUMMARY).is_file():
             row = read_table(folder).iloc[0]
             assert row["status"] == "done"
-            assert {"frames.parquet", "steps.parquet", "run.rrd"} <= {f.name for f in folder.iterdir()}
+            assert {f.name for f in folder.iterdir()} >= self.LEFT
         elif (folder / "run.yaml").is_file():
             assert read_table(folder).iloc[0]["status"] in ("failed", "killed", "running")
 
 
 class RunAgain(Run):
-    """The same into a folder that holds the results of the same settings."""
+    """The same, but for `.rrd`, into a folder that holds the results of the same settings."""
+
+    LEFT = Run.LEFT - {"run.rrd"}
+    SETTINGS = (*SHORT, "log.frames=steps", "log.rrd=off")
 
     def before(self) -> None:
         assert self.act() == 0
@@ -86,9 +112,17 @@ class Sweep(Scenario):
         folder = self.folder / "s"
         if not (folder / tables.SWEEP).is_file():
             assert not done
-            return
-        if not done:
+        if done:
+            self.check_table(folder)
+
+    def check_goes_on(self) -> None:
+        folder = self.folder / "s"
+        if (folder / tables.SWEEP).is_file():
             assert main(["run", f"resume={folder}"]) == 0
+            self.check_table(folder)
+
+    def check_table(self, folder: Path) -> None:
+        """Assert that all runs stand in the table, each with its frames."""
         table = read_table(folder)
         assert table["status"].tolist() == ["done"] * 3
         assert table["start.mass_kg"].tolist() == [1, 2, 3]
@@ -117,74 +151,128 @@ class Case(Scenario):
     """A recording, as the API writes it."""
 
     def act(self) -> int:
-        from runner.recording import write_case
-        from tests.cases import made
-
         write_case(made(episodes=1, seconds=0.5)[0], self.folder / "c")
         return 0
 
     def check(self, *, done: bool) -> None:
         whole(self.folder)
         if done:
-            from runner.systems.case import open_case
-
             open_case(self.folder / "c")
 
 
 class Diagnosis(Scenario):
-    """What a diagnosis leaves, over what one of another recording left.
+    """`runner diagnose` of a case into a new folder: `run.yaml`, what is found so far, tables, page, `.rrd`, verdict.
 
-    It is found and its page drawn once, neither of which writes: each fault is that of writing it anew.
+    What is written of it is found, and its page drawn, once before, as neither writes anything.
     """
 
-    def prepare(self) -> None:
-        from runner.recording import write_case
-        from tests.cases import made
-
-        for name, seed in (("old", 1), ("new", 2)):
-            write_case(made(episodes=2, seconds=1.0, seed=seed)[0], self.apart / name)
+    def __init__(self, folder: Path, apart: Path) -> None:
+        super().__init__(folder, apart)
+        self.case, self.results = apart / "case", folder / "d"
 
     def before(self) -> None:
-        from runner.diagnosis.pipeline import diagnose
-        from runner.report.html import render
-        from runner.systems.case import open_case
-        from tests.faults.kept import keep
+        self.find(self.case, seed=1)
 
-        for name in ("old", "new"):
-            found = diagnose(open_case(self.apart / name), threads=1)
-            keep((found, render(found)), self.apart / f"{name}.found")
-        self._write("old")
-
-    def _write(self, name: str) -> None:
-        import runner.report.html
-        from runner.api.case import read
-        from runner.outputs.one import write_all
-        from tests.faults.kept import kept
-
-        belongs = {"recording_hash": read(self.apart / name).recording_hash}
-        found, page = kept(self.apart / f"{name}.found")
-        with patch.object(runner.report.html, "render", return_value=page):
-            write_all(found, self.folder / "d", report=True, provenance=belongs)
+    def find(self, case: Path, *, seed: int) -> None:
+        """Write a recording, and keep what its diagnosis finds."""
+        write_case(made(episodes=2, seconds=1.0, seed=seed)[0], case)
+        found = diagnose(open_case(case), threads=1)
+        keep((found, render(found)), self.apart / content_hash(case))
 
     def act(self) -> int:
-        self._write("new")
-        return 0
+        with self.found_before():
+            return main(["diagnose", str(self.case), f"out={self.results}"])
+
+    @contextmanager
+    def found_before(self) -> Iterator[None]:
+        """Take what was found before for what a diagnosis finds."""
+        pages: list[str] = []
+
+        def again(system: Any, *, observer: ProgressObserver = UNOBSERVED, **_: Any) -> Any:
+            observer.best(("mass",), 1.0, 0.9)
+            found, page = kept(self.apart / content_hash(system.recording.path))
+            pages.append(page)
+            return found
+
+        with (
+            patch("runner.diagnosis.pipeline.diagnose", again),
+            patch("runner.report.html.render", lambda _: pages[-1]),
+        ):
+            yield
 
     def check(self, *, done: bool) -> None:
-        from runner.outputs.many import has_verdict
-
         whole(self.folder)
-        old, new = (has_verdict(self.folder / "d", self.apart / name) for name in ("old", "new"))
-        assert new or not done
-        names = {f.name for f in (self.folder / "d").iterdir()}
-        if old or new:
-            assert {
-                "closure.parquet",
-                "report.html",
-                "diagnosis.rrd",
-                "where_gap.parquet",
-                "corrected.yaml",
-            } - names == set()
+        status = status_of(self.results) if (self.results / RUN).is_file() else None
+        assert status is Status.done or not done
+        self.check_verdicts(done=status is Status.done)
+
+    def check_goes_on(self) -> None:
+        assert self.act() == 0
+        self.check(done=True)
+
+    def check_verdicts(self, *, done: bool) -> None:
+        """Assert that the verdicts are there if the command said so."""
+        check_verdict(self.results, self.case, done=done)
+
+
+class DiagnosisAgain(Diagnosis):
+    """The same into the folder that holds what it found before; Rerun's own writes are gone through by the other."""
+
+    @contextmanager
+    def found_before(self) -> Iterator[None]:
+        with super().found_before(), patch("runner.report.record.write_rrd", self._write_again):
+            yield
+
+    def _write_again(self, found: Any, path: Path) -> None:
+        """Write the `.rrd` of a diagnosis, which is drawn once."""
+        drawn = self.apart / f"{found.system.recording.path.name}.rrd"
+        if not drawn.is_file():
+            write_rrd(found, drawn)
+        write_bytes(path, drawn.read_bytes())
+
+    def before(self) -> None:
+        assert self.act() == 0
+
+
+class Diagnoses(DiagnosisAgain):
+    """`runner diagnose` of a folder of two by a launcher, into what was found before one of the recordings changed."""
+
+    def __init__(self, folder: Path, apart: Path) -> None:
+        super().__init__(folder, apart)
+        self.case, self.verdict = apart / "cases", self.results / "same" / VERDICT
+
+    def before(self) -> None:
+        changed = self.case / "changed"
+        self.find(self.case / "same", seed=1)
+        self.find(changed, seed=2)
+        assert self.act() == 0
+        shutil.rmtree(changed)
+        self.find(changed, seed=3)
+        shutil.copy(self.verdict, self.apart / "kept.json")
+
+    def act(self) -> int:
+        def here(calls: Sequence[Callable[[], object]]) -> None:
+            for call in calls:
+                call()
+
+        with self.found_before(), patch("runner.commands._execute._spread", return_value=here):
+            return main(["diagnose", str(self.case), f"out={self.results}"])
+
+    def check_verdicts(self, *, done: bool) -> None:
+        for name in ("same", "changed"):
+            check_verdict(self.results / name, self.case / name, done=done)
+        assert self.verdict.read_bytes() == (self.apart / "kept.json").read_bytes()
+        if done:
+            assert collect(self.results, ("same", "changed")) == read_json(self.results / ALL)
+
+
+def check_verdict(results: Path, case: Path, *, done: bool) -> None:
+    """Assert that where the verdict of a case is, all else is, and that it is there if the command said so."""
+    there = has_verdict(results, case)
+    assert there or not done
+    if there:
+        left = {"closure.parquet", "where_gap.parquet", "corrected.yaml", "report.html", "diagnosis.rrd"}
+        assert left <= {f.name for f in results.iterdir()}
 
 
 def whole(folder: Path) -> None:
@@ -195,8 +283,6 @@ def whole(folder: Path) -> None:
         if file.suffix == ".parquet":
             pq.read_table(file)
         elif file.suffix == ".rrd":
-            from rerun.chunk import RrdReader  # not above: with it come threads, of which a fork keeps none
-
             assert list(RrdReader(file).stream())
         elif file.suffix == ".yaml":
             assert read_yaml(file) is not None
@@ -207,14 +293,13 @@ def whole(folder: Path) -> None:
 
 
 def warm() -> None:
-    """Import and compose what commands do, but for Rerun: each fault is a fork, which had to do so again."""
-    import runner.api.case
+    """Import and do once what commands do before they write, as each fault is a fork, which had to do so again."""
     import runner.commands.table
-    import runner.outputs.one
-    import runner.report.html  # noqa: F401
-    from runner.commands._execute import shown
+    import runner.teleop.sinks.run_log  # noqa: F401
 
     shown("run", [])
+    shown("diagnose", ["recording=."])
+    program()
 
 
 def reset(folder: Path, before: Path) -> None:
@@ -225,4 +310,5 @@ def reset(folder: Path, before: Path) -> None:
 
 SCENARIOS: dict[str, type[Scenario]] = {
     "run": Run, "run_again": RunAgain, "sweep": Sweep, "table": Table, "case": Case, "diagnosis": Diagnosis,
+    "diagnosis_again": DiagnosisAgain, "diagnoses": Diagnoses,
 }  # fmt: skip
