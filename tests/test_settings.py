@@ -20,7 +20,6 @@ ROOMS = ("noise", "inference", "localise", "diagnosis")
 OF_MECHANISMS = "flights initial labels rests scatter scope shapes steps stretches system"
 # file, name: why no verdict depends on it
 ALLOWED = {
-    ("noise/model.py", "NEWTON_STEPS"): "Newton's method has converged to rounding long before",
     ("inference/variable_projection.py", "DAMPING"): "how a descent steps, not where it rests",
     ("inference/held_out.py", "VALUES_AT_ONCE"): "memory: none of the portions depends on another",
     ("localise/cells.py", "ORDERS_AT_ONCE"): "memory: orders are drawn in the same order in any portions",

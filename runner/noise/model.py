@@ -14,11 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.optimize import minimize
+from scipy.special import wrightomega
 
 from runner.numerics.recursive_filter import filtered
 from runner.settings import SETTINGS
-
-NEWTON_STEPS = 12  # in the logarithm of a variance: from what the data show it takes few
 
 
 @dataclass(frozen=True)
@@ -108,13 +107,12 @@ def _with_belief(shown: np.ndarray, freedom: np.ndarray, known: np.ndarray, doub
     believed = np.where(np.isfinite(known), known**2, shown)
     if doubt == 0.0:
         return believed, 0.0
-    stiff = np.where(np.isfinite(known), 0.5 / doubt**2, 0.0)  # by the log of the variance: its curvature
-    log = np.log(shown)
-    for _ in range(NEWTON_STEPS):
-        data = shown * np.exp(-log)
-        slope = freedom * (1.0 - data) + stiff * (log - np.log(believed))
-        log = log - slope / (freedom * np.maximum(data, 1.0) + stiff)
-    return np.exp(log), float(stiff @ (log - np.log(believed)) ** 2) / 2.0
+    held = np.isfinite(known)
+    # where the slope of both by the log of the variance vanishes, w + log(w) = log(odds * shown / believed) + odds with
+    # w = log(variance / believed) + odds: Wright's omega
+    odds = 2.0 * doubt**2 * freedom
+    off = np.where(held, wrightomega(np.log(odds * shown / believed) + odds) - odds, 0.0)
+    return believed * np.exp(off), float(np.sum(off**2)) / (4.0 * doubt**2)
 
 
 def estimate(

@@ -10,6 +10,7 @@ import numpy as np
 
 from runner.blind.drake_body.files import name_of
 from runner.blind.drake_body.physics import World
+from runner.blind.draws import draw_sign
 from runner.effects.mechanism.contacts import damping_for, rebound
 from runner.errors import ConfigError, nearest
 
@@ -52,17 +53,13 @@ class BodyPlant:
         return self.name if self.target is None else f"{self.name}[{self.target}]"
 
 
-def _sign(g: np.random.Generator) -> float:
-    return float(g.choice([-1.0, 1.0]))
-
-
 def _way(g: np.random.Generator, count: int) -> np.ndarray:
     way = g.standard_normal(count)
     return way / np.linalg.norm(way)
 
 
 def _friction(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
-    s = _sign(g)
+    s = draw_sign(g)
     return BodyPlant(
         "friction", name_of(c.world), 1.4,
         lambda w, size: replace(w, friction=w.friction * math.exp(s * size)),
@@ -73,7 +70,7 @@ def _friction(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
 def _restitution(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
     """The share of the speed that is left, from what a critically damped spring leaves to what steps still resolve."""
     before = rebound(c.world.damping_ratio)
-    s = _sign(g)
+    s = draw_sign(g)
     largest = 0.65 - before if s > 0.0 else before - 0.14
 
     def ratio(w: World, size: float) -> float:
@@ -95,7 +92,7 @@ def _contact_stiffness(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
 
 
 def _inertia(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
-    s = _sign(g)
+    s = draw_sign(g)
     return BodyPlant(
         "inertia", name_of(c.world), 1.2, lambda w, size: replace(w, inertia=w.inertia * math.exp(s * size)),
         lambda w, size: {"ratio": math.exp(s * size)},
@@ -112,7 +109,7 @@ def _com_offset(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
 
 def _body_size(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
     """The inertia is that of a uniform body, and goes with the size."""
-    s = _sign(g)
+    s = draw_sign(g)
 
     def edit(w: World, size: float) -> World:
         hx, hy, hz = (h * math.exp(s * size) for h in w.half_size)
@@ -122,7 +119,7 @@ def _body_size(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
 
 
 def _gravity(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
-    s = _sign(g)
+    s = draw_sign(g)
     return BodyPlant(
         "gravity", None, 0.5, lambda w, size: replace(w, gravity=w.gravity * math.exp(s * size)),
         lambda w, size: {"ratio": math.exp(s * size)},
@@ -162,7 +159,7 @@ def _rotational_damping(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
 
 
 def _clock_scale(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
-    s = _sign(g)
+    s = draw_sign(g)
     return BodyPlant(
         "clock_scale", None, 0.3, lambda w, size: replace(w, clock=math.exp(s * size)),
         lambda w, size: {"ratio": math.exp(s * size)},
@@ -170,7 +167,7 @@ def _clock_scale(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
 
 
 def _sensor_offset(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
-    unit = _sign(g) * min(c.world.half_size)
+    unit = draw_sign(g) * min(c.world.half_size)
     return BodyPlant(
         "sensor_offset", "z", 1.0, lambda w, size: replace(w, raised_m=size * unit),
         lambda w, size: {"offset": size * unit},
@@ -217,7 +214,7 @@ def _fan(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
 
 
 def _magnus(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
-    unit = 0.1 * _sign(g) * c.world.mass
+    unit = 0.1 * draw_sign(g) * c.world.mass
     return _strange("magnus", 4.0, lambda size: {"magnus_kg": size * unit}, unit_kg=unit)
 
 
@@ -256,7 +253,7 @@ def _marker(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
 
 
 def _yaw_drift(c: UnplantedBody, g: np.random.Generator) -> BodyPlant:
-    unit = _sign(g)
+    unit = draw_sign(g)
     return _strange("yaw_drift", 6.0, lambda size: {"yaw_drift_rad_s": size * unit}, unit_rad_s=unit)
 
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from runner.blind.drake_box.physics import Scene
+from runner.blind.draws import draw_angle
 from runner.blind.planar_box.plants import UnplantedCase
-from runner.blind.planar_box.plants.plant import draw_angle
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -44,6 +44,7 @@ class AbstractMaker(ABC):
         outside: Names of what can be planted that it has none for.
         together_alike: Pairs that are one effect to any such data, or that write the same field.
         before: Which of a pair is planted first: those that others are relative to.
+        faint: What never does as much as one of a pair must.
         attempts: How often everything is drawn anew until a case can be had.
     """
 
@@ -52,6 +53,7 @@ class AbstractMaker(ABC):
     outside: Sequence[str]
     together_alike: Sequence[set[str]]
     before: Sequence[str] = ()
+    faint: Collection[str] = ()
     attempts: int = 40
 
     def make(self, plan: CasePlan, folder: Path) -> dict[str, Any]:

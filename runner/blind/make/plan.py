@@ -55,7 +55,7 @@ def plan_cases(n: int, seed: int, mix: Mix, maker: AbstractMaker, purpose: Purpo
     names = list(maker.vocabulary)
     for _ in range(counts["pairs"]):
         pair: list[str] = []
-        while len(pair) < 2 or set(pair) in maker.together_alike:
+        while len(pair) < 2 or set(pair) in maker.together_alike or set(pair) & set(maker.faint):
             pair = [names[int(i)] for i in generator.choice(len(names), 2, replace=False)]
         pair.sort(key=lambda name: name not in maker.before)
         severities = generator.choice(list(PAIR_BANDS), 2)

@@ -7,11 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from runner.blind.draws import draw_angle, draw_sign
 from runner.blind.mechanism.case import Unplanted
 from runner.blind.mechanism.draw import Needs
 from runner.blind.mechanism.physics import World
 from runner.blind.mechanism.physics.layout import WAVES
-from runner.blind.mechanism.plants.plant import Kind, Plant, phase, sign
+from runner.blind.mechanism.plants.plant import Kind, Plant
 
 
 def _unknown(
@@ -70,7 +71,7 @@ def _rough_place(c: Unplanted, g: np.random.Generator) -> Plant:
 
 
 def _soft_stop(c: Unplanted, g: np.random.Generator) -> Plant:
-    i, side = _joint(c, g), sign(g)
+    i, side = _joint(c, g), draw_sign(g)
     places = side * c.column(i, of_velocity=False)
     top, middle = float(places.max()), float(np.median(places))
     stiffness = 8.0 * c.force(i) / c.reach(i)
@@ -84,7 +85,7 @@ def _soft_stop(c: Unplanted, g: np.random.Generator) -> Plant:
 
 def _vibration(c: Unplanted, g: np.random.Generator) -> Plant:
     i = _joint(c, g)
-    unit, hz, angle = c.force(i), float(g.uniform(0.4, 3.0)), phase(g)
+    unit, hz, angle = c.force(i), float(g.uniform(0.4, 3.0)), draw_angle(g)
     return _unknown(
         "vibration", c, i, 1.0, lambda w, size: w.with_joint(i, swings=((size * unit, hz, angle),)), hz=hz, unit=unit
     )
@@ -93,7 +94,7 @@ def _vibration(c: Unplanted, g: np.random.Generator) -> Plant:
 def _wandering_torque(c: Unplanted, g: np.random.Generator) -> Plant:
     i = _joint(c, g)
     unit = c.force(i) / math.sqrt(WAVES / 2.0)
-    waves = [(float(hz), phase(g)) for hz in np.exp(g.uniform(math.log(0.1), math.log(2.0), WAVES))]
+    waves = [(float(hz), draw_angle(g)) for hz in np.exp(g.uniform(math.log(0.1), math.log(2.0), WAVES))]
 
     def edit(w: World, size: float) -> World:
         return w.with_joint(i, swings=tuple((size * unit, hz, angle) for hz, angle in waves))
@@ -102,7 +103,7 @@ def _wandering_torque(c: Unplanted, g: np.random.Generator) -> Plant:
 
 
 def _one_sided_gain(c: Unplanted, g: np.random.Generator) -> Plant:
-    i, s = _joint(c, g), sign(g)
+    i, s = _joint(c, g), draw_sign(g)
     return _unknown("one_sided_gain", c, i, 0.6, lambda w, size: w.with_actuator(i, one_sided=s * size), sign=s)
 
 
@@ -125,7 +126,7 @@ def _slipping_coupling(c: Unplanted, g: np.random.Generator) -> Plant:
 
 
 def _crosstalk(c: Unplanted, g: np.random.Generator) -> Plant:
-    i, s = _joint(c, g), sign(g)
+    i, s = _joint(c, g), draw_sign(g)
     return _unknown("crosstalk", c, i, 0.4, lambda w, size: w.with_actuator(i, crosstalk=s * size), sign=s)
 
 

@@ -6,15 +6,16 @@ import math
 
 import numpy as np
 
+from runner.blind.draws import draw_sign
 from runner.blind.mechanism.case import Unplanted
 from runner.blind.mechanism.draw import Needs
 from runner.blind.mechanism.physics import World
-from runner.blind.mechanism.plants.plant import Kind, Plant, full, sign
+from runner.blind.mechanism.plants.plant import Kind, Plant, full
 from runner.blind.mechanism.plants.vocabulary import joint_with, shifted_target, turned_zero
 
 
 def _actuator_gain(c: Unplanted, g: np.random.Generator) -> Plant:
-    i, s = int(g.integers(c.count)), sign(g)
+    i, s = int(g.integers(c.count)), draw_sign(g)
     return Plant(
         "actuator_gain", c.names.actuators[i], 0.6, lambda w, size: w.with_actuator(i, gain=math.exp(s * size)),
         lambda w, size: {"gain": math.exp(s * size)},
@@ -64,7 +65,7 @@ def _dead_band(c: Unplanted, g: np.random.Generator) -> Plant | None:
 
 
 def _servo_gain(c: Unplanted, g: np.random.Generator) -> Plant | None:
-    i, s = joint_with(c, g, servo=True), sign(g)
+    i, s = joint_with(c, g, servo=True), draw_sign(g)
     if i is None:
         return None
     return Plant(
@@ -75,7 +76,7 @@ def _servo_gain(c: Unplanted, g: np.random.Generator) -> Plant | None:
 
 
 def _servo_damping(c: Unplanted, g: np.random.Generator) -> Plant | None:
-    i, s = joint_with(c, g, servo=True), sign(g)
+    i, s = joint_with(c, g, servo=True), draw_sign(g)
     if i is None:
         return None
     return Plant(
@@ -86,7 +87,7 @@ def _servo_damping(c: Unplanted, g: np.random.Generator) -> Plant | None:
 
 
 def _sensor_offset(c: Unplanted, g: np.random.Generator) -> Plant:
-    i, rate, s = int(g.integers(c.count)), bool(g.random() < 0.3), sign(g)
+    i, rate, s = int(g.integers(c.count)), bool(g.random() < 0.3), draw_sign(g)
     unit = s * (c.speed(i) if rate else c.reach(i))
     alike = () if rate or i else (*turned_zero(c), *shifted_target(c))
     return Plant(
@@ -97,7 +98,7 @@ def _sensor_offset(c: Unplanted, g: np.random.Generator) -> Plant:
 
 
 def _sensor_scale(c: Unplanted, g: np.random.Generator) -> Plant:
-    i, rate, s = int(g.integers(c.count)), bool(g.random() < 0.4), sign(g)
+    i, rate, s = int(g.integers(c.count)), bool(g.random() < 0.4), draw_sign(g)
     return Plant(
         "sensor_scale", c.channel(i, of_velocity=rate), 0.3,
         lambda w, size: w.with_sensor(i, rate, scale=math.exp(s * size)),

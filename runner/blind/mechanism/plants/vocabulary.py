@@ -7,16 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from runner.blind.draws import draw_angle, draw_sign
 from runner.blind.mechanism.case import Unplanted
 from runner.blind.mechanism.draw import Needs
 from runner.blind.mechanism.physics import World
-from runner.blind.mechanism.plants.plant import Kind, Plant, full, phase, pick, sign
+from runner.blind.mechanism.plants.plant import Kind, Plant, full, pick
 
 HINGED = ("pendulum", "arm2")
 
 
 def _mass(c: Unplanted, g: np.random.Generator) -> Plant:
-    i, s = int(g.integers(c.count)), sign(g)
+    i, s = int(g.integers(c.count)), draw_sign(g)
 
     def edit(w: World, size: float) -> World:
         link, factor = w.links[i], math.exp(s * size)
@@ -44,7 +45,7 @@ def _com_offset(c: Unplanted, g: np.random.Generator) -> Plant:
 
 
 def _inertia(c: Unplanted, g: np.random.Generator) -> Plant:
-    i, s = int(g.integers(c.count)), sign(g)
+    i, s = int(g.integers(c.count)), draw_sign(g)
     alike = () if i else (full("armature", c.names.joints[0]),)
     return Plant(
         "inertia",
@@ -57,7 +58,7 @@ def _inertia(c: Unplanted, g: np.random.Generator) -> Plant:
 
 
 def _link_length(c: Unplanted, g: np.random.Generator) -> Plant:
-    s = sign(g)
+    s = draw_sign(g)
     return Plant(
         "link_length",
         c.names.joints[1],
@@ -68,7 +69,7 @@ def _link_length(c: Unplanted, g: np.random.Generator) -> Plant:
 
 
 def _gravity(c: Unplanted, g: np.random.Generator) -> Plant:
-    s = sign(g)
+    s = draw_sign(g)
 
     def edit(w: World, size: float) -> World:
         x, z = w.gravity_m_s2
@@ -87,7 +88,7 @@ def turned_zero(c: Unplanted) -> tuple[str, ...]:
 
 
 def _gravity_tilt(c: Unplanted, g: np.random.Generator) -> Plant:
-    s = sign(g)
+    s = draw_sign(g)
 
     def edit(w: World, size: float) -> World:
         pull = math.hypot(*w.gravity_m_s2)
@@ -140,7 +141,7 @@ def _armature(c: Unplanted, g: np.random.Generator) -> Plant:
 
 
 def _torque_offset(c: Unplanted, g: np.random.Generator) -> Plant:
-    i, s = int(g.integers(c.count)), sign(g)
+    i, s = int(g.integers(c.count)), draw_sign(g)
     unit = s * c.force(i)
     alike = (full("asymmetric_friction", c.names.joints[i]),) if c.world.joints[i].dry > 0.0 else ()
     alike += shifted_target(c)
@@ -177,7 +178,7 @@ def _stribeck(c: Unplanted, g: np.random.Generator) -> Plant:
 def _asymmetric_friction(c: Unplanted, g: np.random.Generator) -> Plant:
     i = int(g.integers(c.count))
     dry, viscous = [(1.0, 0.0), (0.0, 1.0), (1.0, 0.7)][int(g.integers(3))]
-    dry, viscous = sign(g) * dry, sign(g) * viscous
+    dry, viscous = draw_sign(g) * dry, draw_sign(g) * viscous
     alike = (full("torque_offset", c.names.joints[i]), *shifted_target(c)) if viscous == 0.0 else ()
     return Plant(
         "asymmetric_friction",
@@ -208,7 +209,7 @@ def _joint_stiffness(c: Unplanted, g: np.random.Generator) -> Plant:
 
 
 def _torque_ripple(c: Unplanted, g: np.random.Generator) -> Plant:
-    i, angle = int(g.integers(c.count)), phase(g)
+    i, angle = int(g.integers(c.count)), draw_angle(g)
     unit = c.force(i)
     cycles = float(g.uniform(1.0, 4.0) / c.reach(i)) if c.world.slides else float(g.integers(3, 13))
     rate = cycles * (2.0 * math.pi if c.world.slides else 1.0)
@@ -223,7 +224,7 @@ def _torque_ripple(c: Unplanted, g: np.random.Generator) -> Plant:
 
 def _disturbance(c: Unplanted, g: np.random.Generator) -> Plant:
     i = int(g.integers(c.count))
-    unit = sign(g) * c.force(i)
+    unit = draw_sign(g) * c.force(i)
     begin = c.shortest_s * float(g.uniform(0.1, 0.5))
     end = begin + c.shortest_s * float(g.uniform(0.15, 0.35))
     return Plant(
@@ -254,7 +255,7 @@ def _compliance(c: Unplanted, g: np.random.Generator) -> Plant:
 
 
 def _clock_scale(c: Unplanted, g: np.random.Generator) -> Plant:
-    s = sign(g)
+    s = draw_sign(g)
     return Plant(
         "clock_scale", None, 0.1, lambda w, size: replace(w, clock_ratio=math.exp(s * size)),
         lambda w, size: {"ratio": math.exp(s * size)},

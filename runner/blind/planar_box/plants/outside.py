@@ -8,8 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from runner.blind.draws import draw_angle, draw_sign
 from runner.blind.planar_box.physics import World
-from runner.blind.planar_box.plants.plant import Draw, Plant, UnplantedCase, draw_angle, draw_sign
+from runner.blind.planar_box.plants.plant import Draw, Plant, UnplantedCase
 
 
 def _unknown(name: str, largest: float, edit: Callable[[World, float], World], **true: float) -> Plant:

@@ -74,16 +74,6 @@ class UnplantedCase:
 Draw = Callable[[UnplantedCase, np.random.Generator], Plant]
 
 
-def draw_angle(g: np.random.Generator) -> float:
-    """Draw an angle, rad."""
-    return float(g.uniform(-math.pi, math.pi))
-
-
-def draw_sign(g: np.random.Generator) -> float:
-    """Draw -1 or 1."""
-    return float(g.choice([-1.0, 1.0]))
-
-
 def vector(size: float, angle: float) -> tuple[float, float]:
     """Return the components of a vector."""
     return size * math.cos(angle), size * math.sin(angle)

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from runner.blind.draws import draw_angle, draw_sign
 from runner.blind.planar_box.physics import World
-from runner.blind.planar_box.plants.plant import Draw, Plant, UnplantedCase, draw_angle, draw_sign, vector
+from runner.blind.planar_box.plants.plant import Draw, Plant, UnplantedCase, vector
 
 
 def _mass(s: UnplantedCase, g: np.random.Generator) -> Plant:
