@@ -20,7 +20,11 @@ from runner.__main__ import main
 from runner.blind.mechanism import plants
 from runner.effects import mechanism, planar_box
 from runner.noise.measured import measure
+from runner.settings import SETTINGS
+from runner.settings.declared import by_stage
 from runner.simulate.gap import measure_gap
+from runner.systems.base import AbstractSystem
+from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.planar_box.system import PlanarBox
 from tests import report_case
 from tests.cases import made
@@ -211,6 +215,15 @@ def test_counts_of_effects_are_those_of_the_vocabulary() -> None:
     assert f"there are {len(joints)}," in (ROOT / "docs" / "mechanisms.md").read_text(encoding="utf-8")
     assert planted <= joints
     assert f"one of {len(planted)} words" in page
+
+
+def test_counts_of_numbers_are_those_of_the_settings() -> None:
+    """What the page on statistics counts is what is declared, and of how many effects at once."""
+    page = " ".join((ROOT / "docs" / "statistics.md").read_text(encoding="utf-8").split())
+    assert f"[{len(list(by_stage(SETTINGS)))} numbers]" in page
+    assert f"have {len(list(by_stage(MECHANISM)))} of their own" in page
+    assert (PlanarBox.most_effects, AbstractSystem.most_effects) == (3, 6)
+    assert "three effects of a box, six of a mechanism" in page
 
 
 def test_the_force_sequence_of_the_page_on_experiments_is_one(elsewhere: Path) -> None:

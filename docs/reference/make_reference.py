@@ -13,6 +13,7 @@ import re
 import sys
 import textwrap
 import typing
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -46,14 +47,22 @@ def settings() -> str:
         "# Settings",
         "Every key of every command: type, unit, what is allowed, default. `key=value` on the command line sets one, "
         "`runner COMMAND --help` shows what it is now. Keys of a part stand below its name: `link.delay_s=0.1`. "
-        "`???`: has to be given.",
+        "`???`: has to be given. `null`: none.",
     ]
+    first: dict[str, list[Row]] = {}  # the parts of the first command, of which others have some
     for name in commands.names():
         command = commands.load(name)
+        values = _chosen(commands.module(name))
         out += [f"## runner {name}", _first(commands.description(name))]
-        out += _table(_own(command.config, values=_chosen(commands.module(name))))
-        for key, cls in _sections(command.config):
-            out += [f"### {name}: {key}", _prose(cls), *_table(_own(cls, f"{key}."))]
+        out += [_typed(_prose(command.config)), *_table(_own(command.config, values=values))]
+        parts = {key: (cls, _own(cls, f"{key}.", _below(values, key))) for key, cls in _sections(command.config)}
+        if known := [key for key, (_, rows) in parts.items() if rows in first.values()]:
+            out += [f"{', '.join(f'`{key}.*`' for key in known)}: as of `runner {commands.DEFAULT}`."]
+        for key, (cls, rows) in parts.items():
+            if key not in known:
+                out += [f"### {name}: {key}", _typed(_prose(cls)), *_table(rows)]
+        if name == commands.DEFAULT:
+            first = {key: rows for key, (_, rows) in parts.items()}
     own = {k: c for k, c in sorted(config._REGISTERED.items()) if c.__module__.startswith("runner.")}
     conf = Path(__file__).parents[2] / "conf"
     for group in dict.fromkeys(g for g, _ in own if (conf / g).is_dir()):
@@ -62,7 +71,7 @@ def settings() -> str:
         out.append(f"`runner run {chosen}`; the files stand in `conf/{group}/`.")
         for (of, name), cls in own.items():
             if of == group:
-                out += [f"### {group}: {name}", _prose(cls), *_table(_own(cls, values=_values(group, name)))]
+                out += [f"### {group}: {name}", _typed(_prose(cls)), *_table(_own(cls, values=_values(group, name)))]
     return "\n\n".join(out) + "\n"
 
 
@@ -71,7 +80,15 @@ def _chosen(command: str) -> dict[str, Any]:
     file = config_dir() / f"{command}.yaml"
     values = yaml.safe_load(file.read_text(encoding="utf-8")) or {} if file.is_file() else {}
     parts = [entry for entry in values.get("defaults", ()) if isinstance(entry, dict)]
-    return values | {k.removeprefix("override ").partition("@")[0]: v for part in parts for k, v in part.items()}
+    return {k.removeprefix("override ").partition("@")[0]: v for part in parts for k, v in part.items()} | values
+
+
+def _below(values: dict[str, Any], key: str) -> dict[str, Any]:
+    """Return the values of a part, none where it is chosen by name."""
+    for word in key.split("."):
+        part = values.get(word)
+        values = part if isinstance(part, dict) else {}
+    return values
 
 
 def _values(group: str, name: str) -> dict[str, Any]:
@@ -101,8 +118,9 @@ def _own(cls: type, prefix: str = "", values: dict[str, Any] | None = None) -> l
         if not field.init or part:
             continue
         allowed, unit = ranges.get(field.name, ("", ""))
-        if inspect.isclass(hint) and issubclass(hint, config.Enum):
-            allowed = ", ".join(m.name for m in hint)
+        for one in (hint, *typing.get_args(hint)):
+            if inspect.isclass(one) and issubclass(one, config.Enum):
+                allowed = ", ".join(m.name for m in one)
         unit = unit or next((u for end, u in UNITS.items() if field.name.endswith(end)), "")
         default = _text(values[field.name]) if values and field.name in values else _default(field)
         rows.append((f"`{prefix}{field.name}`", _type(hint), unit, allowed, f"`{default}`" if default != "" else ""))
@@ -194,16 +212,16 @@ def effects() -> str:
         "how to check it by hand.",
     ]
     for system, heading in ((BOX, "A box on a floor"), ("mechanism", "Mechanisms and free bodies")):
-        out.append(f"## {heading}")
-        for name in names():
-            for variant in described(name):
-                if variant.system == system:
-                    out += _effect(variant, laws[system][variant.effect.__name__])
+        variants = [variant for name in names() for variant in described(name) if variant.system == system]
+        usual = Counter(variant.example for variant in variants).most_common(1)[0][0]
+        out += [f"## {heading}", f"Priors and bounds depend on the recording: here they are those of {usual}."]
+        for variant in variants:
+            out += _effect(variant, laws[system][variant.effect.__name__], usual)
     return "\n\n".join(out) + "\n"
 
 
-def _effect(of: Described, law: str) -> list[str]:
-    target = f" of a {of.target}" if of.target else ""
+def _effect(of: Described, law: str, usual: str) -> list[str]:
+    target = f" of {'an' if of.target[0] in 'aeiou' else 'a'} {of.target}" if of.target else ""
     kind = "box" if of.system == BOX else "mechanism"
     out = [
         f"### {kind}: {of.named.replace('_', ' ')}, {of.effect.__name__}",
@@ -212,7 +230,8 @@ def _effect(of: Described, law: str) -> list[str]:
     out += [f"    {law}", _prose(of.effect)]
     rows = [(f"`{p.name}`", p.unit, *(number(v) for v in (p.scale, p.lower, p.upper))) for p in of.parameters]
     out += _grid(("fitted", "unit", "prior s.d.", "from", "to"), rows)
-    out.append(f"The numbers are for {of.example}.")
+    if of.example != usual:
+        out.append(f"Here of {of.example}.")
     for other in of.effect.confounded:
         out.append(f"Confounded with `{other.name}`: {other.why}. {other.advice}")
     return out
@@ -275,6 +294,11 @@ def _prose(thing: Any) -> str:
     text = (inspect.getdoc(thing) or "").split("\nArgs:")[0].split("\nAttributes:")[0]
     prose = "\n\n".join(" ".join(p.split()) for p in text.split("\n\n") if p.strip())
     return re.sub(r"(?<![\\`])([*_<])(?=\w)(?![^`]*`(?:[^`]*`[^`]*`)*[^`]*$)", r"\\\1", prose)
+
+
+def _typed(prose: str) -> str:
+    """Return it with Python's word for nothing as it is typed."""
+    return re.sub(r"\bNone\b", "`null`", re.sub(r"`(\w+)` None\b", r"`\1=null`", prose))
 
 
 PAGES = {"settings.md": settings, "effects.md": effects, "numbers.md": numbers, "tables.md": tables}

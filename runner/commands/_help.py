@@ -45,7 +45,7 @@ def of_command(name: str) -> str:
     command = commands.load(name)
     many = "..." if takes_many(command) else ""
     bare = f" [{command.positional.upper()}{many}]" if command.positional else ""
-    parts = [f"Usage: runner {name}{bare} [key=value ...]", commands.description(name).strip()]
+    parts = [f"Usage: runner {name}{bare} [key=value ...]", _flowing(commands.description(name).strip())]
     with composer(name, command) as hydra:
         composed = hydra.compose([])
         groups = hydra.groups()
@@ -60,6 +60,12 @@ def of_command(name: str) -> str:
     if command.keeps is not None:
         parts.append("out=PATH names the folder for results; resume=PATH goes on with a sweep that was stopped.")
     return _folded("\n\n".join([*parts, OPTIONS]))
+
+
+def _flowing(text: str) -> str:
+    """Return text with one line for each paragraph; what is indented stays as it is."""
+    parts = (part if re.search(r"^\s", part, re.MULTILINE) else " ".join(part.split()) for part in text.split("\n\n"))
+    return "\n\n".join(parts)
 
 
 def _folded(text: str) -> str:

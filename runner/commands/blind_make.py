@@ -37,9 +37,11 @@ PURPOSES = tuple(purpose.value for purpose in Purpose)
 
 @dataclass(frozen=True)
 class BlindMakeConfig:
-    """How many cases of which system, from which seed (None: drawn), where to, by how many workers (None: all cores).
+    """`n` cases of a `system` are made in the new folder `out` from `seed` (None: drawn).
 
-    `purpose` tuning leaves out half of the kinds of effects that no verdict has a word for.
+    `answers` is the file of the sealed answers (None: beside `out`). `purpose` is `sealed` or `tuning`; the latter
+    leaves out half of the kinds of effects that no verdict has a word for. `roughness` is of worlds by Drake. `workers`
+    make cases at a time (None: one per core).
     """
 
     n: int

@@ -21,7 +21,7 @@ from runner.errors import check_workers
 
 @dataclass(frozen=True)
 class BlindRunConfig:
-    """Which cases; `workers` are diagnosed at a time (None: one per core)."""
+    """`cases` is the folder of them; `workers` are diagnosed at a time (None: one per core)."""
 
     cases: Path
     workers: int | None = None

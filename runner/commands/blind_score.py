@@ -32,7 +32,9 @@ FITS = "oracle.jsonl"
 
 @dataclass(frozen=True)
 class BlindScoreConfig:
-    """Results of `runner blind run` (the folder or its `verdicts.json`), the answers, and the cases for the oracle.
+    """`verdicts` is what `runner blind run` left, its folder or `verdicts.json`; `answers` is their file.
+
+    With `cases` an oracle that knows the answers says how much of each gap could be closed.
 
     `workers` of the oracle run at a time (None: one per core).
     """

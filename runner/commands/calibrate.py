@@ -45,7 +45,7 @@ MODEL, VALUES, PUSHES, TRACK = "model.xml", "calibrated.yaml", "pushes.csv", "tr
 
 @dataclass(frozen=True)
 class CalibrateConfig:
-    """What is calibrated, and how.
+    """What is calibrated (`remote`), how it is pushed (`limits`), and what is known of it beforehand (`prior`).
 
     `target` is the half width of all 95 % intervals at which it stops: as share of mass, yaw inertia and friction, and
     of the half size for the CoM. It stops after `longest_s` in any case.

@@ -49,7 +49,7 @@ class Shell(Enum):
 
 @dataclass(frozen=True)
 class CompletionConfig:
-    """For which shell."""
+    """`shell` is the one that completes."""
 
     shell: Shell
 

@@ -33,7 +33,7 @@ from runner.recording.data import warnings
 
 @dataclass(frozen=True)
 class DiagnoseConfig:
-    """Which case or cases.
+    """`recording` is a case, or a folder of cases.
 
     `workers` cases are diagnosed at a time (None: one per core). `report` off leaves the verdicts alone.
     """

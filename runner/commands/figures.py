@@ -21,7 +21,7 @@ from runner.figures._page import write
 
 @dataclass(frozen=True)
 class FiguresConfig:
-    """Which folders, and where the figures go."""
+    """`paths` are folders of results; the figures go to `out` (None: `figures` in the first of them)."""
 
     paths: tuple[Path, ...]
     out: Path | None = None

@@ -52,7 +52,10 @@ SHOWN = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "m/s": ("mm/s", 1e3), "rad/s": 
 
 @dataclass(frozen=True)
 class GapConfig:
-    """Which case, through which model, how far ahead."""
+    """`recording` is a case, or a folder of cases.
+
+    `model` is what a diagnosis wrote (None: the nominal one). `horizons_s` are the lengths of windows, beside whole
+    episodes."""
 
     recording: Path
     model: Path | None = None

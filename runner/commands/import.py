@@ -35,7 +35,7 @@ from runner.storage.writing import write_text
 
 @dataclass(frozen=True)
 class ImportConfig:
-    """Which log, by which map, with which MJCF, to which folder.
+    """`logs` are files or folders, `model` is the MJCF, or what is believed of a box; the case goes to `out`.
 
     Without `map` one is proposed, and written to `propose`. `rate_hz` is for logs without any time; a map says it
     itself.

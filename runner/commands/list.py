@@ -26,7 +26,7 @@ USES = {
 
 @dataclass(frozen=True)
 class ListConfig:
-    """Of what."""
+    """`what` is to be listed."""
 
     what: Kind
 

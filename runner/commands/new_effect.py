@@ -24,7 +24,7 @@ class System(Enum):
 
 @dataclass(frozen=True)
 class NewEffectConfig:
-    """Its name as a verdict will have it, and what it may be at work in."""
+    """`name` is the word of a verdict, `system` what the effect may be at work in."""
 
     name: str
     system: System = System.planar_box

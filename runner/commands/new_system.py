@@ -15,7 +15,7 @@ from runner.commands._new import check_name, write
 
 @dataclass(frozen=True)
 class NewSystemConfig:
-    """Its name, and the folder in which its folder is made."""
+    """`name` is that of the new folder, `into` where it is made."""
 
     name: str
     into: Path = Path()

@@ -34,7 +34,7 @@ ASIDE = {"wall_s", "steps_per_s", "log_s", "host", "versions", "commit"}
 
 @dataclass(frozen=True)
 class ReproduceConfig:
-    """Which run."""
+    """`folder` is that of a run, or of one run of a sweep."""
 
     folder: Path
 

@@ -59,7 +59,10 @@ WIDTH = 120  # of printed tables
 
 @dataclass(frozen=True)
 class RunConfig(Experiment):
-    """An experiment, and what is kept of it."""
+    """An experiment: its parts by name, and what is kept of it (`log`).
+
+    `seed` decides all that is random. `study` takes the place of the closed loop where an experiment is another kind of
+    table."""
 
     log: LogConfig = field(default_factory=LogConfig)
     study: AbstractStudy | None = None

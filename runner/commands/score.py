@@ -22,7 +22,7 @@ from runner.storage.writing import write_parquet
 
 @dataclass(frozen=True)
 class ScoreConfig:
-    """Which verdicts, and which answers."""
+    """`verdicts` is a `verdicts.json` of `runner diagnose`, `answers` the file of what is true."""
 
     verdicts: Path
     answers: Path

@@ -26,7 +26,7 @@ from runner.errors import ConfigError, nearest
 
 @dataclass(frozen=True)
 class ShowConfig:
-    """Which: `backlash`, or as a verdict has it, `backlash[elbow]`."""
+    """`name` is one that `runner list` has, or as a verdict has it: `backlash[elbow]`."""
 
     name: str
 

@@ -39,7 +39,7 @@ LONG = 32  # characters of a value that is printed in a row with others
 
 @dataclass(frozen=True)
 class TableConfig:
-    """Which folders, and how to write their table."""
+    """`paths` are folders of results; the table goes to the file `out`, or to the terminal."""
 
     paths: tuple[Path, ...]
     format: Format | None = None

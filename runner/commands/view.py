@@ -23,7 +23,7 @@ VIEWER = "rerun"
 
 @dataclass(frozen=True)
 class ViewConfig:
-    """What to show, whether in a browser, and at which address of this machine that finds it."""
+    """`path` is what to show. `web` serves it to a browser, at the address `bind` of this machine."""
 
     path: Path
     web: bool = False

@@ -1,4 +1,5 @@
 """The numbers of a diagnosis that nothing else gives: one value, `SETTINGS`, each number with its unit and a reason.
+A squared noise is the variance of a channel's noise; an excess is what is left beyond that.
 
 Noise, inference, localising and the verdict read them from here and have no others of their own. The reasons are
 physical, statistical or computational, and give a number's order of magnitude; within that, its digits are a choice. A
