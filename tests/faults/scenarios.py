@@ -204,15 +204,17 @@ class Diagnosis(Scenario):
         whole(self.folder)
         status = status_of(self.results) if (self.results / RUN).is_file() else None
         assert status is Status.done or not done
-        self.check_verdicts(done=status is Status.done)
+        for results, case in self.verdicts():
+            check_verdict(results, case, done=done)
+            assert (results / VERDICT).is_file() or status is not Status.done
 
     def check_goes_on(self) -> None:
         assert self.act() == 0
         self.check(done=True)
 
-    def check_verdicts(self, *, done: bool) -> None:
-        """Assert that the verdicts are there if the command said so."""
-        check_verdict(self.results, self.case, done=done)
+    def verdicts(self) -> list[tuple[Path, Path]]:
+        """Return where verdicts belong, and the cases that they are of."""
+        return [(self.results, self.case)]
 
 
 class DiagnosisAgain(Diagnosis):
@@ -258,9 +260,11 @@ class Diagnoses(DiagnosisAgain):
         with self.found_before(), patch("runner.commands._execute._spread", return_value=here):
             return main(["diagnose", str(self.case), f"out={self.results}"])
 
-    def check_verdicts(self, *, done: bool) -> None:
-        for name in ("same", "changed"):
-            check_verdict(self.results / name, self.case / name, done=done)
+    def verdicts(self) -> list[tuple[Path, Path]]:
+        return [(self.results / name, self.case / name) for name in ("same", "changed")]
+
+    def check(self, *, done: bool) -> None:
+        super().check(done=done)
         assert self.verdict.read_bytes() == (self.apart / "kept.json").read_bytes()
         if done:
             assert collect(self.results, ("same", "changed")) == read_json(self.results / ALL)
