@@ -233,6 +233,7 @@ class DiagnosisAgain(Diagnosis):
         write_bytes(path, drawn.read_bytes())
 
     def before(self) -> None:
+        super().before()
         assert self.act() == 0
 
 
