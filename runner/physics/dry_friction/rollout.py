@@ -45,49 +45,44 @@ def is_all_that_acts(model: mujoco.MjModel) -> bool:
 
 def rollout(
     models: Sequence[mujoco.MjModel],
-    start: NDArray[np.float64],
     controls: NDArray[np.float64],
-    which: ArrayLike,
+    start: NDArray[np.float64],
+    of: tuple[ArrayLike, ArrayLike],
     threads: int = 1,
 ) -> NDArray[np.float64]:
-    """Simulate many motions, each with a model and a start of its own.
+    """Simulate many motions, each with a start of its own.
 
     Args:
-        models: One for each of R motions, of all of which friction `is_all_that_acts`, with steps of one length.
-        start: Time, position (3), velocity (3) at the start, (R, 7).
+        models: Of all of which friction `is_all_that_acts`, with steps of one length.
         controls: What the engine's `userdata` is at each step, (C, n, USERDATA_SIZE).
-        which: Which of those each motion has, (R,).
+        start: Time, position (3), velocity (3) at the start of each of R motions, (R, 7).
+        of: Which of the models, and which of the controls, each motion has, (R,) each.
         threads: How many share the work.
 
     Returns:
         Position and velocity after each step, (R, n, 6).
     """
-    # a model of many motions is looked into once: each view of its arrays takes some microseconds to make
-    numbers = [np.empty((len(models), k)) for k in (models[0].nuser_body, 1, 3, 3, 4, 3, 3)]
-    known: dict[int, int] = {}
-    for i, m in enumerate(models):
-        before = known.setdefault(id(m), i)
-        if before != i:
-            for array in numbers:
-                array[i] = array[before]
-            continue
-        own = (m.body_user[1], m.body_mass[1], m.body_inertia[1], m.body_ipos[1], m.body_iquat[1], m.dof_damping)
-        for array, value in zip(numbers, (*own, m.opt.gravity), strict=True):
-            array[i] = value
-    which = np.asarray(which, np.int64)
-    out = np.empty((len(models), controls.shape[1], 6))
+    numbers = [np.stack(each) for each in zip(*map(_numbers, models), strict=True)]
+    of_models, of_controls = (np.asarray(which, np.int64) for which in of)
+    out = np.empty((len(start), controls.shape[1], 6))
     simulate, step_s = _compiled(), float(models[0].opt.timestep)
 
     def part(some: slice) -> None:
-        simulate(*(array[some] for array in numbers), step_s, start[some], controls, which[some], out[some])
+        simulate(*numbers, step_s, controls, start[some], of_models[some], of_controls[some], out[some])
 
-    if threads == 1 or len(models) == 1:
+    if threads == 1 or len(start) == 1:
         part(slice(None))
         return out
-    edges = np.linspace(0, len(models), min(threads, len(models)) + 1).round().astype(int)
+    edges = np.linspace(0, len(start), min(threads, len(start)) + 1).round().astype(int)
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(part, map(slice, edges[:-1], edges[1:])))
     return out
+
+
+def _numbers(model: mujoco.MjModel) -> tuple[NDArray[np.float64], ...]:
+    """Return what the law takes of a model: record, mass, inertia, its place and axes, dampers, gravity."""
+    own = model.body_user[1], model.body_mass[1:], model.body_inertia[1], model.body_ipos[1], model.body_iquat[1]
+    return (*own, model.dof_damping, model.opt.gravity)
 
 
 @cache
@@ -96,27 +91,29 @@ def _compiled():
     sources = SOURCES
 
     @njit(error_model="numpy", cache=True, nogil=True)
-    def simulate(records, mass, inertia, ipos, iquat, damping, gravity, step_s, start, control, which, out):
+    def simulate(
+        records, mass, inertia, ipos, iquat, damping, gravity, step_s, controls, start, of_models, of_controls, out
+    ):
         assert sources
         nothing, passive = np.zeros(6), np.zeros(3)
-        qpos, qvel, user = np.empty(3), np.empty(3), np.empty(control.shape[2])
-        for r in range(len(records)):
-            time = start[r, 0]
+        qpos, qvel, user = np.empty(3), np.empty(3), np.empty(controls.shape[2])
+        for r in range(len(start)):
+            m, control, time = of_models[r], controls[of_controls[r]], start[r, 0]
             qpos[:], qvel[:] = start[r, 1:4], start[r, 4:7]
-            room = room_for(int(records[r, POINTS]))
-            for k in range(control.shape[1]):
-                user[:] = control[which[r], k]
+            room = room_for(int(records[m, POINTS]))
+            for k in range(len(control)):
+                user[:] = control[k]
                 for d in range(3):
-                    passive[d] = -damping[r, d] * qvel[d]
+                    passive[d] = -damping[m, d] * qvel[d]
                 engine = Engine(
                     timestep=step_s,
-                    gravity=gravity[r],
+                    gravity=gravity[m],
                     time=time,
-                    body_mass=mass[r],
-                    body_inertia=inertia[r],
-                    body_ipos=ipos[r],
-                    body_iquat=iquat[r],
-                    dof_damping=damping[r],
+                    body_mass=mass[m],
+                    body_inertia=inertia[m],
+                    body_ipos=ipos[m],
+                    body_iquat=iquat[m],
+                    dof_damping=damping[m],
                     qpos=qpos,
                     qvel=qvel,
                     xfrc_applied=nothing,
@@ -124,7 +121,7 @@ def _compiled():
                     qfrc_applied=nothing,
                     qfrc_passive=passive,
                 )
-                end, _, _ = step_planar(records[r], 0, 0, 0, engine, room)
+                end, _, _ = step_planar(records[m], 0, 0, 0, engine, room)
                 for d in range(3):
                     qvel[d] = end[d]
                     qpos[d] += step_s * end[d]

@@ -20,7 +20,6 @@ from mujoco import rollout
 from runner.effects.base import AbstractEffect
 from runner.effects.planar_box import Context, Motion, PlanarEffect, Target
 from runner.errors import RecordingError
-from runner.numerics.arrays import FloatArray
 from runner.physics import dry_friction
 from runner.physics.scene import Base, BodyConfig, Dof, PinConfig, SceneConfig, build
 from runner.recording import Form, Nominal, Recording, Span, Support
@@ -199,39 +198,38 @@ class Simulator(AbstractSimulator):
         n = (span.end - 1 - span.begin) * self.steps_per_sample
         if len(self._models) > MODELS:
             self._models.clear()
-        models, controls = [], dict[int, FloatArray]()
-        start, which = np.zeros((len(runs), mujoco.mj_stateSize(base.model, FULL))), list[int]()
+        start, members = np.zeros((len(runs), mujoco.mj_stateSize(base.model, FULL))), dict[Effects, list[int]]()
         for i, run in enumerate(runs):
-            effects = planar(run.effects)
-            if effects not in self._models:
-                self._models[effects] = self.model(effects)
-            models.append(self._models[effects])
-            control = self._commands.control(effects, span.episode)
-            controls.setdefault(id(control), control[before : before + n])
-            which.append(list(controls).index(id(control)))
+            members.setdefault(planar(run.effects), []).append(i)
             start[i, 0] = before * self.step_s
             start[i, 1:7] = run.start
             # half a step ahead: MuJoCo's pose is then the one at the middle of each step (leapfrog), second order
             start[i, 1:4] += 0.5 * self.step_s * run.start[3:]
+        which = np.empty(len(runs), int)
+        for k, (effects, own) in enumerate(members.items()):
+            which[own] = k
+            if effects not in self._models:
+                self._models[effects] = self.model(effects)
+        models = [self._models[effects] for effects in members]
+        controls = np.stack([self._commands.control(e, span.episode)[before : before + n] for e in members])
         if dry_friction.is_all_that_acts(base.model):
-            after = dry_friction.rollout(models, start[:, :7], np.stack(list(controls.values())), which, self._threads)
+            after = dry_friction.rollout(models, controls, start[:, :7], (which, which), self._threads)
         else:
-            control = np.stack(list(controls.values()))[which]
+            each = [models[k] for k in which]
             with quiet():  # what runs away is told by its residuals
                 state, _ = self._pool.rollout(
-                    models, list(base.data), start, control, control_spec=USERDATA, chunk_size=1
+                    each, list(base.data), start, controls[which], control_spec=USERDATA, chunk_size=1
                 )
             after = state[:, :, 1:7]
         self.simulated_s += n * self.step_s * len(runs)
         motion = np.concatenate([start[:, None, 1:7], after], axis=1)
         motion[:, :, :3] -= 0.5 * self.step_s * motion[:, :, 3:]
         time = np.arange(n + 1) * self.step_s
-        for effects in dict.fromkeys(planar(run.effects) for run in runs):
-            which = [i for i, run in enumerate(runs) if run.effects == effects]
-            measured = Motion(time, motion[which, :, :3], motion[which, :, 3:])
+        for effects, own in members.items():
+            measured = Motion(time, motion[own, :, :3], motion[own, :, 3:])
             for effect in effects:
                 measured = effect.edit_measurement(measured)
-            target = [rows[i] for i in which]
+            target = [rows[i] for i in own]
             sampled = slice(None, None, self.steps_per_sample)
             out[target, :, :3], out[target, :, 3:] = measured.pose[:, sampled], measured.twist[:, sampled]
 

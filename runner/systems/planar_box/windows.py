@@ -98,13 +98,13 @@ class WindowSimulator:
         # poses lead by half a step, as in the simulator
         state[:, :, 1:4] += 0.5 * step_s * true[..., 3:]
         state, control = state.reshape(count * columns, -1), control.reshape(count * columns, steps, -1)
-        models = [self.model] * len(state)
         if dry_friction.is_all_that_acts(self.model):
-            rows = dry_friction.rollout(models, state[:, :7], control, np.arange(len(state)), len(self._data))
+            of = np.zeros(len(state), int), np.arange(len(state))
+            rows = dry_friction.rollout([self.model], control, state[:, :7], of, len(self._data))
         else:
             with quiet():
                 rows, _ = self._pool.rollout(
-                    models,
+                    [self.model] * len(state),
                     self._data,
                     state,
                     control,
