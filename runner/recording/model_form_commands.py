@@ -25,10 +25,8 @@ WINDOW_S, FEWEST = 0.1, 5  # over which motions are smoothed, and samples of it 
 LATEST_S, SOONER = 0.5, 0.1  # by which a motion may answer late; what a later answer has to explain more
 LEAST_POINTS = 40
 GAIN = 10.0  # believed gains and inertias are off by less, and a weak servo follows by a quarter
-EXPLAINED, UNEXPLAINED = (
-    0.3,
-    0.15,
-)  # of the answer: enough to tell size and sign; less than of any of 30 sound recordings
+EXPLAINED = 0.3  # of the answer: enough to tell size and sign
+UNEXPLAINED = 0.15  # less than of any of 30 sound recordings
 TELLS = 0.2  # as large, squared, of the answer: a command that would have to be seen
 BEYOND, USUAL = 20.0, 99.0  # times what this percentage of commands stays below
 TURNS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))

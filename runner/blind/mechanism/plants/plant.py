@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -58,16 +57,6 @@ class Kind:
     draw: Callable[[Unplanted, np.random.Generator], Plant | None]
     needs: Needs = field(default_factory=Needs)
     systems: tuple[str, ...] = ()
-
-
-def sign(g: np.random.Generator) -> float:
-    """Draw -1 or 1."""
-    return float(g.choice([-1.0, 1.0]))
-
-
-def phase(g: np.random.Generator) -> float:
-    """Draw an angle, rad."""
-    return float(g.uniform(-math.pi, math.pi))
 
 
 def pick(case: Unplanted, g: np.random.Generator, fits: Callable[[int], Any] = lambda _: True) -> int | None:
