@@ -50,12 +50,14 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     count = fitter.measured.count(episodes)
     # by the noise of this fitter, which may have been told from that fit
     whole_loss = fitter.loss(NONE, nominal.x, nominal.starts, episodes)
-    longest_s = fitter.longest_s(episodes)
     limits = SETTINGS.pieces
+    if whole_loss <= limits.far_mean_square * count:
+        return None
+    longest_s = fitter.longest_s(episodes)
     piece_s = max(longest_s / limits.count, limits.min_length_s)
     cuttable = longest_s >= 2 * piece_s
     spans = fitter.pieces(piece_s, episodes) if cuttable else fitter.beginnings(limits.beginning * longest_s, episodes)
-    if whole_loss <= limits.far_mean_square * count or not spans:
+    if not spans:
         return None
     while True:
         cut = fitter.parts(spans)
