@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 from runner.effects.planar_box import BodySize
 from runner.inference.contender import dispersion_of, memory
 from runner.inference.evidence import directions
+from runner.inference.variable_projection import Spread
 from runner.recording import Nominal, Recording
 from runner.systems.planar_box.simulator import Simulator
 from runner.systems.planar_box.system import PlanarBox
@@ -22,7 +23,8 @@ from tests.cases import NOMINAL, made
 def left(rows: list[np.ndarray]) -> Any:
     """Return what a fit is to those who look at its residuals alone; each (T, C)."""
     flat = tuple(r.ravel() for r in rows)
-    return SimpleNamespace(residual=flat, episodes=range(len(rows)), total=sum(float(r @ r) for r in flat))
+    total, spread = sum(float(r @ r) for r in flat), Spread.none(len(rows))
+    return SimpleNamespace(residual=flat, episodes=range(len(rows)), total=total, spread=spread)
 
 
 def fitter_of(channels: int) -> Any:

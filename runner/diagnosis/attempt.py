@@ -18,7 +18,7 @@ from runner.effects.base import Effects
 from runner.inference.breakaway import hanging
 from runner.inference.held_out import Confirmed, confirm, start_states, unseen
 from runner.inference.least_squares import NONE, Fit, Fitter
-from runner.inference.multiple_shooting import look, recut
+from runner.inference.multiple_shooting import begun, look, recut
 from runner.inference.outside import with_outside
 from runner.inference.search import Search, resumed, search
 from runner.inference.solver_choice import better_solved
@@ -210,6 +210,12 @@ def _solved_otherwise(
 
 def _nominal(fitter: Fitter, stretches: Sequence[int]) -> tuple[Fitter, Fit]:
     nominal = fitter.fit(NONE, stretches, iterations=SETTINGS.fit.nominal_steps)
+    if before := fitter.until_hit(stretches):
+        # through an impact a start descends to anywhere: also from where it was told in the air
+        flown = fitter.parts(before).fit(NONE, range(len(before)), iterations=SETTINGS.fit.nominal_steps)
+        again = fitter.fit(NONE, stretches, starts=begun(flown, before, nominal), iterations=SETTINGS.fit.nominal_steps)
+        starts = np.where((again.loss < nominal.loss)[:, None], again.starts, nominal.starts)
+        nominal = fitter.fit(NONE, stretches, starts=starts, iterations=0)
     return replace(fitter, measured=refine(fitter.measured, fitter.system, _left(nominal, (), fitter))), nominal
 
 

@@ -74,7 +74,7 @@ def diagnose(
         nominal_starts |= start_states(nominal, fitter, rest)
         corrected_starts |= start_states(top, fitter, rest)
     observer.stage("telling where the gap lies")
-    measured = fitter.measured.joined(measure(system)) if found.in_parts else fitter.measured
+    measured = fitter.measured.joined(measure(system, scatter=system.scatter())) if found.in_parts else fitter.measured
     where = localise(system, measured, nominal_starts, stretches=found.stretches)
     regimes = closure_by_regime(system, measured, found.held_out, effects, where.window_s)
     foretold = [e for e in found.of(found.held_out) if e not in confirmed.astray]

@@ -80,7 +80,8 @@ def dispersion_of(fit: Fit, fitter: Fitter) -> float:
 def memory(fit: Fit, fitter: Fitter) -> float:
     """Return over how many samples what a fit leaves remains alike: its integrated autocorrelation time, at least 1."""
     channels = len(fitter.system.channels)
-    parts = [r.reshape(-1, channels) for r in fit.residual]
+    scaled = zip(fit.residual, np.sqrt(fit.spread.dispersion), strict=True)
+    parts = [(r / d).reshape(-1, channels) for r, d in scaled]
     size = 2 * max(len(p) for p in parts)
     spectra = [np.abs(np.fft.rfft(p, n=size, axis=0)) ** 2 for p in parts]
     covariance = np.fft.irfft(np.sum(spectra, axis=(0, 2)), n=size)[: size // 2]

@@ -100,12 +100,14 @@ class NormalEquations:
     """A fit amid the directions of a survey.
 
     `gram` holds, per fitted episode, the inner products of [own derivatives (p) | directions (d) | residual (1)],
-    (E, p + d + 1, p + d + 1), with the start states projected out.
+    (E, p + d + 1, p + d + 1), with the start states projected out, in units of what residuals scatter by; `volume` is
+    what that costs, see `Spread`.
     """
 
     fit: Fit
     directions: tuple[Direction, ...]
     gram: np.ndarray
+    volume: float
 
     @property
     def by_candidate(self) -> dict[Candidate, list[int]]:
@@ -137,12 +139,14 @@ def normal_equations(fit: Fit, *known: Sensitivities) -> NormalEquations:
             if d.texture or d.candidate not in fit.explanation.candidates:
                 chosen.setdefault(d.key, (one, i))
     gram = []
-    for k, (jacobian, residual, q) in enumerate(zip(fit.jacobian, fit.residual, fit.basis.q, strict=True)):
+    episodes = zip(fit.jacobian, fit.residual, fit.basis.q, fit.spread.dispersion, strict=True)
+    for k, (jacobian, residual, q, dispersion) in enumerate(episodes):
         columns = [one.columns[k][:, i] for one, i in chosen.values()]
         whole = np.column_stack([jacobian, *columns, residual])
         whole = whole - q @ (q.T @ whole)
-        gram.append(whole.T @ whole)
-    return NormalEquations(fit, tuple(one.directions[i] for one, i in chosen.values()), np.array(gram))
+        gram.append(whole.T @ whole / dispersion)
+    every = tuple(one.directions[i] for one, i in chosen.values())
+    return NormalEquations(fit, every, np.array(gram), float(fit.spread.volume.sum()))
 
 
 def together(a: NormalEquations, b: NormalEquations) -> NormalEquations:
@@ -154,7 +158,8 @@ def together(a: NormalEquations, b: NormalEquations) -> NormalEquations:
     for around, chosen in ((a, [i for i, _ in shared]), (b, [j for _, j in shared])):
         keep = np.array([*range(p), *(p + i for i in chosen), around.gram.shape[1] - 1])
         gram.append(around.gram[:, keep[:, None], keep])
-    return NormalEquations(a.fit, tuple(a.directions[i] for i, _ in shared), np.concatenate(gram))
+    every = tuple(a.directions[i] for i, _ in shared)
+    return NormalEquations(a.fit, every, np.concatenate(gram), a.volume + b.volume)
 
 
 @dataclass(frozen=True)
@@ -223,7 +228,7 @@ def evidence(
     mismatch = np.flatnonzero(spread > 0)
     own, rest = np.arange(p), p + mismatch
     h_oo, h_or, h_rr = total[np.ix_(own, own)], total[np.ix_(own, rest)], total[np.ix_(rest, rest)]
-    g_o, g_r, rr = total[own, -1], total[rest, -1], total[-1, -1]
+    g_o, g_r, rr = total[own, -1], total[rest, -1], total[-1, -1] + around.volume / dispersion
     every_density = log_densities(fit, context)
     density = every_density[free]
     # a parameter that the data don't tell: as uncertain as its prior is wide, so that it neither gains nor loses

@@ -22,6 +22,7 @@ from runner.inference.variable_projection import (
     Ending,
     FitPoint,
     Linearise,
+    Spread,
     finite,
     orthonormal,
     project,
@@ -92,6 +93,7 @@ class Fit:
         episodes: Which episodes those are.
         residual: Whitened residuals, per episode (n,).
         jacobian: Their derivatives by the parameters, the start states projected out, per episode (n, p).
+        spread: How many times as uncertain as noise they are.
         basis: Their derivatives by the start states.
         at_bound: Which parameters ended on their bound, (p,).
         converged: Whether the steps came to rest.
@@ -103,18 +105,19 @@ class Fit:
     episodes: tuple[int, ...]
     residual: tuple[np.ndarray, ...]
     jacobian: tuple[np.ndarray, ...]
+    spread: Spread
     basis: Basis
     at_bound: np.ndarray
     converged: bool
 
     @property
     def loss(self) -> np.ndarray:
-        """Sum of squared whitened residuals of each episode, (E,)."""
-        return np.array([r @ r for r in self.residual])
+        """Minus twice the log likelihood of each episode, (E,): the sum of squared whitened residuals as a rule."""
+        return self.spread.loss(self.residual)
 
     @property
     def total(self) -> float:
-        """Sum of squared whitened residuals."""
+        """The same of all of them."""
         return float(self.loss.sum())
 
     def of(self, kept: Sequence[int]) -> Fit:
@@ -129,12 +132,14 @@ class Fit:
             episodes=episodes,
             residual=residual,
             jacobian=jacobian,
+            spread=self.spread.of(kept),
             basis=Basis(q, r),
         )
 
     def information(self) -> np.ndarray:
         """J^T J with the start states projected out, (p, p)."""
-        return sum((j.T @ j for j in self.jacobian), np.zeros((len(self.x), len(self.x))))
+        weighed = (j.T @ j / d for j, d in zip(self.jacobian, self.spread.dispersion, strict=True))
+        return sum(weighed, np.zeros((len(self.x), len(self.x))))
 
 
 @dataclass(frozen=True)
@@ -203,6 +208,17 @@ class Fitter:
         most = max(2, int(seconds * self.system.rate_hz * (1 + 1e-9)) + 1)
         return [Span(e, 0, min(len(self.measured.values[e]), most)) for e in episodes]
 
+    def until_hit(self, episodes: Iterable[int]) -> list[Span]:
+        """Return what of some episodes is before their first hit, where that is enough to tell a start; see `Scatter`.
+
+        None of an object that hits nothing.
+        """
+        scatter, least = self.measured.scatter, 2 * SETTINGS.fit.min_start_samples
+        if scatter is None:
+            return []
+        before = [Span(e, 0, int((~scatter.begun(e)).sum())) for e in episodes]
+        return [s for s in before if s.end >= least]
+
     def pieces(self, seconds: float, episodes: Sequence[int]) -> list[Span]:
         """Cut episodes into equal pieces of about so many seconds; what has hardly been measured is left out."""
         spans = []
@@ -226,11 +242,18 @@ class Fitter:
         return self.measured.whiten(episode, predicted - self.measured.values[episode]).reshape(len(runs), -1)
 
     def loss(self, explanation: Explanation, x: np.ndarray, starts: np.ndarray, episodes: Sequence[int]) -> float:
-        """Return the sum of squared whitened residuals at given unknowns; infinite where the motion is."""
+        """Return minus twice the log likelihood at given unknowns, see `Fit.total`; infinite where the motion is."""
         run = explanation.make(x, self.context)
         rows = [self.whitened(e, [Run(run, start)])[0] for e, start in zip(episodes, starts, strict=True)]
-        total = float(sum(r @ r for r in rows))
+        total = float(self._spread(rows, episodes).loss(rows).sum())
         return total if np.isfinite(total) else np.inf
+
+    def _spread(self, residual: Sequence[np.ndarray], episodes: Sequence[int]) -> Spread:
+        """Return how uncertain whitened residuals (n,) of some episodes are."""
+        if not np.isfinite(self.measured.odd_from):
+            return Spread.none(len(episodes))
+        counts = np.array([self.measured.count([e]) for e in episodes])
+        return Spread.beyond(self.measured.odd_from, np.array([r @ r for r in residual]), counts)
 
     def changes(self, base: Effects, runs: Sequence[Effects], fit: Fit) -> list[np.ndarray]:
         """Return how the whitened prediction changes from `base` to each run, per episode (n, len(runs)).
@@ -303,9 +326,13 @@ class Fitter:
         def linearise(x: np.ndarray, starts: np.ndarray, basis: Basis | None) -> FitPoint:
             return self._linearise(explanation, x, starts, episodes, basis)
 
+        def compare(x: np.ndarray, starts: np.ndarray) -> np.ndarray:
+            return self._compared(explanation.make(x, self.context), starts, episodes)
+
         point = _first_point(linearise, parameters, x, starts, basis)
         count = self.measured.count(episodes)
-        point = Descent(parameters, linearise, count, target, patience, tolerance, polish).down(point, iterations)
+        descent = Descent(parameters, linearise, compare, count, target, patience, tolerance, polish)
+        point = descent.down(point, iterations)
         return Fit(
             explanation,
             point.x,
@@ -313,11 +340,20 @@ class Fitter:
             tuple(episodes),
             tuple(point.residual),
             point.projected(),
+            point.spread,
             point.basis,
             on_bound(parameters, point.x),
             # where derivatives are stale it is not known whether nothing more is to be gained
             converged=point.ending is Ending.RESTED and point.fresh,
         )
+
+    def _compared(self, effects: Effects, starts: np.ndarray, episodes: Sequence[int]) -> np.ndarray:
+        """Return the loss of each episode from several start states, (E, K, S): (E, K)."""
+        out = []
+        for e, some in zip(episodes, starts, strict=True):
+            rows = self.whitened(e, [Run(effects, start) for start in some])
+            out.append(self._spread(rows, [e] * len(rows)).loss(rows))
+        return np.array(out)
 
     def _linearise(
         self, explanation: Explanation, x: np.ndarray, starts: np.ndarray, episodes: Sequence[int], basis: Basis | None
@@ -339,7 +375,8 @@ class Fitter:
                 qs.append(q)
                 rs.append(r)
         fresh = basis is None
-        return FitPoint(x, starts, residual, jacobian, Basis(tuple(qs), tuple(rs)) if basis is None else basis, fresh)
+        basis = Basis(tuple(qs), tuple(rs)) if basis is None else basis
+        return FitPoint(x, starts, residual, jacobian, self._spread(residual, episodes), basis, fresh)
 
 
 def _first_point(

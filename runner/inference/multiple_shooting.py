@@ -40,8 +40,9 @@ class Look:
 def look(fitter: Fitter, nominal: Fit) -> Look | None:
     """Search the episodes of a nominal fit in pieces, if it goes astray; else None.
 
-    What is too short to be cut, such as a flight into an impact, is looked at as far as its first half: a model that is
-    wrong in the air meets the ground elsewhere, and a descent through that ends anywhere.
+    What is too short to be cut is looked at as far as its first half. What hits something is looked at until it does,
+    however near the model comes: one that is wrong in the air meets the ground elsewhere, and a descent through that
+    ends anywhere.
 
     What is left for the whole are the single effects that are near the likeliest, and the likeliest several. If one of
     those explains the whole, no other single effect is worth a fit of its own.
@@ -51,22 +52,27 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     # by the noise of this fitter, which may have been told from that fit
     whole_loss = fitter.loss(NONE, nominal.x, nominal.starts, episodes)
     limits = SETTINGS.pieces
-    if whole_loss <= limits.far_mean_square * count:
+    spans = flown = fitter.until_hit(episodes)
+    if not flown and whole_loss <= limits.far_mean_square * count:
         return None
     longest_s = fitter.longest_s(episodes)
     piece_s = max(longest_s / limits.count, limits.min_length_s)
-    cuttable = longest_s >= 2 * piece_s
-    spans = fitter.pieces(piece_s, episodes) if cuttable else fitter.beginnings(limits.beginning * longest_s, episodes)
+    cuttable = not flown and longest_s >= 2 * piece_s
+    if cuttable:
+        spans = fitter.pieces(piece_s, episodes)
+    elif not flown:
+        spans = fitter.beginnings(limits.beginning * longest_s, episodes)
     if not spans:
         return None
     while True:
         cut = fitter.parts(spans)
         rough = cut.fit(NONE, range(len(spans)), iterations=SETTINGS.fit.nominal_steps)
-        shorter = fitter.pieces(piece_s / 2, episodes) if piece_s / 2 >= limits.min_length_s else []
+        shorter = fitter.pieces(piece_s / 2, episodes) if cuttable and piece_s / 2 >= limits.min_length_s else []
         if not shorter or rough.total < limits.far_mean_square * cut.measured.count(rough.episodes):
             break
         spans, piece_s = shorter, piece_s / 2
-    if rough.total / cut.measured.count(rough.episodes) > limits.max_mean_square_ratio * whole_loss / count:
+    cut_loss, cut_count = rough.total, cut.measured.count(rough.episodes)
+    if not flown and cut_loss / cut_count > limits.max_mean_square_ratio * whole_loss / count:
         fitter.simulator.simulated_s += cut.simulator.simulated_s
         return None
     # where the nominal model is good, little is to be learnt about what it lacks

@@ -39,6 +39,44 @@ class Ending(Enum):
 
 
 @dataclass(frozen=True)
+class Spread:
+    """How many times the noise's variance the residuals of each episode are taken to have, and what that costs.
+
+    An episode that goes elsewhere than any model says (an impact on another corner) would by its squares outweigh all
+    others. From a mean square c on it has a dispersion of its own, the likeliest: minus twice its log likelihood is
+    then c n (1 + log(s / (c n))) for a sum of squares s of n values, which pulls no more than c n does, whatever s is;
+    so does the heavy tail of Student's t for whole blocks (Lange, Little and Taylor 1989).
+
+    Args:
+        dispersion: Of each episode, (E,).
+        volume: What of minus twice the log likelihood is not squares, (E,).
+    """
+
+    dispersion: np.ndarray
+    volume: np.ndarray
+
+    @classmethod
+    def none(cls, episodes: int) -> Spread:
+        """Residuals are as noise is."""
+        return cls(np.ones(episodes), np.zeros(episodes))
+
+    @classmethod
+    def beyond(cls, odd_from: float, squares: np.ndarray, counts: np.ndarray) -> Spread:
+        """Return that of sums of squares (E,) of so many values (E,); episodes are odd from such a mean square on."""
+        usual = odd_from * np.maximum(counts, 1)
+        dispersion = np.where(np.isfinite(squares), np.maximum(squares / usual, 1.0), 1.0)
+        return cls(dispersion, usual * np.log(dispersion))
+
+    def of(self, kept: Sequence[int]) -> Spread:
+        """Return that of some of the episodes, by their place."""
+        return Spread(self.dispersion[list(kept)], self.volume[list(kept)])
+
+    def loss(self, residual: Sequence[np.ndarray]) -> np.ndarray:
+        """Return minus twice the log likelihood of whitened residuals (n,) of each episode, up to a constant, (E,)."""
+        return np.array([r @ r for r in residual]) / self.dispersion + self.volume
+
+
+@dataclass(frozen=True)
 class FitPoint:
     """Where a fit stands: its unknowns (p,), (E, S), the residuals (n,) and raw derivatives (n, p) of each episode."""
 
@@ -46,14 +84,15 @@ class FitPoint:
     starts: np.ndarray
     residual: list[np.ndarray]
     jacobian: list[np.ndarray]
+    spread: Spread
     basis: Basis
     fresh: bool  # whether the basis was taken at this point
     ending: Ending | None = None
 
     @property
     def total(self) -> float:
-        """Sum of squared whitened residuals."""
-        return float(sum(r @ r for r in self.residual))
+        """Minus twice the log likelihood: the sum of squared whitened residuals, where their spread is the noise's."""
+        return float(self.spread.loss(self.residual).sum())
 
     def projected(self) -> tuple[np.ndarray, ...]:
         """The derivatives by the parameters, the start states projected out, per episode (n, p)."""
@@ -62,6 +101,10 @@ class FitPoint:
 
 # from x, start states, and derivatives by those, or None where they are to be taken anew
 Linearise = Callable[[np.ndarray, np.ndarray, Basis | None], FitPoint]
+# from x and K start states of each episode, (E, K, S), to the loss of each, (E, K)
+Compare = Callable[[np.ndarray, np.ndarray], np.ndarray]
+# of its step that an episode's start may take where not all can go as far
+SHARES = np.array([1.0, 0.25, 0.0625, 0.0])
 
 
 @dataclass(frozen=True)
@@ -71,6 +114,7 @@ class Descent:
     Args:
         parameters: Those that all episodes share.
         linearise: The problem.
+        compare: What other start states leave.
         count: How many measurements there are.
         target: A loss that others have reached; a fit that won't come near it is not finished.
         patience: So many steps are taken before that is judged.
@@ -80,6 +124,7 @@ class Descent:
 
     parameters: Sequence[Parameter]
     linearise: Linearise
+    compare: Compare
     count: int
     target: float
     patience: int
@@ -112,7 +157,24 @@ class Descent:
             if gain < trusted and gain > enough:
                 trial = self._renewed(trial)
             return Trial(trial, eased=gain > trusted)
-        return Trial(point, refused=True) if point.fresh else Trial(self._renewed(point))
+        if not point.fresh:
+            return Trial(self._renewed(point))
+        # one episode in which another corner hits first must not hold all others where they are
+        apart = self._each_as_far_as_it_goes(point, dx, ds)
+        return Trial(point, refused=True) if apart is None else Trial(apart)
+
+    def _each_as_far_as_it_goes(self, point: FitPoint, dx: np.ndarray, ds: np.ndarray) -> FitPoint | None:
+        """Return where a step leads if every episode's start takes that share of its own which suits it best.
+
+        None if the loss is no lower there either. A start belongs to its episode alone, so that none has to wait for
+        the others.
+        """
+        x, tried = point.x + dx, point.starts[:, None] + SHARES[:, None] * ds[:, None]
+        left = np.nan_to_num(self.compare(x, tried), nan=np.inf)
+        best = left.argmin(axis=1)
+        if not left.min(axis=1).sum() < point.total:
+            return None
+        return self.linearise(x, tried[np.arange(len(tried)), best], point.basis)
 
     def _renewed(self, point: FitPoint) -> FitPoint:
         return self.linearise(point.x, point.starts, None)
@@ -122,12 +184,13 @@ def _step(point: FitPoint, parameters: Sequence[Parameter], damping: float) -> t
     """Return a step of the parameters (p,), of the start states (E, S), and the gain in the loss it promises."""
     dx = _shared_step(point, parameters, damping)
     ds, promised = [], 0.0
-    for r, j, q, t in zip(point.residual, point.jacobian, point.basis.q, point.basis.r, strict=True):
+    episodes = zip(point.residual, point.jacobian, point.basis.q, point.basis.r, point.spread.dispersion, strict=True)
+    for r, j, q, t, dispersion in episodes:
         moved = r + j @ dx
         along = q.T @ moved
         ds.append(-solve_triangular(t, along, check_finite=False) / (1 + damping))
         left = moved - q @ along
-        promised += float(r @ r) - float(left @ left)
+        promised += (float(r @ r) - float(left @ left)) / float(dispersion)
     return dx, np.array(ds), promised
 
 
@@ -136,9 +199,9 @@ def _shared_step(point: FitPoint, parameters: Sequence[Parameter], damping: floa
     p = len(point.x)
     if not p:
         return np.zeros(0)
-    episodes = zip(point.residual, point.jacobian, point.basis.q, strict=True)
+    episodes = zip(point.residual, point.jacobian, point.basis.q, np.sqrt(point.spread.dispersion), strict=True)
     # with the start states projected out, each episode is p + 1 rows of the same normal equations
-    small = [np.asarray(np.linalg.qr(project(np.column_stack([j, r]), q), mode="r")) for r, j, q in episodes]
+    small = [np.asarray(np.linalg.qr(project(np.column_stack([j, r]), q), mode="r")) / d for r, j, q, d in episodes]
     right = -np.concatenate([s[:, p] for s in small])
     size = np.array([q.scale for q in parameters])
     matrix = np.vstack([s[:, :p] for s in small]) * size

@@ -18,7 +18,7 @@ from runner.numerics.differences import white_noise
 from runner.recording import Span
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
-from runner.systems.channels import Space
+from runner.systems.channels import Scatter, Space
 
 
 @dataclass(frozen=True)
@@ -28,22 +28,30 @@ class Measured:
     Args:
         spans: Where in the recording each episode lies.
         values: Per episode (T, C).
-        sigma: Noise standard deviation of each channel, (C,).
+        sensor: Noise standard deviation of each channel, (C,).
         noise_model: Of each channel: which part of the noise is slow.
         valid: Per episode (T, C): False for outliers and what was not measured.
-        stated: Noise that the owner states for each channel, (C,), NaN where none is: `sigma` is what it is.
-        scatter: What counts as noise at least, (C,), whatever the sensors do; None: nothing else does.
+        stated: Noise that the owner states for each channel, (C,), NaN where none is: `sensor` is what it is.
+        scatter: What counts as noise at least once the object has hit something; None: it does not.
         hung: The first sample of an episode that hangs on a breakaway: from there on it says nothing to a fit.
+        odd_from: An episode of which a model leaves more than such a mean square, in squared noises, is odd: it counts
+            as noisier than the others, see `runner.inference.variable_projection.Spread`. Infinite: none is.
     """
 
     spans: tuple[Span, ...]
     values: tuple[np.ndarray, ...]
-    sigma: np.ndarray
+    sensor: np.ndarray
     noise_model: NoiseModel
     valid: tuple[np.ndarray, ...]
     stated: np.ndarray
-    scatter: np.ndarray | None = None
+    scatter: Scatter | None = None
     hung: Mapping[int, int] = field(default_factory=dict)
+    odd_from: float = np.inf
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Noise standard deviation of each channel, (C,), of what may have hit something."""
+        return self.sensor if self.scatter is None else np.maximum(self.sensor, self.scatter.level)
 
     def counted(self, episode: int) -> np.ndarray:
         """Return what counts in a fit, (T, C)."""
@@ -54,7 +62,7 @@ class Measured:
     def whiten(self, episode: int, residual: np.ndarray) -> np.ndarray:
         """Return residuals (..., T, C) in units of the noise, its colour taken out; 0 where they don't count."""
         valid = self.counted(episode)
-        scaled = np.where(valid, residual / self.sigma, 0.0)
+        scaled = np.where(valid, residual / self._scale(episode), 0.0)
         there = np.isfinite(self.values[episode])
         if there.all() or not self.noise_model.lag_one.any():
             return np.where(valid, self.noise_model.whiten(scaled), 0.0)
@@ -65,13 +73,20 @@ class Measured:
             white[..., there[:, c], c] = own.whiten(scaled[..., there[:, c], c, None])[..., 0]
         return np.where(valid, white, 0.0)
 
+    def _scale(self, episode: int) -> np.ndarray:
+        """Return the standard deviation of what counts as noise in an episode, (C,), or (T, C) where it changes."""
+        if self.scatter is None:
+            return self.sensor
+        return np.where(self.scatter.begun(episode)[:, None], self.sigma, self.sensor)
+
     def parts(self, spans: Sequence[Span]) -> Measured:
         """Return parts of the episodes as episodes of their own; the noise is what it was."""
         values, valid = (tuple(v[s.episode][s.begin : s.end] for s in spans) for v in (self.values, self.valid))
         whole = [self.spans[s.episode] for s in spans]
         inside = tuple(Span(w.episode, w.begin + s.begin, w.begin + s.end) for w, s in zip(whole, spans, strict=True))
         hung = {i: max(self.hung[s.episode] - s.begin, 0) for i, s in enumerate(spans) if s.episode in self.hung}
-        return replace(self, spans=inside, values=values, valid=valid, hung=hung)
+        scatter = None if self.scatter is None else self.scatter.parts(spans)
+        return replace(self, spans=inside, values=values, valid=valid, scatter=scatter, hung=hung)
 
     def joined(self, whole: Measured) -> Measured:
         """Return whole episodes with the noise that their parts have shown, and what of the parts does not count.
@@ -86,16 +101,16 @@ class Measured:
                 hung[s.episode] = min(hung.get(s.episode, s.end), s.begin + self.hung[i])
         return replace(
             whole,
-            sigma=self.sigma,
+            sensor=self.sensor,
             noise_model=self.noise_model,
             valid=tuple(valid),
-            scatter=self.scatter,
             hung=hung,
+            odd_from=self.odd_from,
         )
 
     def is_scatter(self) -> np.ndarray:
-        """Return which channels have the noise of what no model predicts, not of their sensors, (C,)."""
-        return np.zeros(len(self.sigma), bool) if self.scatter is None else self.sigma <= self.scatter
+        """Return which channels no model predicts to within the noise of their sensors after a hit, (C,)."""
+        return self.sigma > self.sensor
 
     def without(self, hung: Mapping[int, int]) -> Measured:
         """Return the same less what hangs on a breakaway, from such a sample of an episode on."""
@@ -111,10 +126,10 @@ class Measured:
         return loss / self.count(episodes) - 1.0
 
 
-def measure(system: AbstractSystem, *, scatter: np.ndarray | None = None) -> Measured:
+def measure(system: AbstractSystem, *, scatter: Scatter | None = None) -> Measured:
     """Prepare a recording: the noise where it isn't stated, and its colour, from its rests; outliers.
 
-    `scatter`, (C,), is what counts as noise at least.
+    `scatter` is what counts as noise at least, once something is hit.
     """
     values = system.values()
     # an orientation is measured as a turn from itself, which is zero and shows no noise
@@ -131,11 +146,7 @@ def measure(system: AbstractSystem, *, scatter: np.ndarray | None = None) -> Mea
     spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
     valid = tuple(_inliers(v, sigma * noise_model.innovation()) for v in values)
     by_owner = np.where(system.owner_states_noise(), stated, np.nan)
-    return Measured(spans, values, _at_least(sigma, scatter), noise_model, valid, by_owner, scatter)
-
-
-def _at_least(sigma: np.ndarray, scatter: np.ndarray | None) -> np.ndarray:
-    return sigma if scatter is None else np.maximum(sigma, scatter)
+    return Measured(spans, values, sigma, noise_model, valid, by_owner, scatter)
 
 
 def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.ndarray]) -> Measured:
@@ -159,17 +170,19 @@ def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.n
             bad = there[:, c] & ~good
             if bad.any() and good.any():
                 filled[bad, c] = np.interp(np.flatnonzero(bad), np.flatnonzero(good), filled[good, c])
-        # what was not measured has no noise: it stays NaN, and `_noise` passes over it
+        # what was not measured has no noise, and what an impact leaves is none: NaN, which `_noise` passes over
+        if measured.scatter is not None:
+            there = there & ~measured.scatter.begun(e)[:, None]
         stretches.append(np.where(there, np.nan_to_num(filled), np.nan)[: measured.hung.get(e, len(filled))])
     groups = _groups(system)
-    otherwise = measured.sigma[[columns[0] for columns in groups]]
+    otherwise = measured.sensor[[columns[0] for columns in groups]]
     rounding = _rounding_noise(system.values(), groups)
     stated = system.stated_noise()
     sigma, noise_model = _noise(
         stretches, _step_s(system), groups, stated, otherwise, rounding, doubt=SETTINGS.noise.stated_log_error
     )
-    sigma = _at_least(sigma, measured.scatter)
-    return without_outliers(replace(measured, sigma=sigma, noise_model=noise_model), residuals)
+    found = without_outliers(replace(measured, sensor=sigma, noise_model=noise_model), residuals)
+    return _told_odd(found, residuals) if system.episodes_differ else found
 
 
 def without_outliers(measured: Measured, residuals: Mapping[int, np.ndarray]) -> Measured:
@@ -186,24 +199,28 @@ def without_outliers(measured: Measured, residuals: Mapping[int, np.ndarray]) ->
     return replace(measured, valid=tuple(valid))
 
 
+def _told_odd(measured: Measured, residuals: Mapping[int, np.ndarray]) -> Measured:
+    """Return the same with what is odd told from what a model leaves of most episodes, see `refine`."""
+    left = [(measured.whiten(e, r) ** 2).sum() / max(measured.count([e]), 1) for e, r in residuals.items()]
+    return replace(measured, odd_from=SETTINGS.noise.odd_episode_ratio * max(float(np.median(left)), 1.0))
+
+
 def materially_different(a: Measured, b: Measured) -> bool:
-    """Whether two accounts of the noise of a recording lead to other standard errors."""
+    """Whether two accounts of the noise of a recording lead to other standard errors, or to other fits."""
+    odd = b.odd_from < a.odd_from / SETTINGS.noise.odd_episode_ratio
     return bool(
-        np.any(np.abs(np.log(a.sigma / b.sigma)) > SETTINGS.noise.material_log_change)
+        odd
+        or np.any(np.abs(np.log(a.sensor / b.sensor)) > SETTINGS.noise.material_log_change)
         or np.any(np.abs(a.noise_model.lag_one - b.noise_model.lag_one) > 2 * SETTINGS.noise.material_log_change)
     )
 
 
 def off_from_stated(measured: Measured, system: AbstractSystem) -> dict[str, float]:
-    """Return how many times as large as its owner states a sensor's noise is, where materially, by group of channels.
-
-    Where something else counts as noise beside it, nothing is known of the sensor.
-    """
-    out, hidden = {}, measured.is_scatter()
+    """Return how many times as large as stated a sensor's noise is, where materially, by group of channels."""
+    out = {}
     for columns in _groups(system):
-        stated, found = measured.stated[columns[0]], measured.sigma[columns[0]]
-        hides = hidden[columns[0]]
-        if np.isfinite(stated) and not hides and abs(np.log(found / stated)) > 2 * SETTINGS.noise.material_log_change:
+        stated, found = measured.stated[columns[0]], measured.sensor[columns[0]]
+        if np.isfinite(stated) and abs(np.log(found / stated)) > 2 * SETTINGS.noise.material_log_change:
             out[", ".join(system.channels[c].name for c in columns)] = float(found / stated)
     return out
 

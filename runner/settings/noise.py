@@ -79,6 +79,13 @@ class NoiseSettings:
         "Standard errors change by as much, a twentieth; for less, everything would be fitted again for nothing.",
     )
 
+    odd_episode_ratio: float = setting(
+        3.0,
+        "times the median",
+        "Flights into impacts differ by about as much from one to the next in what a model leaves; what leaves "
+        "more went elsewhere.",
+    )
+
     @property
     def max_memory_s(self) -> float:
         """Half a window: over a longer memory noise is as smooth as the cubic that is taken for motion."""

@@ -30,7 +30,7 @@ from runner.effects.base import Effects
 from runner.effects.vocabulary import Vocabulary
 from runner.numerics.arrays import FloatArray
 from runner.recording import Span
-from runner.systems.channels import Channel, Signals
+from runner.systems.channels import Channel, Scatter, Signals
 from runner.systems.disturbance import Disturbance
 from runner.systems.drawing import DrawnBody
 from runner.systems.initial import AbstractInitialState
@@ -75,6 +75,8 @@ class AbstractSystem(ABC):
             longer, the rest says where the gap lies and how it closes.
         cut_from: Squared noises that the best explanation leaves in pieces of a second from which on everything may be
             fitted in such pieces: where it leaves a smaller share in them than over longer times.
+        episodes_differ: Whether single stretches may go elsewhere than any model says, so that each has a dispersion of
+            its own: an impact that a hair's breadth turns.
         dates_disturbances: Whether what pushed once, beyond all that was commanded, is looked for.
         screening_level: At which of them effects are screened; the mismatch must not take what an effect could explain.
         plan_view: Positions in `channels` of two lengths that make a map, or None.
@@ -103,6 +105,7 @@ class AbstractSystem(ABC):
     worth_another: float = 0.8
     searched_s: float = 30.0
     cut_from: float = 4.0
+    episodes_differ: bool = False
     dates_disturbances: bool = True
     plan_view: tuple[int, int] | None = None
     force_views: Mapping[str, str] = MappingProxyType({})
@@ -123,10 +126,10 @@ class AbstractSystem(ABC):
     def rests(self) -> list[tuple[int, slice]]:
         """Return where the object surely stands still, so that what is measured is noise: episode and samples."""
 
-    def scatter(self) -> FloatArray | None:
-        """Return what no model of such an object predicts, of each channel, (C,): noise to a fit; None: there is none.
+    def scatter(self) -> Scatter | None:
+        """Return what no model of such an object predicts once it has hit something; None: nothing hits it.
 
-        Where bodies hit things, what an impact does depends on what nobody knows.
+        What an impact does depends on what nobody knows.
         """
         return None
 

@@ -7,6 +7,7 @@ How noisy they are is estimated in `runner.noise.measured`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
@@ -42,6 +43,27 @@ class Channel:
     group: str
     label: str
     space: Space = Space.LINE
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """What no model predicts once an object has hit something: it counts as noise from there on.
+
+    Args:
+        level: Of each channel, (C,).
+        calm: Per episode (T,): where nothing hits it, so that what a model shows from a start there it does predict.
+    """
+
+    level: np.ndarray
+    calm: tuple[np.ndarray, ...]
+
+    def parts(self, spans: Sequence[Span]) -> Scatter:
+        """Return that of parts of the episodes, each with a start of its own."""
+        return Scatter(self.level, tuple(self.calm[s.episode][s.begin : s.end] for s in spans))
+
+    def begun(self, episode: int) -> np.ndarray:
+        """Return where an episode is beyond its first hit, (T,)."""
+        return np.logical_or.accumulate(~self.calm[episode])
 
 
 class Signals(Protocol):

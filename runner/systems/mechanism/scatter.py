@@ -9,28 +9,38 @@ numerics, the largest is what a fit may hope for).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runner.effects.base import Effects
 from runner.effects.mechanism import ContactStiffness, contacts
 from runner.numerics.arrays import FloatArray, spread_over
 from runner.recording import Span
+from runner.systems.channels import Scatter
 from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.mechanism.simulator import MechanismSimulator, Stretch
 
 
 def scatter(
-    simulator: MechanismSimulator, spans: Sequence[Span], starts: Sequence[FloatArray], groups: Sequence[str]
-) -> FloatArray:
-    """Return the root mean square difference of predictions with equally good contacts, of each channel, (C,).
+    simulator: MechanismSimulator,
+    spans: Sequence[Span],
+    starts: Sequence[FloatArray],
+    groups: Sequence[str],
+    calm: tuple[NDArray[np.bool_], ...],
+) -> Scatter:
+    """Return the root mean square difference of predictions with equally good contacts, once there was an impact.
 
     Args:
         simulator: Of the recording.
         spans: Stretches that begin in flight and end after an impact.
         starts: A start of each, (S,).
         groups: Of each channel, (C,): those of one group share a level.
+        calm: Per episode (T,): where nothing hits the body.
     """
+    found = Scatter(np.zeros(len(groups)), calm)
+    after = found.parts(spans)
     model = simulator.models.compiled(()).model
     bodies = [model.body(b).name for b in range(1, model.nbody)]
     harder: Effects = tuple(
@@ -42,7 +52,9 @@ def scatter(
         shown = simulator.simulate(
             [Stretch(span.episode, span.begin, span.end, effects, starts[i]) for effects in ((), harder)]
         )
-        squares.append((shown[1] - shown[0]) ** 2)
-    mean = np.nanmean(np.concatenate(squares), axis=0)
-    names = np.array(groups)
-    return np.sqrt([mean[names == g].mean() for g in names])
+        squares.append((shown[1] - shown[0])[after.begun(i)] ** 2)
+    every = np.concatenate(squares)
+    if not np.isfinite(every).any(axis=0).all():
+        return found
+    mean, names = np.nanmean(every, axis=0), np.array(groups)
+    return replace(found, level=np.sqrt([mean[names == g].mean() for g in names]))

@@ -17,7 +17,7 @@ from runner.recording.model_form import MechanismRecording, read_model_case, wit
 from runner.recording.model_form_mapping import ChannelSource
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem, Proposal
-from runner.systems.channels import Channel, Signals, Space
+from runner.systems.channels import Channel, Scatter, Signals, Space
 from runner.systems.disturbance import Disturbance
 from runner.systems.drawing import DrawnBody
 from runner.systems.mechanism.coordinates import HINGE, SLIDE
@@ -83,7 +83,7 @@ class MechanismSystem(AbstractSystem):
         self._stretches: tuple[Span, ...] | None = None
         self._found_flights = self._flights()
         if any(self._found_flights):
-            of = MECHANISM.effort
+            of, self.episodes_differ = MECHANISM.effort, True
             self.worth_another, self.unknown_share = of.impact_worth_another, of.impact_unknown_share
             self.searched_s = of.impact_searched_s
             # what is smaller than that tells which corner chatters, and not where the body goes
@@ -171,7 +171,7 @@ class MechanismSystem(AbstractSystem):
                 known.simulator.survey_step_s = survey_step_s(known, self._stretches)
         return self._stretches
 
-    def scatter(self) -> FloatArray | None:
+    def scatter(self) -> Scatter | None:
         """Return what impacts leave open, see `runner.systems.mechanism.scatter`; None: nothing hits anything."""
         if not any(self._found_flights):
             return None
@@ -183,7 +183,11 @@ class MechanismSystem(AbstractSystem):
             spans,
         )
         starts = [self.initial.guess(of, i) for i in range(len(spans))]
-        return scatter(self.simulator(), spans, starts, [c.group for c in self.channels])
+        calm = tuple(np.zeros(len(e), bool) for e in self.recording.episodes)
+        lying = rests(self.recording, self.initial.coordinates, self.context.model)
+        for span in (*(s for own in self._found_flights for s in own), *lying):
+            calm[span.episode][span.begin : span.end] = True
+        return scatter(self.simulator(), spans, starts, [c.group for c in self.channels], calm)
 
     def _flights(self) -> list[list[Span]]:
         """Return when bodies that are measured as a whole touch nothing, for each episode; none of other mechanisms."""

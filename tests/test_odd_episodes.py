@@ -1,0 +1,100 @@
+"""An episode that goes elsewhere than any model says does not decide what all others say together."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from runner.effects.base import Parameter
+from runner.inference.variable_projection import Basis, Descent, FitPoint, Spread, orthonormal
+from runner.noise.measured import Measured, refine
+from runner.noise.model import NoiseModel
+from runner.recording import Span
+from runner.settings import SETTINGS
+
+T = np.linspace(0.0, 1.0, 60)
+SHARED, ODD, FROM = 2.0, 40.0, 3.0
+PARAMETERS = (Parameter("slope", "", 1.0, -100.0, 100.0),)
+
+
+def episodes() -> list[NDArray[np.float64]]:
+    """Return lines of one slope and starts of their own, with noise of 1, and one of quite another slope."""
+    rng = np.random.default_rng(6)
+    return [start + slope * T + rng.normal(size=len(T)) for start, slope in ((0, SHARED),) * 7 + ((3, ODD),)]
+
+
+def fitted(odd_from: float) -> FitPoint:
+    """Return where a fit of the shared slope ends, each episode with a start of its own."""
+    measured = episodes()
+    basis = [orthonormal(np.ones((len(T), 1))) for _ in measured]
+
+    def linearise(x: NDArray[np.float64], starts: NDArray[np.float64], _: Basis | None) -> FitPoint:
+        residual = [s[0] + x[0] * T - y for s, y in zip(starts, measured, strict=True)]
+        squares, counts = np.array([r @ r for r in residual]), np.full(len(residual), len(T))
+        spread = Spread.beyond(odd_from, squares, counts) if np.isfinite(odd_from) else Spread.none(len(residual))
+        q, r = zip(*basis, strict=True)
+        return FitPoint(x, starts, residual, [T[:, None] for _ in residual], spread, Basis(q, r), fresh=True)
+
+    descent = Descent(PARAMETERS, linearise, len(T) * len(measured), np.inf, 0, 1e-9, polish=True)
+    return descent.down(linearise(np.zeros(1), np.zeros((len(measured), 1)), None), 50)
+
+
+def left(slope: float) -> NDArray[np.float64]:
+    """Return the sum of squares of each episode at a slope, its start the best one."""
+    return np.array([((d := y - slope * T) - d.mean()) @ (d - d.mean()) for y in episodes()])
+
+
+def test_one_odd_episode_hardly_moves_a_fit() -> None:
+    """It ends at the minimum of the sum of n c (1 + log(s / n c)) for what leaves more than c; squares end elsewhere.
+
+    As near as fits come that much is left of: within a standard error of the slope.
+    """
+    n = len(T)
+
+    def robust(slope: float) -> float:
+        s = left(slope)
+        return float(np.where(s > FROM * n, FROM * n * (1.0 + np.log(np.maximum(s, 1.0) / (FROM * n))), s).sum())
+
+    told = fitted(FROM)
+    best = minimize_scalar(robust, bounds=(-10.0, 20.0), method="bounded", options={"xatol": 1e-9})
+    assert told.x[0] == pytest.approx(best.x, abs=np.sqrt(12.0 / (n * 7)))
+    assert told.total == pytest.approx(best.fun, rel=1e-3)
+    assert abs(told.x[0] - SHARED) < 1.0
+    assert fitted(np.inf).x[0] == pytest.approx(SHARED + (ODD - SHARED) / 8, abs=0.5)
+
+
+def test_what_is_not_odd_is_as_it_was() -> None:
+    """Below the limit the loss is the sum of squares, to the last bit."""
+    squares = np.array([10.0, 179.0])
+    spread = Spread.beyond(3.0, squares, np.array([60, 60]))
+    assert spread.dispersion.tolist() == [1.0, 1.0]
+    assert spread.volume.tolist() == [0.0, 0.0]
+    assert Spread.beyond(3.0, np.array([np.inf]), np.array([60])).dispersion.tolist() == [1.0]
+
+
+@pytest.mark.parametrize("differ", [True, False])
+def test_what_is_odd_is_told_by_the_others(*, differ: bool) -> None:
+    """Three times what a model leaves of most episodes; where episodes do not differ none is odd."""
+    rng = np.random.default_rng(2)
+    values = tuple(rng.normal(size=(400, 1)) for _ in range(5))
+    white, valid = NoiseModel.white(1), tuple(np.ones((400, 1), bool) for _ in values)
+    spans = tuple(Span(e, 0, 400) for e in range(5))
+    known = Measured(spans, values, np.ones(1), white, valid, np.ones(1))
+    system: Any = SimpleNamespace(
+        episodes_differ=differ,
+        values=lambda: values,
+        stated_noise=lambda: np.ones(1),
+        channels=(SimpleNamespace(group="x"),),
+        rate_hz=100.0,
+        recording=SimpleNamespace(episodes=[SimpleNamespace(step_s=0.01) for _ in values]),
+    )
+    slow = 2.0 * np.sin(np.linspace(0.0, 6.0, 400))[:, None]
+    residuals = {e: v + slow * (10.0 if e == 0 else 1.0) for e, v in enumerate(values)}
+    found = refine(known, system, residuals).odd_from
+    usual = (1.0 + (slow**2).mean()) / found * SETTINGS.noise.odd_episode_ratio
+    assert usual == pytest.approx(1.0, rel=0.15) if differ else found == np.inf
