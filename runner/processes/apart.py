@@ -82,7 +82,7 @@ def apart(function: Callable[..., Any], *arguments: Any, patience_s: float) -> A
 
 
 def _let_go_of_others() -> None:
-    """Forget the process that is kept if it has ended, or is not of this one but of the one that this was forked from."""
+    """Forget the process that is kept if it has ended, or is that of the process which this one was forked from."""
     if _kept and _kept[0].process.poll() is not None:  # of a process that is no child of its own it says that, too
         _kept.clear()
 
