@@ -27,7 +27,6 @@ from runner.storage.provenance import commit, versions
 
 GIB = 2**30
 LITTLE_GIB = 1.0  # a sweep with full logs takes that much
-MOTIONS = (sliding, swinging)
 TESTING = "Testing, the first time with a minute of compiling"
 
 
@@ -42,9 +41,9 @@ def main(config: DoctorConfig, job: Job) -> int:
     print_table(console, "Versions", (("what", "version"), [*versions().items(), *_commit()]))
     print_table(console, "Machine", (("what", "found"), list(_machine())))
     began = time.perf_counter()
-    outcomes = []
-    with progress(TESTING, total=len(MOTIONS), unit="motions", minutes=True) as advance:
-        for motion in MOTIONS:
+    outcomes, motions = [], (sliding, swinging)
+    with progress(TESTING, total=len(motions), unit="motions", minutes=True) as advance:
+        for motion in motions:
             outcomes.append(motion())
             advance()
     seconds = time.perf_counter() - began
