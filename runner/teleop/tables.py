@@ -26,7 +26,7 @@ from runner.errors import ResultError, RunnerError, WriteError
 from runner.storage import run_status
 from runner.storage.parquet_file import UNREADABLE, ParquetError, read_whole
 from runner.storage.writing import own_folder, replacing
-from runner.teleop.frames import RunResult, Truth
+from runner.teleop.frames import ENDED, RunResult, Truth
 
 SUMMARY = "summary.parquet"
 SWEEP = "sweep.txt"  # marks the folder of a sweep, and says what it was made with
@@ -293,7 +293,7 @@ def _folders(path: Path) -> list[Path]:
 
 
 def _begun(folder: Path) -> dict[str, Any] | None:
-    """Return the row of a run that has left none: how far it has come; None for what is not a run."""
+    """Return the row of a run that has not come to its end: how far it has come; None for what is not such a run."""
     noted = run_status.begun(folder)
     status = run_status.status_of(folder)
     if noted.get("command") != OF_RUN or status in (None, run_status.Status.done):
@@ -315,8 +315,10 @@ def _read(folder: Path) -> pd.DataFrame:
         table = _whole(pa.table({name: _column([row.get(name) for row in rows]) for name in names}))
         table.insert(0, "run", [str(sweep / str(row["job"])) for row in rows])
         return table
-    if not (folder / SUMMARY).is_file() and (row := _begun(folder)) is not None:
-        return pd.DataFrame([{"run": str(folder), **row}])
+    row, rowless = _begun(folder), not (folder / SUMMARY).is_file()
+    begun = pd.DataFrame([{"run": str(folder), **(row or {})}])
+    if row is not None and (rowless or row["status"] != run_status.Status.failed.value):
+        return begun  # what a row says that is there is of an earlier run
     try:
         table = _whole(_table(folder / SUMMARY))
     except UNREADABLE as error:
@@ -324,7 +326,8 @@ def _read(folder: Path) -> pd.DataFrame:
     if "run" in table:
         raise ResultError(f"paths: '{folder / SUMMARY}' is no summary of runs: it has a column 'run'.")
     table.insert(0, "run", str(folder))
-    return table
+    ended = "status" in table and bool(table["status"].isin(ENDED).any())
+    return begun if row is not None and ended else table  # one that failed has a row that says so
 
 
 def _whole(table: pa.Table) -> pd.DataFrame:
