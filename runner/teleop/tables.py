@@ -258,7 +258,10 @@ def collect(paths: Iterable[Path]) -> pd.DataFrame:
             raise ResultError(f"paths: no folder '{path}'.")
         found = [_read(folder) for folder in _folders(path)]
         if not any(len(table) for table in found):
-            raise ResultError(f"paths: no '{SUMMARY}' in '{path}' nor in a folder within it: no run has ended there.")
+            how = "".join(f": {status.value}; {goes_on_with(folder)}" for folder, status in unfinished([path])[:1])
+            raise ResultError(
+                f"paths: no '{SUMMARY}' in '{path}' nor in a folder within it: no run has ended there{how}."
+            )
         tables += found
     return pd.concat([table for table in tables if len(table)], ignore_index=True)
 
@@ -269,6 +272,11 @@ def unfinished(paths: Iterable[Path]) -> list[tuple[Path, run_status.Status]]:
     sweeps = dict.fromkeys(f for path in paths for f in _folders(path) if (f / SWEEP).is_file())
     found = ((folder, run_status.status_of(folder)) for folder in sweeps)
     return [(folder, status) for folder, status in found if status and status in stopped and not still_held(folder)]
+
+
+def goes_on_with(sweep: Path) -> str:
+    """Return in words which command goes on with a sweep that was stopped."""
+    return f"go on with: runner run resume={sweep}"
 
 
 def _folders(path: Path) -> list[Path]:
