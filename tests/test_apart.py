@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import time
 
 import pytest
@@ -46,3 +48,17 @@ def test_an_error_of_this_project_keeps_its_words() -> None:
     error = apart(file_error, "log.mcap", "MCAP", ValueError("cut off."), patience_s=30.0)
     assert isinstance(error, RecordingError)
     assert str(error) == "log.mcap: can't be read as MCAP: cut off."
+
+
+def test_nothing_is_left_running_when_the_program_ends() -> None:
+    """The process that is kept for the next call is ended and waited for, also where a fork of this one has it, too."""
+    program = (
+        "import os; from runner.processes.apart import apart\n"
+        "apart(len, [1], patience_s=60.0)\n"
+        "if os.fork() == 0:\n"
+        "    raise SystemExit(apart(len, [], patience_s=60.0))\n"
+        "raise SystemExit(os.waitstatus_to_exitcode(os.wait()[1]) + apart(len, [], patience_s=60.0))\n"
+    )
+    words = [sys.executable, "-W", "always::ResourceWarning", "-c", program]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -122,13 +122,31 @@ def test_decimal_commas_are_seen(tmp_path: Path) -> None:
     np.testing.assert_allclose(case.episodes[1].pose[:, 0], log["box_x_mm"][60:120] / 1000, atol=1e-12)
 
 
-@pytest.mark.parametrize("names", [("angriff_x_mm", "angriff_y_mm"), ("Cx (mm)", "Cy (mm)")])
+@pytest.mark.parametrize("names", [("angriff_x_mm", "angriff_y_mm"), ("Cx (mm)", "Cy (mm)"), ("tip_x_mm", "tip_y_mm")])
 def test_the_only_other_place_is_where_the_force_acts(names: tuple[str, str], tmp_path: Path) -> None:
     """Where it acts is told in words that nobody here knows, but the log tells two places only."""
     log = tracker().rename(columns=dict(zip(("contact_u_mm", "contact_v_mm"), names, strict=True)))
     text = yaml.safe_load(imported(log, tmp_path))
     assert [text["commands"][c]["signal"] for c in ("px", "py")] == list(names)
     assert [text["channels"][c]["signal"] for c in ("x", "y")] == ["box_x_mm", "box_y_mm"]
+
+
+@pytest.mark.parametrize(("pin", "point"), [("", "TODO"), ("pin: {radius: 0.005, friction: 0.2}\n", None)])
+def test_a_pushers_path_is_no_point_of_the_box(
+    pin: str, point: str | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A tip that goes farther than the box is large is the path of a pin where one is believed in, else left open."""
+    log = tracker().rename(columns={"contact_u_mm": "tip_x_mm", "contact_v_mm": "tip_y_mm"})
+    log["tip_x_mm"] += log["box_x_mm"] + 400
+    log.to_csv(tmp_path / "pushes.csv", index=False)
+    (tmp_path / "box.yaml").write_text(BELIEVED + pin)
+    path = tmp_path / "map.yaml"
+    assert main(["import", str(tmp_path / "pushes.csv"), f"model={tmp_path / 'box.yaml'}", f"propose={path}"]) == 0
+    commands = yaml.safe_load(path.read_text())["commands"]
+    assert commands.get("px", {}).get("signal") == point
+    assert commands.get("tip_x", {}).get("signal") == ("tip_x_mm" if pin else None)
+    said = " ".join(capsys.readouterr().out.split())
+    assert ("'tip_x_mm': goes beyond the box" in said) == (not pin)
 
 
 def test_a_box_is_in_the_unit_of_where_the_force_acts(tmp_path: Path) -> None:

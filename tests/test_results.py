@@ -204,6 +204,32 @@ def test_a_row_of_before_is_not_taken_for_that_of_a_killed_run(tmp_path: Path, m
     assert (row["status"], row["reason"].split(":")[0]) == ("failed", "MemoryError")
 
 
+@pytest.mark.parametrize(
+    ("noted", "said"), [("running", "killed"), ("interrupted", "interrupted"), ("failed", "failed")]
+)
+def test_a_row_that_is_still_there_is_not_that_of_a_later_run(noted: str, said: str, tmp_path: Path) -> None:
+    """A run again that ends between its first note and the removal of the old row: `run.yaml` has the say."""
+    out = tmp_path / "r"
+    assert main([f"out={out}", *QUICK]) == 0
+    note = (out / run_status.FILE).read_text()
+    assert note.startswith("status: done\n")
+    (out / run_status.FILE).write_text(note.replace("status: done", f"status: {noted}", 1))
+    (row,) = tables.collect([out]).to_dict("records")
+    assert row["status"] == said
+
+
+def test_a_run_that_failed_keeps_its_row(tmp_path: Path) -> None:
+    """Its row says when and why; `run.yaml` alone would not."""
+    out = tmp_path / "r"
+    assert main([f"out={out}", *QUICK]) == 0
+    (row,) = tables.read_summary(out / tables.SUMMARY)
+    tables.write_summary([{**row, "status": "diverged", "reason": "at 0.2 s"}], out)
+    note = (out / run_status.FILE).read_text()
+    (out / run_status.FILE).write_text(note.replace("status: done", "status: failed", 1))
+    (row,) = tables.collect([out]).to_dict("records")
+    assert (row["status"], row["reason"]) == ("diverged", "at 0.2 s")
+
+
 def test_other_versions_are_said_and_both_are_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

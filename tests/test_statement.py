@@ -217,6 +217,7 @@ def test_what_only_fitted_episodes_leave_is_not_said_of_the_others() -> None:
     [
         ("regime", "just after a change of command", "just after a change of command", "share one clock"),
         ("regime", "pushed straight", "when pushed straight", "acts only then"),
+        ("regime", "pushed turning", "when pushed turning", "on its corners"),
         ("place", "x 0.40 m, y 1.20 m", "around x 0.40 m, y 1.20 m", "another surface"),
         ("heading in the world", "90°", "when moving towards 90° in the world", "a slope"),
         ("time", "the last quarter", "in the last quarter of an episode", "warming up"),

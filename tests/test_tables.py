@@ -109,6 +109,18 @@ def test_what_is_missing_or_broken_is_named(tmp_path: Path) -> None:
         collect([tmp_path])
 
 
+def test_a_sweep_that_was_stopped_before_its_first_row_says_so(tmp_path: Path) -> None:
+    """How it ended, and the command that goes on; not that there is nothing."""
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s" / "sweep.txt").write_text("run start.mass_kg=1,2\n")
+    for noted, said in (("running", "killed"), ("interrupted", "interrupted")):
+        (tmp_path / "s" / "run.yaml").write_text(f"status: {noted}\ncommand: run\n")
+        with pytest.raises(
+            ResultError, match=rf"no run has ended there: {said}; go on with: runner run resume=.*/s\.$"
+        ):
+            collect([tmp_path])
+
+
 def test_a_summary_is_read_back(tmp_path: Path) -> None:
     """What is written is read, for rows that differ in their columns too."""
     write_summary([{"a": 1, "b": 0.5, "c": "x"}, {"a": 2, "d": True}], tmp_path)

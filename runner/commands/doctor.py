@@ -1,7 +1,8 @@
 """Say whether all is well here: versions, cores, graphics, disk, and a self-test against closed forms.
 
 The self-test lets a box slide to rest and a pendulum swing, and holds distance and period against what they are in
-closed form; it takes a few seconds, more where the friction law has to be compiled first. Exit code 1: it failed.
+closed form; it takes a few seconds, and a minute more where the friction law has to be compiled first.
+Exit code 1: it failed.
 """
 
 from __future__ import annotations
@@ -21,10 +22,12 @@ from runner.commands._execute import RESULTS
 from runner.commands._print import print_table
 from runner.commands._self_test import ALLOWED, sliding, swinging
 from runner.commands.view import has_display, viewer
+from runner.progress import progress
 from runner.storage.provenance import commit, versions
 
 GIB = 2**30
 LITTLE_GIB = 1.0  # a sweep with full logs takes that much
+TESTING = "Testing, the first time with a minute of compiling"
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,11 @@ def main(config: DoctorConfig, job: Job) -> int:
     print_table(console, "Versions", (("what", "version"), [*versions().items(), *_commit()]))
     print_table(console, "Machine", (("what", "found"), list(_machine())))
     began = time.perf_counter()
-    outcomes = [sliding(), swinging()]
+    outcomes, motions = [], (sliding, swinging)
+    with progress(TESTING, total=len(motions), unit="motions", minutes=True) as advance:
+        for motion in motions:
+            outcomes.append(motion())
+            advance()
     seconds = time.perf_counter() - began
     rows = [
         (o.what, f"{o.simulated:.6f} {o.unit}", f"{o.exact:.6f} {o.unit}", f"{o.off:.1e}", "ok" if o.passed else "OFF")

@@ -37,7 +37,7 @@ def main(config: FiguresConfig, job: Job) -> None:
     entries = write(config.paths, out, skipped=lambda line: print(line, file=sys.stderr))
     for entry in entries:
         print(f"{entry.file}: {entry.seen}" + (f" The claim {entry.verdict}." if entry.claim else ""))
-    print(f"{len(entries)} figures: {out / 'index.html'}")
+    print(f"{len(entries)} {'figure' if len(entries) == 1 else 'figures'}: {out / 'index.html'}")
 
 
 COMMAND = Command(config=FiguresConfig, main=main, positional="paths")

@@ -114,8 +114,8 @@ def _import(config: ImportConfig, map_file: Path, console: Console) -> None:
     print_table(console, "Columns", (("column", "signal", "unit"), conversions))
     for note in (*built.notes, *read):
         _say(console, f"Note: {note}.")
-    episodes = built.table["episode"].nunique()
-    _say(console, f"{episodes} episodes, {len(built.table)} rows: {config.out}")
+    episodes = len(built.table["episode"].unique())
+    _say(console, f"{episodes} {'episode' if episodes == 1 else 'episodes'}, {len(built.table)} rows: {config.out}")
     _say_whole(console, f"  runner gap {config.out}")
 
 

@@ -63,7 +63,7 @@ def main(config: TableConfig, job: Job) -> None:
     """Print the table, or write it."""
     table = read_table(*config.paths)
     for folder, status in tables.unfinished(config.paths):
-        print(f"{folder}: {status.value}; go on with: runner run resume={folder}", file=sys.stderr)
+        print(f"{folder}: {status.value}; {tables.goes_on_with(folder)}", file=sys.stderr)
     if config.out is None:
         print(written(table, config.chosen))
         return

@@ -326,7 +326,7 @@ class Fitter:
         def linearise(x: np.ndarray, starts: np.ndarray, basis: Basis | None) -> FitPoint:
             return self._linearise(explanation, x, starts, episodes, basis)
 
-        def compare(x: np.ndarray, starts: np.ndarray) -> np.ndarray:
+        def compare(x: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             return self._compared(explanation.make(x, self.context), starts, episodes)
 
         point = _first_point(linearise, parameters, x, starts, basis)
@@ -347,13 +347,16 @@ class Fitter:
             converged=point.ending is Ending.RESTED and point.fresh,
         )
 
-    def _compared(self, effects: Effects, starts: np.ndarray, episodes: Sequence[int]) -> np.ndarray:
-        """Return the loss of each episode from several start states, (E, K, S): (E, K)."""
-        out = []
+    def _compared(
+        self, effects: Effects, starts: np.ndarray, episodes: Sequence[int]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the loss of each episode from start states, (E, K, S), and the measured one, (E, K + 1), and those."""
+        shown = [self.simulator.seen_start(self.held + effects, s) for s in self.first_starts(episodes)]
+        starts, out = np.concatenate([starts, np.array(shown)[:, None]], axis=1), []
         for e, some in zip(episodes, starts, strict=True):
             rows = self.whitened(e, [Run(effects, start) for start in some])
             out.append(self._spread(rows, [e] * len(rows)).loss(rows))
-        return np.array(out)
+        return np.array(out), starts
 
     def _linearise(
         self, explanation: Explanation, x: np.ndarray, starts: np.ndarray, episodes: Sequence[int], basis: Basis | None

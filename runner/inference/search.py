@@ -26,7 +26,15 @@ from runner.inference.leap import leap
 from runner.inference.least_squares import NONE, Fit, Fitter, are_near
 from runner.inference.probability import not_none, shares, unknown_by_excess
 from runner.inference.shortlist import finished, gain, with_fit, without_one, worth_of
-from runner.inference.warm_start import Beginning, Key, WarmStart, key_of, over_edges, where_to_begin
+from runner.inference.warm_start import (
+    Beginning,
+    Key,
+    WarmStart,
+    from_the_air,
+    key_of,
+    over_edges,
+    where_to_begin,
+)
 from runner.settings import SETTINGS
 
 
@@ -87,6 +95,7 @@ class _Rounds:
         count: How many measurements there are.
         seeds: Beginnings from an earlier look that are not used up.
         ruled_out: What is not to be tried again.
+        flown: Start states from before anything was hit, see `Beginning`.
         contenders: Compared by evidence so far.
         seen: What was fitted.
         taken_apart: Sets whose effects were left out one by one.
@@ -103,6 +112,7 @@ class _Rounds:
     count: int
     seeds: dict[Key, WarmStart]
     ruled_out: frozenset[Key]
+    flown: np.ndarray | None
     contenders: list[Contender]
     seen: set[Key]
     taken_apart: set[Key]
@@ -129,6 +139,7 @@ class _Rounds:
             count=count,
             seeds=dict(beginning.seeds),
             ruled_out=beginning.ruled_out,
+            flown=beginning.flown,
             contenders=[contend(fitter, nominal, alone, dispersion=dispersion)],
             dispersion=dispersion,
             seen={NONE.candidates},
@@ -295,15 +306,13 @@ class _Rounds:
             return None
         self.seen.add(key)
         steps = SETTINGS.fit.screening_steps if size == 1 or self.pieces else SETTINGS.fit.warm_steps
-        fit = self.fitter.fit(
-            explanation,
-            self.episodes,
-            **where_to_begin(self.fitter, explanation, x, contender.fit, self.seeds.pop(key, None)),
-            target=target,
-            patience=self._patience(size, placed=placed),
-            iterations=steps,
-            polish=False,
-        )
+        how = {"target": target, "patience": self._patience(size, placed=placed), "iterations": steps, "polish": False}
+        begin = where_to_begin(self.fitter, explanation, x, contender.fit, self.seeds.pop(key, None))
+        fit = self.fitter.fit(explanation, self.episodes, **begin, **how)
+        if size == 1 and self.flown is not None:
+            air = from_the_air(self.fitter, explanation, self.episodes, self.flown)
+            if air is not None:
+                fit = min(fit, self.fitter.fit(explanation, self.episodes, **air, **how), key=lambda f: f.total)
         if candidate.effect.discontinuous and fit.total - self.count > far:
             fit = over_edges(self.fitter, fit, contender.fit)
         return fit

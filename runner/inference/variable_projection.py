@@ -101,8 +101,9 @@ class FitPoint:
 
 # from x, start states, and derivatives by those, or None where they are to be taken anew
 Linearise = Callable[[np.ndarray, np.ndarray, Basis | None], FitPoint]
-# from x and K start states of each episode, (E, K, S), to the loss of each, (E, K)
-Compare = Callable[[np.ndarray, np.ndarray], np.ndarray]
+# from x and K start states of each episode, (E, K, S), to what they and the measured ones leave of each, (E, K + 1), and
+# all of those, (E, K + 1, S)
+Compare = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 # of its step that an episode's start may take where not all can go as far
 SHARES = np.array([1.0, 0.25, 0.0625, 0.0])
 
@@ -166,11 +167,12 @@ class Descent:
     def _each_as_far_as_it_goes(self, point: FitPoint, dx: np.ndarray, ds: np.ndarray) -> FitPoint | None:
         """Return where a step leads if every episode's start takes that share of its own which suits it best.
 
-        None if the loss is no lower there either. A start belongs to its episode alone, so that none has to wait for
-        the others.
+        Or begins anew from what is measured, which may mean another start by now. None if the loss is no lower there
+        either. A start belongs to its episode alone, so that none has to wait for the others.
         """
-        x, tried = point.x + dx, point.starts[:, None] + SHARES[:, None] * ds[:, None]
-        left = np.nan_to_num(self.compare(x, tried), nan=np.inf)
+        x = point.x + dx
+        left, tried = self.compare(x, point.starts[:, None] + SHARES[:, None] * ds[:, None])
+        left = np.nan_to_num(left, nan=np.inf)
         best = left.argmin(axis=1)
         if not left.min(axis=1).sum() < point.total:
             return None

@@ -6,6 +6,7 @@ needs. What goes to and fro is pickled by this program on both sides, and never 
 
 from __future__ import annotations
 
+import atexit
 import os
 import subprocess
 import sys
@@ -35,7 +36,6 @@ class _Apart:
             # what an aborting library says is for its authors
             self.process = subprocess.Popen(command, pass_fds=[handle], stderr=subprocess.DEVNULL)
         theirs.close()
-        self.owner = os.getpid()
 
     def end(self) -> int:
         """End the process and return how it ended."""
@@ -58,8 +58,7 @@ def apart(function: Callable[..., Any], *arguments: Any, patience_s: float) -> A
     Raises:
         EndedError: If the process was ended by what it did, or had to be.
     """
-    if _kept and (_kept[0].owner != os.getpid() or _kept[0].process.poll() is not None):
-        _kept.clear()
+    _let_go_of_others()
     if not _kept:
         _kept.append(_Apart())
     other = _kept[0]
@@ -80,6 +79,19 @@ def apart(function: Callable[..., Any], *arguments: Any, patience_s: float) -> A
     if not answered:
         raise answer
     return answer
+
+
+def _let_go_of_others() -> None:
+    """Forget the process that is kept if it has ended, or is that of the process which this one was forked from."""
+    if _kept and _kept[0].process.poll() is not None:  # of a process that is no child of its own it says that, too
+        _kept.clear()
+
+
+@atexit.register
+def _end() -> None:
+    _let_go_of_others()
+    while _kept:
+        _kept.pop().end()
 
 
 def _reason(code: int) -> str:

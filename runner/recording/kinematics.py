@@ -9,16 +9,9 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from runner.numerics.arrays import FloatArray
+from runner.settings import SETTINGS
 
-LONE = 50.0  # times what is usual, and more: a sample that stands alone; heavy-tailed noise of practice cases: 15
-NEAR_S = 0.2  # how much later a velocity may tell of a change
-STUCK_SAMPLES, STUCK_RUNS = 10, 5.0  # the same value for more, and for so many times as long as is usual
-STUCK_SPEED = 0.2  # of the rms velocity: what is missed meanwhile, at least
-USUAL_STEPS, STEP = 99.0, 5.0  # a step is so many times what this percentage of them stays below
-RESTLESS = 0.5  # of the variance, from sample to sample; 2 is white noise
-APART, TOGETHER = 0.5, 0.1  # of the displacement is left unexplained: no integral of it at all; plainly one
-
-SCALE = 1.7  # times as much as the velocity says, or its inverse; 0.98 to 1.03 in 56 sound recordings
+MOTION = SETTINGS.motion
 
 
 @dataclass(frozen=True)
@@ -47,12 +40,12 @@ class Follows:
     def drifts(self) -> bool:
         """Whether a drift, and no other scale of the velocity, is what parts the two."""
         others = 1 - self.correlation**2, self.drifted
-        return min(others) > TOGETHER and self.unexplained - self.drifted < TOGETHER
+        return min(others) > MOTION.together_share and self.unexplained - self.drifted < MOTION.together_share
 
     @property
     def scaled(self) -> bool:
         """Whether another scale is what parts the two."""
-        return self.correlation > 1 - TOGETHER and not 1 / SCALE < self.gain < SCALE
+        return self.correlation > 1 - MOTION.together_share and not 1 / MOTION.max_scale < self.gain < MOTION.max_scale
 
 
 def follows(t_s: Sequence[FloatArray], positions: Sequence[FloatArray], velocities: Sequence[FloatArray]) -> Follows:
@@ -119,7 +112,7 @@ def lone_samples(values: FloatArray) -> list[int]:
         return []
     usual = max(float(np.median(sizes)) / 0.6745, float(sizes[sizes > 0].min()))
     half = np.stack([off[:-2], off[2:]]) / np.where(off[1:-1] == 0, 1.0, off[1:-1])  # of a lone sample: -1/2 and -1/2
-    alone = (sizes > LONE * usual) & (np.abs(half + 0.5) < 0.25).all(axis=0)
+    alone = (sizes > MOTION.lone_factor * usual) & (np.abs(half + 0.5) < MOTION.lone_tolerance).all(axis=0)
     return (np.flatnonzero(alone) + 1).tolist()
 
 
@@ -137,11 +130,12 @@ def jumps(t_s: FloatArray, positions: FloatArray, velocities: FloatArray) -> lis
         return []
     dt, steps = np.diff(t_s), np.diff(positions)
     off = steps - dt * (velocities[1:] + velocities[:-1]) / 2
-    near = 2 * round(NEAR_S / float(np.median(dt))) + 3
+    near = 2 * round(MOTION.answer_s / float(np.median(dt))) + 3
     changes = maximum_filter1d(velocities, near) - minimum_filter1d(velocities, near)
     hidden = 2 * dt * np.maximum(changes[1:], changes[:-1])
     usual = max(float(np.median(np.abs(off))) / 0.6745, _resolution(positions))
-    return [(int(k) + 1, float(off[k])) for k in np.flatnonzero(np.abs(off) > np.maximum(LONE * usual, hidden))]
+    apart = np.abs(off) > np.maximum(MOTION.lone_factor * usual, hidden)
+    return [(int(k) + 1, float(off[k])) for k in np.flatnonzero(apart)]
 
 
 def steps_alone(t_s: FloatArray, positions: FloatArray) -> list[tuple[int, float]]:
@@ -157,13 +151,14 @@ def steps_alone(t_s: FloatArray, positions: FloatArray) -> list[tuple[int, float
     if len(t_s) < 6:
         return []
     steps = np.diff(positions)
-    usual = float(np.percentile(np.abs(steps), USUAL_STEPS))
-    return [(k + 1, float(steps[k])) for k in lone_samples(steps / np.diff(t_s)) if abs(steps[k]) > STEP * usual]
+    least = MOTION.step_factor * float(np.percentile(np.abs(steps), MOTION.usual_percent))
+    return [(k + 1, float(steps[k])) for k in lone_samples(steps / np.diff(t_s)) if abs(steps[k]) > least]
 
 
 def is_noise(positions: FloatArray) -> bool:
     """Whether a position is another one at each sample, as no motion is that the samples can tell."""
-    return len(positions) > 2 and float(np.var(np.diff(positions))) > RESTLESS * float(np.var(positions))
+    restless = float(np.var(np.diff(positions))) > MOTION.noise_variance_ratio * float(np.var(positions))
+    return len(positions) > 2 and restless
 
 
 def stuck(
@@ -180,8 +175,8 @@ def stuck(
     """
     edges = np.concatenate([[0], np.flatnonzero(np.diff(held)) + 1, [len(held)]])
     lengths = np.diff(edges)
-    enough = max(STUCK_SAMPLES, STUCK_RUNS * float(np.median(lengths)))  # a sensor that is slower repeats its values
-    speed = STUCK_SPEED * float(np.sqrt(np.mean(velocities**2)))
+    enough = max(MOTION.stuck_samples, MOTION.stuck_runs * float(np.median(lengths)))
+    speed = MOTION.stuck_speed_share * float(np.sqrt(np.mean(velocities**2)))
     found = []
     for k in np.flatnonzero(lengths > enough):
         first, last = int(edges[k]), int(edges[k + 1]) - 1

@@ -20,17 +20,11 @@ from runner.recording.kinematics import without_gaps
 from runner.recording.model_form_mapping import ModelMapping, is_servo
 from runner.recording.plausible_pairs import place
 from runner.recording.table import Table
+from runner.settings import SETTINGS
 
-WINDOW_S, FEWEST = 0.1, 5  # over which motions are smoothed, and samples of it at least
-LATEST_S, SOONER = 0.5, 0.1  # by which a motion may answer late; what a later answer has to explain more
-LEAST_POINTS = 40
-GAIN = 10.0  # believed gains and inertias are off by less, and a weak servo follows by a quarter
-EXPLAINED = 0.3  # of the answer: enough to tell size and sign
-UNEXPLAINED = 0.15  # less than of any of 30 sound recordings
-TELLS = 0.2  # as large, squared, of the answer: a command that would have to be seen
-BEYOND, USUAL = 20.0, 99.0  # times what this percentage of commands stays below
+MOTION, FORCES, COMMANDS = SETTINGS.motion, SETTINGS.forces, SETTINGS.commands
+
 TURNS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-FRICTION = 0.1  # of the usual speed: below it dry friction is in between
 
 
 @dataclass(frozen=True)
@@ -61,7 +55,7 @@ def note_commands(table: Table, spans: Sequence[slice], mapping: ModelMapping, m
         return []
     columns = [positions[j.name] for j in joints]
     motions = list(_motions(table, spans, columns, list(mapping.commands)))
-    if sum(len(m.q) for m in motions) < LEAST_POINTS:
+    if sum(len(m.q) for m in motions) < COMMANDS.min_points:
         return []
     notes = []
     exerted = [_exerted(model, mapping, m) for m in motions]
@@ -92,15 +86,18 @@ def _told(name: str, column: str, what: str, answer: _Answer | None, with_spring
     """Return what an answer says that can't be; a spring that the model does not have may hide it."""
     if answer is None or with_spring is None:
         return []
-    if answer.explained > EXPLAINED:
+    if answer.explained > FORCES.explained_share:
         if answer.gain < 0:
             return [f"{WARNING}'{column}' moves against '{name}': one of them has the wrong sign"]
-        if not 1 / GAIN < answer.gain < GAIN:
+        if not 1 / COMMANDS.max_gain < answer.gain < COMMANDS.max_gain:
             return [
                 f"{WARNING}the motion of '{column}' needs {answer.gain:.3g} times the command '{name}' by the model; "
-                f"allowed: {1 / GAIN:g} to {GAIN:g}"
+                f"allowed: {1 / COMMANDS.max_gain:g} to {COMMANDS.max_gain:g}"
             ]
-    elif answer.size > TELLS and max(answer.explained, with_spring.explained) < UNEXPLAINED:
+    elif (
+        answer.size > COMMANDS.telling_share
+        and max(answer.explained, with_spring.explained) < COMMANDS.unexplained_share
+    ):
         return [f"{WARNING}{what.format(answer.explained)}"]
     return []
 
@@ -123,7 +120,7 @@ def _motions(
     for span in spans:
         t, measured = table["t"][span], table.stack(columns)[span]
         count, step_s = len(t), float(t[-1] - t[0]) / (len(t) - 1)
-        window = max(FEWEST, 2 * round(WINDOW_S / step_s / 2) + 1)
+        window = max(COMMANDS.min_window_samples, 2 * round(COMMANDS.smooth_s / step_s / 2) + 1)
         if count < 2 * window or not np.isfinite(measured).any(axis=0).all():
             continue
         even = t[0] + step_s * np.arange(count)
@@ -174,7 +171,7 @@ def _beside(motion: _Motion, joint: int) -> FloatArray:
     """Return what forces that the model does not have may go with, (T, 3): friction, and last a spring."""
     position, speed = motion.q[:, joint], motion.dq[:, joint]
     usual = float(np.sqrt(np.mean(speed**2))) or 1.0
-    sign = np.tanh(speed / (FRICTION * usual))  # gradual where it turns round
+    sign = np.tanh(speed / (COMMANDS.friction_speed_share * usual))  # gradual where it turns round
     return np.column_stack([speed, sign, position])
 
 
@@ -184,20 +181,20 @@ def _answered(
     """Return how what is taken answers what is given, as late as explains most; None where there is too little."""
     best: _Answer | None = None
     step_s = float(np.median([m.step_s for m in motions]))
-    for late in range(round(LATEST_S / step_s) + 1):
+    for late in range(round(FORCES.latest_s / step_s) + 1):
         ends = [max(len(g) - late, 0) for g in gives]
         given = np.concatenate([g[:n] for g, n in zip(gives, ends, strict=True)])
         taken = np.concatenate([t[late : late + n] for t, n in zip(takes, ends, strict=True)])
         beside = np.concatenate([r[late : late + n] for r, n in zip(rest, ends, strict=True)])
         found = _fitted(given, taken, np.column_stack([beside, np.ones(len(beside))]))
-        if found is not None and (best is None or found.explained > best.explained + SOONER):
+        if found is not None and (best is None or found.explained > best.explained + COMMANDS.later_share):
             best = found
     return best
 
 
 def _fitted(given: FloatArray, taken: FloatArray, beside: FloatArray) -> _Answer | None:
     """Return what is explained of `taken` by `given`, both less what goes with `beside`."""
-    if len(taken) < LEAST_POINTS or not np.ptp(given):
+    if len(taken) < COMMANDS.min_points or not np.ptp(given):
         return None
     coefficients = np.linalg.lstsq(beside, np.column_stack([given, taken]), rcond=None)[0]
     g, t = (np.column_stack([given, taken]) - beside @ coefficients).T
@@ -210,8 +207,8 @@ def _fitted(given: FloatArray, taken: FloatArray, beside: FloatArray) -> _Answer
 def _beyond(table: Table, name: str, gives: Sequence[FloatArray], takes: Sequence[FloatArray]) -> list[str]:
     """Return a note on a command of a moment that is far beyond all others and all that the motion answers."""
     sizes = np.abs(table[name] - np.median(table[name]))
-    row, usual = int(np.argmax(sizes)), float(np.percentile(sizes, USUAL))
+    row, usual = int(np.argmax(sizes)), float(np.percentile(sizes, MOTION.usual_percent))
     given, taken = (max(float(np.abs(part).max()) for part in parts) for parts in (gives, takes))
-    if sizes[row] <= BEYOND * usual or given <= taken:
+    if sizes[row] <= COMMANDS.beyond_factor * usual or given <= taken:
         return []
     return [f"{WARNING}'{name}' is {table[name][row]:.4g} at {place(table, row)}, and the motion does not answer"]

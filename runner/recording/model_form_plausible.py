@@ -11,11 +11,12 @@ from runner.recording.data import WARNING
 from runner.recording.model_form_mapping import ChannelSource, ModelMapping
 from runner.recording.plausible_pairs import alone_notes, follows_of, lone_notes, pair_notes
 from runner.recording.table import Table
+from runner.settings import SETTINGS
+
+MOTION = SETTINGS.motion
 
 # less motion than this, of a position in its unit, says nothing; a lone sample has to be off by a part of it
-MOVED = {"rad": 0.1, "m": 0.02}
-SPIKE = 0.5
-OPPOSITE = -0.9
+MOVED = {"rad": MOTION.moved_rad, "m": MOTION.moved_m}
 
 
 def note_channels(table: Table, spans: Sequence[slice], mapping: ModelMapping) -> list[str]:
@@ -36,22 +37,22 @@ def note_channels(table: Table, spans: Sequence[slice], mapping: ModelMapping) -
                     f"channel '{still.name}' never changes, while '{other.name}' says that '{still.target}' moves: a "
                     "dead channel? Take it out of nominal.yaml."
                 )
-        if found.moved > enough and found.correlation < OPPOSITE:
+        if found.moved > enough and found.correlation < -MOTION.min_correlation:
             notes.append(f"{WARNING}'{position.name}' and '{velocity.name}' have opposite signs")
         else:
-            least, unit = SPIKE * enough, position.unit
+            least, unit = MOTION.spike_share * enough, position.unit
             notes += pair_notes(table, spans, position.name, velocity.name, unit, least=least, enough=enough)
     paired = {position.name for position, _ in _pairs(mapping)}
     for source in mapping.sources:
         if source.quantity == "position" and source.unit in MOVED and source.name not in paired:
-            least, enough = SPIKE * MOVED[source.unit], MOVED[source.unit]
+            least, enough = MOTION.spike_share * MOVED[source.unit], MOVED[source.unit]
             notes += alone_notes(table, spans, source.name, source.unit, least=least, enough=enough)
     rate_hz = 1 / float(np.median(np.concatenate([np.diff(table["t"][span]) for span in spans])))
     for source in mapping.sources:
         per_s = source.quantity == "velocity"
         unit = source.unit.removesuffix("/s")
         if source.quantity in ("position", "velocity") and unit in MOVED:
-            least = SPIKE * MOVED[unit] * (rate_hz if per_s else 1.0)
+            least = MOTION.spike_share * MOVED[unit] * (rate_hz if per_s else 1.0)
             notes += lone_notes(table, spans, source.name, source.unit, least)
     return notes
 

@@ -14,16 +14,15 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from runner.recording.data import Form, Nominal
-from runner.recording.kinematics import APART, TOGETHER
 from runner.recording.plausible_forces import force_notes
 from runner.recording.plausible_pairs import apart, follows_of, lone_notes, pair_notes
 from runner.recording.table import POSE, TWIST, Table
+from runner.settings import SETTINGS
+
+MOTION = SETTINGS.motion
 
 PAIRS = tuple(zip(POSE[Form.PLANAR], TWIST[Form.PLANAR], strict=True))
 UNITS = {"x": "m", "y": "m", "yaw": "rad", "vx": "m/s", "vy": "m/s", "wz": "rad/s"}
-MOVED_HALF_SIZES, MOVED_RAD = 0.05, 0.1  # less than this says nothing
-SPIKE_HALF_SIZES, SPIKE_RAD = 0.02, 0.02  # and per sample for velocities
-MANY = 50  # fewer samples may all be the same by rounding
 
 
 def check_motion(table: Table, spans: Sequence[slice], nominal: Nominal) -> None:
@@ -34,15 +33,15 @@ def check_motion(table: Table, spans: Sequence[slice], nominal: Nominal) -> None
     """
     measured = [name for pair in PAIRS for name in pair]
     still = [name for name in measured if np.ptp(table[name]) == 0]
-    if len(still) == len(measured) and len(table) >= MANY:
+    if len(still) == len(measured) and len(table) >= MOTION.min_samples:
         raise table.error(f"nothing was measured: {_named(measured)} never change.")
-    enough = {"x": _metres(nominal), "y": _metres(nominal), "yaw": MOVED_RAD}
+    enough = {"x": _metres(nominal), "y": _metres(nominal), "yaw": MOTION.moved_rad}
     found = {pair: follows_of(table, spans, *pair) for pair in PAIRS}
     for (pose, twist), found_of in found.items():
         if pose in still and found_of.due > enough[pose]:
             raise table.error(f"column '{pose}' never changes, while '{twist}' says that it moves: a dead channel?")
         # a body that glides on has a velocity that never changes, too: the slope of its position
-        if twist in still and found_of.moved > enough[pose] and found_of.unexplained > APART:
+        if twist in still and found_of.moved > enough[pose] and found_of.unexplained > MOTION.apart_share:
             raise table.error(f"column '{twist}' never changes, while '{pose}' does: a dead channel?")
     if not any(apart(found[pair], enough[pair[0]]) for pair in PAIRS[:2]):
         return
@@ -51,19 +50,19 @@ def check_motion(table: Table, spans: Sequence[slice], nominal: Nominal) -> None
     if _would(table, spans, [("y", "vx"), ("x", "vy")], enough["x"]):
         raise table.error("'x' follows 'vy' and 'y' follows 'vx': two of these columns are exchanged.")
     for pair, other in (PAIRS[:2], PAIRS[1::-1]):
-        mirrored = found[pair].correlation < -0.9 and found[pair].moved > enough["x"]
+        mirrored = found[pair].correlation < -MOTION.min_correlation and found[pair].moved > enough["x"]
         if mirrored and not apart(found[other], enough["x"]):
             raise table.error(f"'{pair[0]}' and '{pair[1]}' have opposite signs: one of them is mirrored.")
 
 
 def note_motion(table: Table, spans: Sequence[slice], nominal: Nominal) -> None:
     """Note samples that stand alone, positions that do not follow their velocities, and forces that do not fit."""
-    limits = {"x": _metres(nominal), "y": _metres(nominal), "yaw": MOVED_RAD}
-    size = SPIKE_HALF_SIZES * max(nominal.half_size_m)
-    least = dict.fromkeys(UNITS, size) | {"yaw": SPIKE_RAD}
+    limits = {"x": _metres(nominal), "y": _metres(nominal), "yaw": MOTION.moved_rad}
+    size = MOTION.spike_half_sizes * max(nominal.half_size_m)
+    least = dict.fromkeys(UNITS, size) | {"yaw": MOTION.spike_rad}
     for name in ("vx", "vy"):
         least[name] = size * nominal.rate_hz
-    least["wz"] = SPIKE_RAD * nominal.rate_hz
+    least["wz"] = MOTION.spike_rad * nominal.rate_hz
     for name, limit in least.items():
         table.notes.extend(lone_notes(table, spans, name, UNITS[name], limit))
     for pose, twist in PAIRS:
@@ -77,11 +76,11 @@ def note_motion(table: Table, spans: Sequence[slice], nominal: Nominal) -> None:
 def _would(table: Table, spans: Sequence[slice], pairs: Iterable[tuple[str, str]], enough: float) -> bool:
     """Whether columns would follow one another if they were paired like this."""
     found = [follows_of(table, spans, *pair) for pair in pairs]
-    return all(f.unexplained < TOGETHER and f.moved > enough for f in found)
+    return all(f.unexplained < MOTION.together_share and f.moved > enough for f in found)
 
 
 def _metres(nominal: Nominal) -> float:
-    return MOVED_HALF_SIZES * max(nominal.half_size_m)
+    return MOTION.moved_half_sizes * max(nominal.half_size_m)
 
 
 def _named(names: Iterable[str]) -> str:

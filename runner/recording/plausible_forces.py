@@ -16,21 +16,9 @@ from runner.numerics.arrays import FloatArray
 from runner.recording.data import WARNING, Nominal
 from runner.recording.plausible_pairs import place
 from runner.recording.table import Table
+from runner.settings import SETTINGS
 
-GAIN = 5.0  # believed masses and frictions are off by less
-TURNED_DEG = 45.0
-BLOCK_S, LEAST_BLOCKS = 0.1, 20
-LATEST_S = 0.5  # by which a motion may answer its forces late
-SLIDES_M_S = 0.05
-STEEP = 0.25  # of the weight, beside the commanded forces; 0.02 is the most of 26 sound recordings
-OUTSIDE = 2.0  # times the half diagonal: no force acts on a body there
-EXPLAINED = 0.3  # of the needed force, by the commanded one: below it size and direction say nothing
-UNEXPLAINED = 0.2  # less is explained of no sound recording: 0.29 is the least of 112
-PLAINLY = 0.6  # is explained if columns are taken otherwise
-AXIS = 0.4  # of what is needed along the other axis
-TURNS = 0.05  # of force times half size: smaller moments say nothing
-MANY = 50  # fewer samples may all be the same by rounding
-CERTAIN = 5.0  # standard deviations
+MOTION, FORCES = SETTINGS.motion, SETTINGS.forces
 
 
 @dataclass(frozen=True)
@@ -67,7 +55,7 @@ def force_notes(table: Table, spans: Sequence[slice], nominal: Nominal) -> list[
         spans: Rows of each episode.
         nominal: What is believed of it.
     """
-    if len(table) >= MANY and not any(table[name].any() for name in ("fx", "fy")):
+    if len(table) >= MOTION.min_samples and not any(table[name].any() for name in ("fx", "fy")):
         return [f"{WARNING}nothing is pushed: 'fx', 'fy' are zero in every row"]
     if outside := _outside(table, nominal):
         return outside
@@ -75,10 +63,10 @@ def force_notes(table: Table, spans: Sequence[slice], nominal: Nominal) -> list[
     beyond = _beyond(table, nominal, episodes)
     if beyond:
         return beyond
-    used = max((_late(episodes, late) for late in range(round(LATEST_S / BLOCK_S) + 1)), key=_explained)
-    enough = len(used.needed) >= LEAST_BLOCKS
+    used = max((_late(episodes, late) for late in range(round(FORCES.latest_s / FORCES.block_s) + 1)), key=_explained)
+    enough = len(used.needed) >= FORCES.min_blocks
     notes = [*_unexplained(used), *_sizes(used), *_offset(used, nominal)] if enough else []
-    if not notes and _explained(used) <= EXPLAINED and gained_j > GAIN * given_j:
+    if not notes and _explained(used) <= FORCES.explained_share and gained_j > FORCES.max_gain * given_j:
         notes.append(
             f"{WARNING}the body gains {gained_j:.3g} J of motion, the forces 'fx', 'fy' give at most {given_j:.3g} J"
         )
@@ -89,7 +77,7 @@ def _outside(table: Table, nominal: Nominal) -> list[str]:
     """Note a place of a force that is far off the body."""
     off = np.hypot(table["px"], table["py"])
     row = int(np.argmax(off))
-    if off[row] <= OUTSIDE * float(np.hypot(*nominal.half_size_m[:2])):
+    if off[row] <= FORCES.max_reach * float(np.hypot(*nominal.half_size_m[:2])):
         return []
     return [
         f"{WARNING}the place 'px', 'py' of the force is {off[row]:.4g} m off the body's middle at {place(table, row)}"
@@ -105,7 +93,7 @@ def _beyond(table: Table, nominal: Nominal, episodes: Sequence[_Blocks]) -> list
     most = needed + nominal.mass_kg * nominal.friction * nominal.gravity_m_s2
     commanded = max(float(np.linalg.norm(e.commanded, axis=1).max()) for e in episodes)
     usual = float(np.median(sizes[sizes > 0])) if sizes.any() else 0.0  # all of them too large is told as their size
-    if commanded <= GAIN * max(most, usual):
+    if commanded <= FORCES.max_gain * max(most, usual):
         return []
     row = int(np.argmax(sizes))
     return [
@@ -117,7 +105,8 @@ def _beyond(table: Table, nominal: Nominal, episodes: Sequence[_Blocks]) -> list
 def _unexplained(used: _Blocks) -> list[str]:
     """Note axes of which the commanded forces explain next to nothing."""
     left, whole = _left(used)
-    low = [k for k in (0, 1) if whole[k] > AXIS**2 * whole.max() and 1 - left[k] / whole[k] < UNEXPLAINED]
+    needed = whole > FORCES.axis_share**2 * whole.max()
+    low = [k for k in (0, 1) if needed[k] and 1 - left[k] / whole[k] < FORCES.unexplained_share]
     if not low:
         return []
     share = 1 - left[low].sum() / whole[low].sum()
@@ -129,7 +118,7 @@ def _sizes(used: _Blocks) -> list[str]:
     """Note forces of another size, direction or hand, where they explain enough of the motion to tell."""
     matrix = _fitted(used.commanded, used.needed)[:2].T
     sizes = np.linalg.svd(matrix, compute_uv=False)
-    if _explained(used) <= EXPLAINED or sizes[1] <= EXPLAINED * sizes[0]:
+    if _explained(used) <= FORCES.explained_share or sizes[1] <= FORCES.explained_share * sizes[0]:
         return []
     notes, gain = [], float(np.sqrt(sizes[0] * sizes[1]))
     turned = float(np.degrees(np.arctan2(matrix[1, 0] - matrix[0, 1], matrix[0, 0] + matrix[1, 1])))
@@ -137,13 +126,13 @@ def _sizes(used: _Blocks) -> list[str]:
         notes.append(
             f"{WARNING}the motion mirrors the forces: one axis of 'fx', 'fy' has the wrong sign, or they are exchanged"
         )
-    elif abs(turned) > TURNED_DEG:
-        what = "against" if abs(turned) > 180 - TURNED_DEG else f"at {turned:+.0f} degrees to"
+    elif abs(turned) > FORCES.turned_deg:
+        what = "against" if abs(turned) > 180 - FORCES.turned_deg else f"at {turned:+.0f} degrees to"
         notes.append(f"{WARNING}the body accelerates {what} the forces 'fx', 'fy'")
-    if not 1 / GAIN < gain < GAIN:
+    if not 1 / FORCES.max_gain < gain < FORCES.max_gain:
         notes.append(
             f"{WARNING}the motion needs {gain:.3g} times the forces 'fx', 'fy' with the believed mass and friction; "
-            f"allowed: {1 / GAIN:g} to {GAIN:g}"
+            f"allowed: {1 / FORCES.max_gain:g} to {FORCES.max_gain:g}"
         )
     return notes
 
@@ -151,8 +140,8 @@ def _sizes(used: _Blocks) -> list[str]:
 def _offset(used: _Blocks, nominal: Nominal) -> list[str]:
     """Note a force that the motion needs all the time beside the commanded ones, larger than of any slope or wind."""
     constant = _fitted(used.commanded, used.needed)[2]
-    size = float(np.hypot(*constant))
-    if _explained(used) <= EXPLAINED or size < STEEP * nominal.mass_kg * nominal.gravity_m_s2:
+    size, weight_n = float(np.hypot(*constant)), nominal.mass_kg * nominal.gravity_m_s2
+    if _explained(used) <= FORCES.explained_share or size < FORCES.max_constant * weight_n:
         return []
     name = ("fx", "fy")[int(np.argmax(np.abs(constant)))]
     return [
@@ -164,7 +153,7 @@ def _places(used: _Blocks, nominal: Nominal) -> list[str]:
     """Note places of forces that do not make the body turn as it does; where its centre of mass is, is left open."""
     pushed = float(np.sqrt(np.mean(np.sum(used.commanded**2, axis=1)))) * max(nominal.half_size_m[:2])
     turning = float(np.std(used.turning))
-    if turning < max(TURNS * pushed, CERTAIN * used.noise_n_m):
+    if turning < max(FORCES.turning_share * pushed, FORCES.certain_errors * used.noise_n_m):
         return []
 
     def left(*columns: FloatArray) -> float:
@@ -175,15 +164,15 @@ def _places(used: _Blocks, nominal: Nominal) -> list[str]:
     given, exchanged, mirrored = (left(used.pushes, used.moments[:, k]) for k in range(3))
     signs = [np.sign(_fitted(np.column_stack([used.spin, used.pushes, m]), used.turning)[3]) for m in used.moments.T]
     explained = 1 - given / base
-    if 1 - given / alone > PLAINLY and signs[0] < 0:
+    if 1 - given / alone > FORCES.plain_share and signs[0] < 0:
         what = "the body turns against the forces: 'px', 'py', or 'yaw' and the forces, have the other sign"
-    elif explained > EXPLAINED:
+    elif explained > FORCES.explained_share:
         return []
-    elif 1 - exchanged / alone > PLAINLY and signs[1] > 0:
+    elif 1 - exchanged / alone > FORCES.plain_share and signs[1] > 0:
         what = "the body turns as if 'px' and 'py' were exchanged"
-    elif 1 - mirrored / alone > PLAINLY and signs[2] < 0:
+    elif 1 - mirrored / alone > FORCES.plain_share and signs[2] < 0:
         what = "the body turns as if 'yaw' and 'wz' had the other sign"
-    elif explained < UNEXPLAINED:
+    elif explained < FORCES.unexplained_share:
         what = f"the places 'px', 'py' of the forces explain {explained:.0%} of how the body turns"
     else:
         return []
@@ -192,7 +181,7 @@ def _places(used: _Blocks, nominal: Nominal) -> list[str]:
 
 def _explained(used: _Blocks) -> float:
     """Return the share of the needed forces that the commanded ones explain, -1 where there are too few."""
-    if len(used.needed) < LEAST_BLOCKS:
+    if len(used.needed) < FORCES.min_blocks:
         return -1.0
     left, whole = _left(used)
     return 1 - float(left.sum() / whole.sum()) if whole.any() else 0.0
@@ -237,7 +226,7 @@ def _episodes(table: Table, spans: Iterable[slice], nominal: Nominal) -> tuple[l
     The needed force is mass times acceleration, and friction against the motion. Velocities are averaged over blocks,
     against noise; gains of energy that noise may make are not counted.
     """
-    block = max(1, round(BLOCK_S * nominal.rate_hz))
+    block = max(1, round(FORCES.block_s * nominal.rate_hz))
     block_s, mass, inertia = block / nominal.rate_hz, nominal.mass_kg, nominal.yaw_inertia_kg_m2
     radius = float(np.linalg.norm(nominal.half_size_m[:2]))
     episodes, gained, given = [], 0.0, 0.0
@@ -266,12 +255,12 @@ def _episodes(table: Table, spans: Iterable[slice], nominal: Nominal) -> tuple[l
                 moments=pushed[:, 2:5],
                 pushes=pushed[:, 5:],
                 spin=between[:, 2] * radius / np.maximum(np.hypot(speed, between[:, 2] * radius), 1e-12),
-                slides=speed > SLIDES_M_S,
+                slides=speed > FORCES.sliding_m_s,
                 noise_n_m=float(inertia * sd[2] * np.sqrt(2) / block_s),
             )
         )
         rise, noise = np.diff(0.5 * mass * np.sum(velocity[:, :2] ** 2, axis=1)), float(np.hypot(*sd[:2]) / np.sqrt(2))
-        gained += float(rise[rise > CERTAIN * mass * (speed + noise) * noise * np.sqrt(2)].sum())
+        gained += float(rise[rise > FORCES.certain_errors * mass * (speed + noise) * noise * np.sqrt(2)].sum())
         given += float(np.maximum(np.sum(pushed[:, :2] * between[:, :2], axis=1) * block_s, 0.0).sum())
     return episodes, gained, given
 

@@ -7,10 +7,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 
 from runner.recording.data import WARNING
-from runner.recording.kinematics import APART, Follows, follows, is_noise, jumps, lone_samples, steps_alone, stuck
+from runner.recording.kinematics import Follows, follows, is_noise, jumps, lone_samples, steps_alone, stuck
 from runner.recording.table import Table
+from runner.settings import SETTINGS
 
-SCALE_SHARE = 0.03
+MOTION = SETTINGS.motion
+
 SCALES = {
     1000.0: "is one of them in thousandths?",
     0.001: "is one of them in thousandths?",
@@ -30,7 +32,11 @@ def follows_of(table: Table, spans: Iterable[slice], position: str, velocity: st
 
 def apart(found: Follows, enough: float) -> bool:
     """Whether a position plainly moves, or its velocity says so, and one is not the integral of the other."""
-    return max(found.moved, found.due) > enough and found.unexplained > APART and found.correlation < 1 - APART
+    return (
+        max(found.moved, found.due) > enough
+        and found.unexplained > MOTION.apart_share
+        and found.correlation < 1 - MOTION.apart_share
+    )
 
 
 def lone_notes(table: Table, spans: Iterable[slice], name: str, unit: str, least: float) -> list[str]:
@@ -126,7 +132,7 @@ def pair_notes(
 
 def scale_hint(gain: float) -> str:
     """Return what another scale of a position or a velocity probably is, in brackets; "" if none is known."""
-    known = (text for factor, text in SCALES.items() if abs(gain / factor - 1) < SCALE_SHARE)
+    known = (text for factor, text in SCALES.items() if abs(gain / factor - 1) < MOTION.scale_share)
     return f" ({text})" if (text := next(known, "")) else ""
 
 

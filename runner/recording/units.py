@@ -16,17 +16,10 @@ import scipy
 from runner.numerics.arrays import FloatArray
 from runner.recording.data import Form, Nominal
 from runner.recording.table import METRES, POINT, POSE, QUATERNION, RATES, SPEEDS, TWIST, Table
+from runner.settings import SETTINGS
 
-TRAVEL_HALF_SIZES = 1e3
-POINT_HALF_SIZES = 50.0
-FROUDE = 30.0  # speed / sqrt(gravity x half size); tossed and pushed objects stay below 3
-SPEED_UP, SPIN_UP = 20.0, 6.0  # times what the scene allows; practice: below 1
-BLOCK_S = 0.1  # velocities are averaged over this, against noise
-CORRELATED = 0.9
-WORLD_UNEXPLAINED, BODY_SHARE = 0.1, 0.2  # velocities are in body axes if those leave this much less unexplained
-RATIO_SHARE = 0.1
-NOTED_RATIO = 1.25
-LEAST_HALF_SIZES, LEAST_RAD = 0.05, 0.1  # less movement than this says nothing about signs and axes
+MOTION, FORCES, UNITS = SETTINGS.motion, SETTINGS.forces, SETTINGS.units
+
 DEGREE = np.rad2deg(1.0)
 LENGTH_UNITS = {
     1000.0: "{pose} in mm (or {twist} in km/s)",
@@ -72,16 +65,16 @@ def _check_sizes(table: Table, spans: list[slice], nominal: Nominal, form: Form)
         for span in spans:
             values = table[name][span]
             row, travel = _peak(values - values[np.argmax(np.isfinite(values))])
-            if travel > TRAVEL_HALF_SIZES * size:
+            if travel > UNITS.max_travel_half_sizes * size:
                 raise table.error(
                     f"column '{name}' is {values[row]:.6g} m, {travel / size:.3g} half sizes from the episode's start, "
-                    f"allowed: {TRAVEL_HALF_SIZES:g}; probably in mm.",
+                    f"allowed: {UNITS.max_travel_half_sizes:g}; probably in mm.",
                     row + int(span.start),
                 )
-    speed = FROUDE * float(np.sqrt(nominal.gravity_m_s2 * size))
+    speed = UNITS.max_froude * float(np.sqrt(nominal.gravity_m_s2 * size))
     limits = [(name, speed, "m/s", "mm/s") for name in SPEEDS]
     limits += [(name, speed / size, "rad/s", "degrees/s") for name in RATES]
-    limits += [(name, POINT_HALF_SIZES * size, "m", "mm") for name in POINT]
+    limits += [(name, UNITS.max_reach_half_sizes * size, "m", "mm") for name in POINT]
     for name, most, unit, other in (limit for limit in limits if limit[0] in table):
         row, peak = _peak(table[name])
         if peak > most:
@@ -117,10 +110,10 @@ def _check_poses_against_velocities(table: Table, spans: list[slice], nominal: N
         _agreement(moved_body, speeds),
         names,
         LENGTH_UNITS,
-        LEAST_HALF_SIZES * max(nominal.half_size_m),
+        MOTION.moved_half_sizes * max(nominal.half_size_m),
     )
     names = ("'yaw'", "'wz'") if planar else ("'qw', 'qx', 'qy', 'qz'", "'wx', 'wy', 'wz'")
-    _judge(table, _agreement(turned, rates), _agreement(turned_body, rates), names, ANGLE_UNITS, LEAST_RAD)
+    _judge(table, _agreement(turned, rates), _agreement(turned_body, rates), names, ANGLE_UNITS, MOTION.moved_rad)
 
 
 def _check_quaternion_meaning(table: Table, parts: list[dict[str, FloatArray]], step_s: float) -> None:
@@ -140,7 +133,7 @@ def _check_quaternion_meaning(table: Table, parts: list[dict[str, FloatArray]], 
         (QUATERNION, -1.0, "turn world to body; allowed: body to world"),
         (("qz", "qw", "qx", "qy"), 1.0, "are stored as x, y, z, w; allowed: w, x, y, z"),
     ):
-        if given > 0.5 and unexplained(order, sign) < BODY_SHARE * given:
+        if given > MOTION.apart_share and unexplained(order, sign) < UNITS.body_share * given:
             raise table.error(f"columns 'qw', 'qx', 'qy', 'qz' agree with 'wx', 'wy', 'wz' if they {text}.")
 
 
@@ -204,18 +197,18 @@ def _judge(
     if world is None or body is None:
         return
     pose, twist = names
-    in_body = body.correlation > CORRELATED and body.unexplained < BODY_SHARE * world.unexplained
-    if in_body and world.unexplained > WORLD_UNEXPLAINED and world.moved > least:
+    in_body = body.correlation > MOTION.min_correlation and body.unexplained < UNITS.body_share * world.unexplained
+    if in_body and world.unexplained > MOTION.together_share and world.moved > least:
         raise table.error(f"{twist} agree with {pose} in body axes, not in world axes; allowed: world axes.")
-    if world.correlation < -CORRELATED and world.moved > least:
+    if world.correlation < -MOTION.min_correlation and world.moved > least:
         raise table.error(f"{pose} and {twist} have opposite signs; allowed: right-handed axes, z up.")
-    if world.correlation < CORRELATED:
+    if world.correlation < MOTION.min_correlation:
         return
     ratio = f"{pose} change {world.ratio:.4g} times as much as {twist} say"
     for factor, text in units.items():
-        if abs(world.ratio / factor - 1) < RATIO_SHARE:
+        if abs(world.ratio / factor - 1) < UNITS.ratio_share:
             raise table.error(f"{ratio}, allowed: about 1; probably {text.format(pose=pose, twist=twist)}.")
-    if abs(np.log(world.ratio)) > np.log(NOTED_RATIO):
+    if abs(np.log(world.ratio)) > np.log(UNITS.noted_ratio):
         table.notes.append(ratio)
 
 
@@ -223,12 +216,12 @@ def _check_dynamics(table: Table, spans: list[slice], nominal: Nominal) -> None:
     """Compare changes of speed and of rate with what force and friction can do."""
     mass, gravity = nominal.mass_kg, nominal.gravity_m_s2
     inertia = nominal.yaw_inertia_kg_m2
-    grip = (nominal.friction + 0.1) * gravity  # m/s2, with something to spare where the floor is slippery
+    grip = (nominal.friction + UNITS.spare_friction) * gravity  # m/s2
     lever = float(np.hypot(*nominal.half_size_m[:2]))
     x, y = table["fx"], table["fy"]
     c, s = np.cos(table["yaw"]), np.sin(table["yaw"])
     torque = table["px"] * (c * y - s * x) - table["py"] * (c * x + s * y)
-    block = max(1, round(BLOCK_S * nominal.rate_hz))
+    block = max(1, round(FORCES.block_s * nominal.rate_hz))
     block_s = block / nominal.rate_hz
     speed_up, spin_up = [np.zeros(1)], [np.zeros(1)]
     for span in spans:
@@ -241,10 +234,10 @@ def _check_dynamics(table: Table, spans: list[slice], nominal: Nominal) -> None:
         spin = np.abs(_changes(table["wz"][span], block))
         spin_up.append(spin / ((moment + mass * grip * lever) / inertia * block_s))
     for ratios, most, names, unit in (
-        (speed_up, SPEED_UP, "'vx', 'vy'", "'x', 'y' and 'vx', 'vy' are probably not in m and m/s"),
-        (spin_up, SPIN_UP, "'wz'", "'yaw' and 'wz' are probably in degrees and degrees/s"),
+        (speed_up, UNITS.max_speed_up, "'vx', 'vy'", "'x', 'y' and 'vx', 'vy' are probably not in m and m/s"),
+        (spin_up, UNITS.max_spin_up, "'wz'", "'yaw' and 'wz' are probably in degrees and degrees/s"),
     ):
-        ratio = float(np.percentile(np.concatenate(ratios), 99))
+        ratio = float(np.percentile(np.concatenate(ratios), MOTION.usual_percent))
         if ratio > most:
             text = f"{names} change {ratio:.3g} times as fast as force and friction can do it, allowed: {most:g}"
             raise table.error(f"{text}; {unit}.")

@@ -23,6 +23,8 @@ OF_REGIMES = {
     "break": "Check what holds it: friction at rest, a stop, a cable.",
     "revers": "Check for backlash, and for friction that depends on the direction.",
     "satur": "Check the limits of the actuators.",
+    "turning": "Check where the force acts, and what the base stands on: on its corners (`contact: corners`), as in "
+    "plain MuJoCo, a body turns less easily than on all of its base.",
 }
 OF_FACTORS = {
     "place": "Look at what is there: another surface, an obstacle, a cable that pulls.",

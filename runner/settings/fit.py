@@ -128,6 +128,11 @@ class FitSettings:
         "Valleys of what is left are narrower than the steps at which an effect is looked at first: between two of "
         "them, so many more are looked at.",
     )
+    scanned_scales: tuple[float, ...] = setting(
+        (0.5, 1.0, 2.0, 4.0, 8.0),
+        "times the usual size of an effect",
+        "Each is twice the one before: what follows a hit is in proportion over less than that.",
+    )
     restart_factors: tuple[float, ...] = setting(
         (0.85, 1.1, 1.3),
         "times the fitted size",

@@ -26,7 +26,7 @@ from runner.errors import ResultError, RunnerError, WriteError
 from runner.storage import run_status
 from runner.storage.parquet_file import UNREADABLE, ParquetError, read_whole
 from runner.storage.writing import own_folder, replacing
-from runner.teleop.frames import RunResult, Truth
+from runner.teleop.frames import ENDED, RunResult, Truth
 
 SUMMARY = "summary.parquet"
 SWEEP = "sweep.txt"  # marks the folder of a sweep, and says what it was made with
@@ -258,7 +258,10 @@ def collect(paths: Iterable[Path]) -> pd.DataFrame:
             raise ResultError(f"paths: no folder '{path}'.")
         found = [_read(folder) for folder in _folders(path)]
         if not any(len(table) for table in found):
-            raise ResultError(f"paths: no '{SUMMARY}' in '{path}' nor in a folder within it: no run has ended there.")
+            how = "".join(f": {status.value}; {goes_on_with(folder)}" for folder, status in unfinished([path])[:1])
+            raise ResultError(
+                f"paths: no '{SUMMARY}' in '{path}' nor in a folder within it: no run has ended there{how}."
+            )
         tables += found
     return pd.concat([table for table in tables if len(table)], ignore_index=True)
 
@@ -269,6 +272,11 @@ def unfinished(paths: Iterable[Path]) -> list[tuple[Path, run_status.Status]]:
     sweeps = dict.fromkeys(f for path in paths for f in _folders(path) if (f / SWEEP).is_file())
     found = ((folder, run_status.status_of(folder)) for folder in sweeps)
     return [(folder, status) for folder, status in found if status and status in stopped and not still_held(folder)]
+
+
+def goes_on_with(sweep: Path) -> str:
+    """Return in words which command goes on with a sweep that was stopped."""
+    return f"go on with: runner run resume={sweep}"
 
 
 def _folders(path: Path) -> list[Path]:
@@ -285,7 +293,7 @@ def _folders(path: Path) -> list[Path]:
 
 
 def _begun(folder: Path) -> dict[str, Any] | None:
-    """Return the row of a run that has left none: how far it has come; None for what is not a run."""
+    """Return the row of a run that has not come to its end: how far it has come; None for what is not such a run."""
     noted = run_status.begun(folder)
     status = run_status.status_of(folder)
     if noted.get("command") != OF_RUN or status in (None, run_status.Status.done):
@@ -307,8 +315,10 @@ def _read(folder: Path) -> pd.DataFrame:
         table = _whole(pa.table({name: _column([row.get(name) for row in rows]) for name in names}))
         table.insert(0, "run", [str(sweep / str(row["job"])) for row in rows])
         return table
-    if not (folder / SUMMARY).is_file() and (row := _begun(folder)) is not None:
-        return pd.DataFrame([{"run": str(folder), **row}])
+    row, rowless = _begun(folder), not (folder / SUMMARY).is_file()
+    begun = pd.DataFrame([{"run": str(folder), **(row or {})}])
+    if row is not None and (rowless or row["status"] != run_status.Status.failed.value):
+        return begun  # what a row says that is there is of an earlier run
     try:
         table = _whole(_table(folder / SUMMARY))
     except UNREADABLE as error:
@@ -316,7 +326,8 @@ def _read(folder: Path) -> pd.DataFrame:
     if "run" in table:
         raise ResultError(f"paths: '{folder / SUMMARY}' is no summary of runs: it has a column 'run'.")
     table.insert(0, "run", str(folder))
-    return table
+    ended = "status" in table and bool(table["status"].isin(ENDED).any())
+    return begun if row is not None and ended else table  # one that failed has a row that says so
 
 
 def _whole(table: pa.Table) -> pd.DataFrame:

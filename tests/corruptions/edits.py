@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
+DEGREES = 180 / np.pi
 Edit = Callable[[pd.DataFrame], pd.DataFrame]
 
 
@@ -117,3 +118,24 @@ def jitter(share: float) -> Callable[[pd.DataFrame], object]:
 def rate_off_in_last(share: float) -> Callable[[pd.DataFrame], object]:
     """Return times of which those of the last episode run faster."""
     return lambda f: f["t"] * np.where(f["episode"] == f["episode"].max(), 1 + share, 1.0)
+
+
+TIMES: dict[str, Edit] = {
+    "`t` in ms": at_other_times(lambda f: f["t"] * 1000),
+    "`t` x 60": at_other_times(lambda f: f["t"] * 60),
+    "`t` twice as fast": at_other_times(lambda f: f["t"] / 2),
+    "`t` from zero to zero": at_other_times(lambda f: 0.0 * f["t"]),
+    "`t` backwards": at_other_times(lambda f: -f["t"]),
+    "`t` off by up to half a step": at_other_times(jitter(0.5)),
+    "`t` 5 % faster in the last episode": at_other_times(rate_off_in_last(0.05)),
+    "`t` in seconds since 1970": at_other_times(lambda f: f["t"] + 1.7e9),
+}
+ROWS: dict[str, Edit] = {
+    "10 rows lost": without(100, 110),
+    "every other row lost": lambda f: f.iloc[::2].reset_index(drop=True),
+    "10 rows twice": doubled(100, 110),
+    "rows shuffled": shuffled(),
+    "rows backwards": lambda f: f.iloc[::-1].reset_index(drop=True),
+    "all rows one episode": lambda f: f.assign(episode=0),
+    "two rows only": lambda f: f.head(2),
+}

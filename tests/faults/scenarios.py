@@ -79,12 +79,14 @@ class Run(Scenario):
     def check(self, *, done: bool) -> None:
         whole(self.folder)
         folder = self.folder / "r"
-        if done or (folder / tables.SUMMARY).is_file():
-            row = read_table(folder).iloc[0]
-            assert row["status"] == "done"
+        status = status_of(folder) if (folder / RUN).is_file() else None
+        assert status is Status.done or not done
+        if status is not None:
+            assert read_table(folder).iloc[0]["status"] == status.value
+        if status is Status.done:
             assert {f.name for f in folder.iterdir()} >= self.LEFT
-        elif (folder / "run.yaml").is_file():
-            assert read_table(folder).iloc[0]["status"] in ("failed", "killed", "running")
+        else:
+            assert status in (None, Status.failed, Status.killed)
 
 
 class RunAgain(Run):
@@ -98,7 +100,7 @@ class RunAgain(Run):
 
     def check(self, *, done: bool) -> None:
         super().check(done=done)
-        assert (self.folder / "r" / "run.yaml").is_file()
+        assert (self.folder / "r" / RUN).is_file()
 
 
 class Sweep(Scenario):

@@ -9,6 +9,8 @@ import math
 import re
 from collections.abc import Collection, Sequence
 
+import numpy as np
+
 from runner.importing.box import COMMANDED, MEASURED
 from runner.importing.guess.elements import BOX, Element, Matches
 from runner.importing.guess.names import words_of
@@ -16,7 +18,7 @@ from runner.importing.guess.unit import unit_by_name
 from runner.importing.signals import Signal
 from runner.importing.units import UNITS, spelled
 from runner.recording import Nominal
-from runner.recording.table import POINT
+from runner.recording.table import PIN, POINT
 from runner.recording.table import UNITS as SI_UNITS
 
 WIDER = 1.1  # of the box: a force that acts on its skin is measured a little outside of it
@@ -38,7 +40,8 @@ def box_elements(nominal: Nominal) -> dict[str, Element]:
     """Return what signals may be, by column of the case."""
     sizes = dict(zip(POINT, nominal.half_size_m, strict=True))
     out = {}
-    for column in (*COMMANDED, *MEASURED):
+    commanded = [c for c in COMMANDED if c not in PIN or nominal.pin is not None]  # a path pushes only where a pin is
+    for column in (*commanded, *MEASURED):
         limits = (-WIDER * sizes[column], WIDER * sizes[column]) if column in sizes else None
         limits = (-2 * math.pi * TURNS, 2 * math.pi * TURNS) if column == "yaw" else limits
         quantity = "command" if column in COMMANDED else "measured"
@@ -65,12 +68,30 @@ def match_box(signals: Sequence[Signal], elements: dict[str, Element], *, beside
         # two places are told, and it takes two: of the box, and of the force
         others = {a: further[a] for a in points if a in further} or _pairs(free, further, matches)
         if all(len(others.get(a, ())) == 1 for a in points):
-            matches.pairs += [(e, others[a][0], "the only other place") for a, e in points.items() if e is not None]
+            pairs = [(e, others[a][0], "the only other place") for a, e in points.items() if e is not None]
             further = {c: those for c, those in further.items() if c not in points}
+            far = [signal.name for element, signal, _ in pairs if _reaches_beyond(signal, element)]
+            if far:
+                names = ", ".join(f"'{name}'" for name in far)
+                matches.notes.append(
+                    f"{names}: goes beyond the box, so it is not where the force acts from the box's middle, along its "
+                    "axes; the path of a pusher in the world is tip_x, tip_y, and what is believed then has a `pin`"
+                )
+            else:
+                matches.pairs += pairs
     matches.notes += [f"'{s.name}' may be {column} as well" for column, those in further.items() for s in those]
     order = {name: k for k, name in enumerate(elements)}
     matches.pairs.sort(key=lambda pair: order[pair[0].target])
     return matches
+
+
+def _reaches_beyond(signal: Signal, element: Element) -> bool:
+    """Whether numbers whose unit the name tells are outside of what an element can be."""
+    unit = unit_by_name(signal.name, element.si_unit)
+    if unit is None or unit.name is None or element.limits is None:
+        return False
+    seen = signal.values[np.isfinite(signal.values)] * UNITS[element.si_unit][unit.name]
+    return bool(len(seen)) and not element.limits[0] <= seen.min() <= seen.max() <= element.limits[1]
 
 
 def _pairs(signals: Sequence[Signal], further: dict[str, list[Signal]], matches: Matches) -> dict[str, list[Signal]]:

@@ -90,7 +90,7 @@ class FlightSettings:
         0.03, "of a body's size", "Sizes and poses are known to about that: nearer it may touch."
     )
     max_length_s: float = setting(
-        0.2, "s", "A start is told by the last part of a flight; earlier ones tell it hardly better."
+        1.0, "s", "In which a body falls five metres: what acts in the air shows the more the longer it flies."
     )
     min_length_s: float = setting(
         0.05, "s", "Between two impacts a start rests on the flight alone: a shorter one is a rattle."
