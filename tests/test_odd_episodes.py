@@ -16,6 +16,7 @@ from runner.noise.measured import Measured, refine
 from runner.noise.model import NoiseModel
 from runner.recording import Span
 from runner.settings import SETTINGS
+from runner.systems.channels import Scatter
 
 T = np.linspace(0.0, 1.0, 60)
 SHARED, ODD, FROM = 2.0, 40.0, 3.0
@@ -40,7 +41,10 @@ def fitted(odd_from: float) -> FitPoint:
         q, r = zip(*basis, strict=True)
         return FitPoint(x, starts, residual, [T[:, None] for _ in residual], spread, Basis(q, r), fresh=True)
 
-    descent = Descent(PARAMETERS, linearise, len(T) * len(measured), np.inf, 0, 1e-9, polish=True)
+    def compare(x: NDArray[np.float64], starts: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        raise AssertionError("the problem is smooth: no step is refused")
+
+    descent = Descent(PARAMETERS, linearise, compare, len(T) * len(measured), np.inf, 0, 1e-9, polish=True)
     return descent.down(linearise(np.zeros(1), np.zeros((len(measured), 1)), None), 50)
 
 
@@ -98,3 +102,45 @@ def test_what_is_odd_is_told_by_the_others(*, differ: bool) -> None:
     found = refine(known, system, residuals).odd_from
     usual = (1.0 + (slow**2).mean()) / found * SETTINGS.noise.odd_episode_ratio
     assert usual == pytest.approx(1.0, rel=0.15) if differ else found == np.inf
+
+
+def test_an_episode_that_cannot_follow_does_not_hold_the_others() -> None:
+    """One whose start derivative is wrong (a kink) stays; the slope that all share is found all the same."""
+    measured = episodes()[:7]
+    ones = np.ones((len(T), 1))
+
+    def residuals(x: NDArray[np.float64], starts: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        # the first answers to its start by a hundredfold of what its derivative says, from where it is on
+        shown = [100.0 * abs(s[0]) if e == 0 else s[0] for e, s in enumerate(starts)]
+        return [s + x[0] * T - y for s, y in zip(shown, measured, strict=True)]
+
+    def linearise(x: NDArray[np.float64], starts: NDArray[np.float64], _: Basis | None) -> FitPoint:
+        residual = residuals(x, starts)
+        basis = Basis(*zip(*[orthonormal(ones) for _ in measured], strict=True))
+        return FitPoint(x, starts, residual, [T[:, None] for _ in residual], Spread.none(7), basis, fresh=True)
+
+    def compare(x: NDArray[np.float64], starts: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        left = [[r @ r for r in residuals(x, starts[:, k])] for k in range(starts.shape[1])]
+        return np.array(left).T, starts
+
+    descent = Descent(PARAMETERS, linearise, compare, len(T) * 7, np.inf, 0, 1e-9, polish=True)
+    found = descent.down(linearise(np.zeros(1), np.zeros((7, 1)), None), 50)
+    assert found.x[0] == pytest.approx(SHARED, abs=4 * np.sqrt(12.0 / (len(T) * 7)))
+
+
+def test_what_follows_a_hit_is_as_noisy_as_models_differ() -> None:
+    """Before it residuals are in units of the sensor's noise, after it of the scatter; each part begins anew."""
+    calm = np.ones(100, bool)
+    calm[40:50] = False
+    valid = (np.ones((100, 1), bool),)
+    scatter = Scatter(np.array([4.0]), (calm,))
+    measured = Measured(
+        (Span(0, 0, 100),), (np.zeros((100, 1)),), np.array([2.0]), NoiseModel.white(1), valid, np.ones(1), scatter
+    )
+    assert measured.sigma.tolist() == [4.0]
+    assert measured.is_scatter().tolist() == [True]
+    told = measured.whiten(0, np.full((100, 1), 8.0))[:, 0]
+    assert told.tolist() == [4.0] * 40 + [2.0] * 60
+    parts = measured.parts([Span(0, 0, 30), Span(0, 45, 60), Span(0, 60, 100)])
+    units = [set(parts.whiten(i, np.full((n, 1), 8.0))[:, 0]) for i, n in enumerate((30, 15, 40))]
+    assert units == [{4.0}, {2.0}, {4.0}]

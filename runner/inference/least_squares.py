@@ -347,9 +347,7 @@ class Fitter:
             converged=point.ending is Ending.RESTED and point.fresh,
         )
 
-    def _compared(
-        self, effects: Effects, starts: np.ndarray, episodes: Sequence[int]
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _compared(self, effects: Effects, starts: np.ndarray, episodes: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Return the loss of each episode from start states, (E, K, S), and the measured one, (E, K + 1), and those."""
         shown = [self.simulator.seen_start(self.held + effects, s) for s in self.first_starts(episodes)]
         starts, out = np.concatenate([starts, np.array(shown)[:, None]], axis=1), []

@@ -101,11 +101,9 @@ class FitPoint:
 
 # from x, start states, and derivatives by those, or None where they are to be taken anew
 Linearise = Callable[[np.ndarray, np.ndarray, Basis | None], FitPoint]
-# from x and K start states of each episode, (E, K, S), to what they and the measured ones leave of each, (E, K + 1), and
-# all of those, (E, K + 1, S)
+# from x and K start states of each episode, (E, K, S), to what they and the measured ones leave of each, (E, K + 1),
+# and all of those, (E, K + 1, S)
 Compare = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
-# of its step that an episode's start may take where not all can go as far
-SHARES = np.array([1.0, 0.25, 0.0625, 0.0])
 
 
 @dataclass(frozen=True)
@@ -171,7 +169,8 @@ class Descent:
         either. A start belongs to its episode alone, so that none has to wait for the others.
         """
         x = point.x + dx
-        left, tried = self.compare(x, point.starts[:, None] + SHARES[:, None] * ds[:, None])
+        shares = np.array(SETTINGS.fit.start_shares)
+        left, tried = self.compare(x, point.starts[:, None] + shares[:, None] * ds[:, None])
         left = np.nan_to_num(left, nan=np.inf)
         best = left.argmin(axis=1)
         if not left.min(axis=1).sum() < point.total:

@@ -128,6 +128,11 @@ class FitSettings:
         "Valleys of what is left are narrower than the steps at which an effect is looked at first: between two of "
         "them, so many more are looked at.",
     )
+    start_shares: tuple[float, ...] = setting(
+        (1.0, 0.25, 0.0625, 0.0),
+        "of its step",
+        "Where not all episodes can go as far, each start takes one of these; a damped step would be as short for all.",
+    )
     scanned_scales: tuple[float, ...] = setting(
         (0.5, 1.0, 2.0, 4.0, 8.0),
         "times the usual size of an effect",
