@@ -20,7 +20,7 @@ from runner.blind.drake_body.files import by_mujoco, mjcf
 from runner.blind.drake_body.physics import Shape, Toss, World, away, lowest_m, points_of, simulate_all
 from runner.blind.drake_body.physics.poses import moved, turns_of
 from runner.blind.drake_body.plants import OUTSIDE, TOGETHER_ALIKE, VOCABULARY, UnplantedBody, draw
-from runner.blind.make import CasePlan, Mix, error_ratio, plan_cases
+from runner.blind.make import CasePlan, error_ratio
 from runner.blind.oracle import candidates_of
 from runner.effects.mechanism import EFFECTS
 from runner.effects.mechanism.contacts import rebound
@@ -179,11 +179,3 @@ def test_a_made_case_is_whole_and_the_same_seed_makes_it_again(tmp_path: Path) -
     for name in VOCABULARY:
         word = draw(name, plain, np.random.default_rng(0)).full.replace("[cube]", f"[{body}]")
         assert word in known
-
-
-def test_pairs_are_of_effects_that_reach_what_one_of_a_pair_must() -> None:
-    """A softer contact hardly moves the body before the engines part: it is planted alone."""
-    plans = plan_cases(60, 3, Mix(0.2, 0.8, 0.0, 0.0), DrakeBodyMaker())
-    planted = {p.kind: {name for q in plans if q.kind == p.kind for name, _ in q.wanted} for p in plans}
-    assert "contact_stiffness" not in planted["pair"]
-    assert "contact_stiffness" in planted["single"]

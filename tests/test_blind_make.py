@@ -7,6 +7,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -245,3 +246,25 @@ def test_a_folder_in_use_and_answers_inside_are_refused(tmp_path: Path) -> None:
         make_cases(1, 0, tmp_path / "file" / "below", tmp_path.parent / "answers.json", BOX)
     with pytest.raises(ConfigError, match="Did you mean 'friction'"):
         plants.draw("fricton", unplanted(), np.random.default_rng(0))
+
+
+def test_a_pair_that_cannot_be_had_is_another(tmp_path: Path) -> None:
+    """After as many tries as any case gets, two other effects are drawn; a single one is what it was planned to be."""
+
+    class Hard(PlanarBoxMaker):
+        attempts = 3
+        tried: ClassVar[list[CasePlan]] = []
+
+        def try_to_make(self, plan: CasePlan, folder: Path, g: np.random.Generator) -> dict[str, Any] | None:
+            self.tried.append(plan)
+            return None if len(self.tried) < 4 else {"wanted": plan.wanted}
+
+    first = next(p for p in plan_cases(40, 5, Mix(), BOX) if p.kind == "pair")
+    maker = Hard()
+    found = maker.make(first, tmp_path)["wanted"]
+    assert [p.wanted for p in Hard.tried[:3]] == [first.wanted] * 3
+    assert found != first.wanted
+    assert len({name for name, _ in found}) == 2
+    Hard.tried.clear()
+    with pytest.raises(ConfigError, match="reaches its severity in 3 tries"):
+        maker.make(replace(first, kind="single", wanted=first.wanted[:1]), tmp_path)

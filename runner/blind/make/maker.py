@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -44,8 +44,7 @@ class AbstractMaker(ABC):
         outside: Names of what can be planted that it has none for.
         together_alike: Pairs that are one effect to any such data, or that write the same field.
         before: Which of a pair is planted first: those that others are relative to.
-        faint: What never does as much as one of a pair must.
-        attempts: How often everything is drawn anew until a case can be had.
+        attempts: How often everything is drawn anew until a case can be had, and another pair after that.
     """
 
     system: str
@@ -53,23 +52,33 @@ class AbstractMaker(ABC):
     outside: Sequence[str]
     together_alike: Sequence[set[str]]
     before: Sequence[str] = ()
-    faint: Collection[str] = ()
     attempts: int = 40
 
     def make(self, plan: CasePlan, folder: Path) -> dict[str, Any]:
-        """Write one case into its folder and return its answer.
+        """Write one case into its folder and return its answer; of a pair that can't be had together, another's.
 
         Raises:
             ConfigError: If nothing that could be drawn reaches the planned severity.
         """
         generator = np.random.default_rng(plan.seed)
-        for _ in range(self.attempts):
-            answer = self.try_to_make(plan, folder, generator)
-            if answer is not None:
-                return answer
+        for _ in range(self.attempts if plan.kind == "pair" else 1):
+            for _ in range(self.attempts):
+                answer = self.try_to_make(plan, folder, generator)
+                if answer is not None:
+                    return answer
+            if plan.kind == "pair":
+                plan = replace(plan, wanted=self.pair(generator))
         raise ConfigError(
             f"blind.effect: no sensible size of {plan.wanted} reaches its severity in {self.attempts} tries."
         )
+
+    def pair(self, g: np.random.Generator) -> tuple[tuple[str, str], ...]:
+        """Draw two effects that can be told apart, each with its severity, in the order in which they are planted."""
+        names, pair = list(self.vocabulary), list[str]()
+        while len(pair) < 2 or set(pair) in self.together_alike:
+            pair = [names[int(i)] for i in g.choice(len(names), 2, replace=False)]
+        pair.sort(key=lambda name: name not in self.before)
+        return tuple((name, str(s)) for name, s in zip(pair, g.choice(list(PAIR_BANDS), 2), strict=True))
 
     @abstractmethod
     def try_to_make(self, plan: CasePlan, folder: Path, g: np.random.Generator) -> dict[str, Any] | None:

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from runner.blind.make.maker import BANDS, PAIR_BANDS, AbstractMaker, CasePlan, Purpose
+from runner.blind.make.maker import BANDS, AbstractMaker, CasePlan, Purpose
 from runner.errors import ConfigError, check_range
 
 # streams of random numbers: a tuning set has no case in common with the sealed set of the same seed
@@ -52,14 +52,7 @@ def plan_cases(n: int, seed: int, mix: Mix, maker: AbstractMaker, purpose: Purpo
     outside = maker.outside_for(purpose)
     wanted += [("unknown", (card,)) for card in _deal(counts["unknowns"], outside, ["moderate", "strong"], generator)]
     wanted += [("null", ())] * counts["nulls"]
-    names = list(maker.vocabulary)
-    for _ in range(counts["pairs"]):
-        pair: list[str] = []
-        while len(pair) < 2 or set(pair) in maker.together_alike or set(pair) & set(maker.faint):
-            pair = [names[int(i)] for i in generator.choice(len(names), 2, replace=False)]
-        pair.sort(key=lambda name: name not in maker.before)
-        severities = generator.choice(list(PAIR_BANDS), 2)
-        wanted.append(("pair", tuple((name, str(s)) for name, s in zip(pair, severities, strict=True))))
+    wanted += [("pair", maker.pair(generator)) for _ in range(counts["pairs"])]
     order = generator.permutation(n)
     return [CasePlan(*wanted[int(i)], seed=(seed, CASES[purpose], number)) for number, i in enumerate(order)]
 
