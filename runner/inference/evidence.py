@@ -172,7 +172,8 @@ class Evidence:
         loss: Sum of squared residuals after the mismatch has taken its part, at level 1: what the simulator is trusted
             with beforehand.
         covariance: Of the parameters as they were fitted, by plain least squares, (p, p): the mismatch has moved them
-            by what it looks like to them, so that it counts in full (the "sandwich" of White 1982). Zero along what the
+            by what it looks like to them, so that it counts in full (the "sandwich" of White 1982); so do episodes that
+            differ. Zero along what the
             data do not tell: nothing moves it.
         by_prior: What the width of the prior adds to that, (p, p): all there is of what the data do not tell.
         dispersion: How many times as uncertain as noise residuals were taken for.
@@ -257,7 +258,10 @@ def evidence(
     moved = h_or * (spread[mismatch] * levels[int(np.argmax(logs))])
     by_prior = np.diag(np.exp(-2 * every_density) / (2 * np.pi))  # of what rests on its bound: all of its prior
     covariance = by_prior.copy()
-    covariance[np.ix_(free, free)] = inverse @ (h_oo + moved @ moved.T) @ inverse
+    scores = h_oo + moved @ moved.T
+    if system.episodes_differ:
+        scores += _between_episodes(around.gram[:, free, -1] / dispersion)
+    covariance[np.ix_(free, free)] = inverse @ scores @ inverse
     by_prior[np.ix_(free, free)] = inverse @ width @ inverse
     return Evidence(
         float(np.logaddexp.reduce(logs) - np.log(len(levels))),
@@ -267,6 +271,17 @@ def evidence(
         by_prior,
         dispersion,
     )
+
+
+def _between_episodes(slopes: np.ndarray) -> np.ndarray:
+    """Return how much the slopes of the loss of single episodes, (E, p), scatter in sum: (p, p).
+
+    What a hit leaves is alike from one sample to the next, so that an episode is one voice and not as many as it has
+    samples: the clusters of Liang and Zeger (1986).
+    """
+    count = len(slopes)
+    off = slopes - slopes.mean(axis=0)
+    return off.T @ off * count / max(count - 1, 1)
 
 
 def predicted_gain(around: NormalEquations, level: float) -> dict[Candidate, tuple[float, np.ndarray]]:

@@ -21,6 +21,7 @@ from runner.inference.foretold import astray, excesses, usually_left
 from runner.inference.least_squares import NONE, Fit, Fitter, amplitudes
 from runner.inference.materiality import causes_of
 from runner.inference.search import Search
+from runner.inference.start_draws import improved_starts
 from runner.recording import Span
 from runner.settings import SETTINGS
 
@@ -269,6 +270,9 @@ def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nomina
     gains = nominal is not None and best.total >= nominal.total
     if gains and fitter.measured.excess(best.total, held_out) > SETTINGS.search.near_excess:
         best = min(best, held.fit(NONE, held_out), key=lambda f: f.total)
+    if held.until_hit(held_out):
+        starts = improved_starts(held, held_out, best.starts)
+        best = held.fit(NONE, held_out, starts=starts, iterations=0)
     # what is replayed much worse than all that was fitted may begin where it did not: a motion forgets its start
     worst = max(float(excesses(contender.fit, fitter).max()), SETTINGS.search.near_excess)
     off = np.flatnonzero(excesses(best, fitter) > worst)

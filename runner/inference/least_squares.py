@@ -327,7 +327,7 @@ class Fitter:
             return self._linearise(explanation, x, starts, episodes, basis)
 
         def compare(x: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            return self._compared(explanation.make(x, self.context), starts, episodes)
+            return self.compared(explanation.make(x, self.context), starts, episodes)
 
         point = _first_point(linearise, parameters, x, starts, basis)
         count = self.measured.count(episodes)
@@ -347,7 +347,7 @@ class Fitter:
             converged=point.ending is Ending.RESTED and point.fresh,
         )
 
-    def _compared(self, effects: Effects, starts: np.ndarray, episodes: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    def compared(self, effects: Effects, starts: np.ndarray, episodes: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Return the loss of each episode from start states, (E, K, S), and the measured one, (E, K + 1), and those."""
         shown = [self.simulator.seen_start(self.held + effects, s) for s in self.first_starts(episodes)]
         starts, out = np.concatenate([starts, np.array(shown)[:, None]], axis=1), []
@@ -360,7 +360,9 @@ class Fitter:
         self, explanation: Explanation, x: np.ndarray, starts: np.ndarray, episodes: Sequence[int], basis: Basis | None
     ) -> FitPoint:
         parameters = explanation.parameters(self.context)
-        steps = difference_steps(parameters, x)
+        limits = SETTINGS.fit
+        hits = self.measured.scatter is not None
+        steps = difference_steps(parameters, x, limits.hit_difference_share if hits else limits.difference_share)
         effects = [explanation.make(x + d, self.context) for d in (np.zeros(len(x)), *np.diag(steps))]
         residual, jacobian, qs, rs = [], [], [], []
         for k, e in enumerate(episodes):

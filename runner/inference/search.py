@@ -8,7 +8,7 @@ search may begin where an earlier look ended (see `runner.inference.multiple_sho
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from runner.inference.leap import leap
 from runner.inference.least_squares import NONE, Fit, Fitter, are_near
 from runner.inference.probability import not_none, shares, unknown_by_excess
 from runner.inference.shortlist import finished, gain, with_fit, without_one, worth_of
+from runner.inference.start_draws import improved_starts, searched
 from runner.inference.warm_start import (
     Beginning,
     Key,
@@ -78,6 +79,8 @@ def search(
             break
         # in pieces, where fits only begin, a leap is enough
         beam = [] if pieces else rounds.beam(new or [])
+    if not pieces:
+        rounds.share_starts()
     return Search(tuple(_likeliest_first(rounds.contenders)), rounds.nominal)
 
 
@@ -364,6 +367,37 @@ class _Rounds:
         fewer = [self._worthy(fit, around_best) for fit in fits]
         self.contenders += fewer
         return [*new, *fewer]
+
+    def share_starts(self) -> None:
+        """Let every leader begin each episode where any of them does, or where its flight lets it, if less is left.
+
+        What is about to rest, or to hit with one corner or the other, holds a start on one side of that: an effect that
+        another has by its side would be thanked for nothing but the other side.
+        """
+        leaders = _likeliest_first([c for c in self.contenders if np.isfinite(c.log_posterior)])
+        leaders = leaders[: SETTINGS.held_out.max_leaders]
+        starts = np.stack([c.fit.starts for c in leaders], axis=1)
+        for i, c in enumerate(leaders):
+            held = replace(self.fitter, held=c.fit.explanation.make(c.fit.x, self.fitter.context))
+            left, tried = held.compared((), starts, self.episodes)
+            best = np.nan_to_num(left, nan=np.inf).argmin(axis=1)
+            x, begin = c.fit.x, improved_starts(held, self.episodes, tried[np.arange(len(tried)), best])
+            if i < SETTINGS.search.beam_width and self.fitter.until_hit(self.episodes):
+                x, begin = searched(self.fitter, c.fit.explanation, x, begin, self.episodes)
+            if (
+                self.fitter.loss(c.fit.explanation, x, begin, self.episodes)
+                > c.fit.total - SETTINGS.held_out.stuck_loss
+            ):
+                continue
+            steps = SETTINGS.fit.final_steps
+            fit = self.fitter.fit(c.fit.explanation, self.episodes, x=x, starts=begin, iterations=steps)
+            if fit.explanation.candidates:
+                again = self._worthy(fit, self._around(fit))
+            else:
+                self.nominal, self.alone = fit, sensitivities(self.fitter, fit, self.every)
+                again = contend(self.fitter, fit, self.alone, dispersion=self.dispersion)
+            self._disperse(fit)
+            self.contenders = [again if other is c else other for other in self.contenders]
 
     def _worthy(self, fit: Fit, around_best: Sensitivities) -> Contender:
         """Return a fit as a contender; a single effect that hardly matters has that against it."""

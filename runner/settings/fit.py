@@ -133,6 +133,16 @@ class FitSettings:
         "of its step",
         "Where not all episodes can go as far, each start takes one of these; a damped step would be as short for all.",
     )
+    hit_difference_share: float = setting(
+        0.1,
+        "prior widths",
+        "Through a hit smaller differences tell which corner chatters, and not where the body goes.",
+    )
+    drawn_starts: int = setting(
+        40,
+        "start states",
+        "A body in the air has a handful of corners to hit with first: of so many each side has some.",
+    )
     scanned_scales: tuple[float, ...] = setting(
         (0.5, 1.0, 2.0, 4.0, 8.0),
         "times the usual size of an effect",
