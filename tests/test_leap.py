@@ -68,7 +68,7 @@ def test_with_another_account_of_the_noise_nothing_is_simulated_again(arm: Mecha
     nominal, every = fitter.fit(NONE, range(2), iterations=2), directions(arm)
     sensitivities(fitter, nominal, every)
     before_s = fitter.simulator.simulated_s
-    noisier = replace(fitter, measured=replace(fitter.measured, sigma=1.5 * fitter.measured.sigma))
+    noisier = replace(fitter, measured=replace(fitter.measured, sensor=1.5 * fitter.measured.sensor))
     again = sensitivities(noisier, nominal, every)
     assert fitter.simulator.simulated_s == before_s
     fresh = sensitivities(replace(noisier, surveys=deque(maxlen=1)), nominal, every)

@@ -78,7 +78,7 @@ def test_rows_without_a_reading_make_the_noise_neither_small_nor_slow(lever: Mec
 
 def test_slow_noise_is_whitened_from_reading_to_reading(lever: MechanismSystem) -> None:
     """Rows of commands between them are no readings of 0: what is whitened is white, and of unit variance."""
-    measured = replace(measure(lever), sigma=np.array([SIGMA]), noise_model=NoiseModel(np.ones(1), np.full(1, 0.8)))
+    measured = replace(measure(lever), sensor=np.array([SIGMA]), noise_model=NoiseModel(np.ones(1), np.full(1, 0.8)))
     residual = np.full((20, *measured.values[0].shape), np.nan)
     rows = np.isfinite(measured.values[0][:, 0])
     fresh = SIGMA * np.random.default_rng(2).standard_normal((20, rows.sum()))
