@@ -80,7 +80,7 @@ class MotionSettings:
 
 @dataclass(frozen=True)
 class ForceSettings:
-    """Forces that push a box, and what its motion needs: mass times acceleration, and friction."""
+    """Forces that push an object, and what its motion needs: mass times acceleration, and friction."""
 
     max_gain: float = setting(
         5.0, "times", "Nobody is wrong by a factor of five about a mass or a friction; units are by ten and more."
@@ -101,7 +101,7 @@ class ForceSettings:
         0.05, "m/s", "Below that the direction of the motion, and so of friction, is lost in noise."
     )
     max_constant: float = setting(
-        0.25, "of the weight", "A slope of fourteen degrees pulls so much: no floor of an experiment is as steep."
+        0.25, "of the weight", "A slope of fourteen degrees pulls so much: no ground of an experiment is as steep."
     )
     max_reach: float = setting(
         2.0,
@@ -181,7 +181,7 @@ class UnitSettings:
         6.0, "times what force and friction can do", "Errors of an inertia make it twice as much, degrees/s 57 times."
     )
     spare_friction: float = setting(
-        0.1, "coefficient", "On a floor believed to be slippery the quotient would be one of noise by nothing."
+        0.1, "coefficient", "On ground believed to be slippery the quotient would be one of noise by nothing."
     )
     body_share: float = setting(
         0.2, "of what is unexplained", "Another reading has to leave a fifth at most of what the stated one leaves."
