@@ -31,14 +31,16 @@ def improved_starts(held: Fitter, episodes: Sequence[int], starts: FloatArray) -
         return starts
     order = list(episodes)
     at = [order.index(s.episode) for s in spans]
-    flown = held.parts(spans).fit(NONE, range(len(spans)), starts=starts[at])
+    steps = SETTINGS.fit.restart_steps
+    flown = held.parts(spans).fit(NONE, range(len(spans)), starts=starts[at], iterations=steps)
     # the same draws whatever they are for: explanations are compared by what they leave
     normal = np.random.default_rng(0).normal(size=(starts.shape[1], SETTINGS.fit.drawn_starts))
     moved = [solve_triangular(_invertible(r), normal, check_finite=False).T for r in flown.basis.r]
     left, tried = held.compared((), flown.starts[:, None] + np.array(moved), [order[k] for k in at])
     chosen = starts.copy()
     chosen[at] = tried[np.arange(len(at)), np.nan_to_num(left, nan=np.inf).argmin(axis=1)]
-    before, after = held.fit(NONE, order, starts=starts, iterations=0), held.fit(NONE, order, starts=chosen)
+    before = held.fit(NONE, order, starts=starts, iterations=0)
+    after = held.fit(NONE, order, starts=chosen, iterations=steps, polish=False)
     return np.where((after.loss < before.loss)[:, None], after.starts, starts)
 
 
