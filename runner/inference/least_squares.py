@@ -352,7 +352,7 @@ class Fitter:
         shown = [self.simulator.seen_start(self.held + effects, s) for s in self.first_starts(episodes)]
         starts, out = np.concatenate([starts, np.array(shown)[:, None]], axis=1), []
         for e, some in zip(episodes, starts, strict=True):
-            rows = self.whitened(e, [Run(effects, start) for start in some])
+            rows = list(self.whitened(e, [Run(effects, start) for start in some]))
             out.append(self._spread(rows, [e] * len(rows)).loss(rows))
         return np.array(out), starts
 
