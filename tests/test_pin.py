@@ -119,7 +119,7 @@ def test_a_sticking_pin_moves_a_slider_by_the_least_power(
         off = places - touched
         return float(np.average(np.hypot(velocity[0] - rate * off[:, 1], velocity[1] + rate * off[:, 0]), weights=load))
 
-    best = minimize_scalar(power, bracket=(-0.2, 0.0, 0.2), tol=1e-10).x
+    best = float(np.asarray(minimize_scalar(power, bracket=(-0.2, 0.0, 0.2), tol=1e-10)["x"]))
     assert motion[10, 5] == pytest.approx(best, rel=0.02, abs=1e-3)
     assert abs(best) > 0.005
 
