@@ -65,9 +65,9 @@ def test_one_odd_episode_hardly_moves_a_fit() -> None:
         return float(np.where(s > FROM * n, FROM * n * (1.0 + np.log(np.maximum(s, 1.0) / (FROM * n))), s).sum())
 
     told = fitted(FROM)
-    best = minimize_scalar(robust, bounds=(-10.0, 20.0), method="bounded", options={"xatol": 1e-9})
-    assert told.x[0] == pytest.approx(best["x"], abs=np.sqrt(12.0 / (n * 7)))
-    assert told.total == pytest.approx(best["fun"], rel=1e-3)
+    best: Any = minimize_scalar(robust, bounds=(-10.0, 20.0), method="bounded", options={"xatol": 1e-9})
+    assert told.x[0] == pytest.approx(best.x, abs=np.sqrt(12.0 / (n * 7)))
+    assert told.total == pytest.approx(best.fun, rel=1e-3)
     assert abs(told.x[0] - SHARED) < 1.0
     assert fitted(np.inf).x[0] == pytest.approx(SHARED + (ODD - SHARED) / 8, abs=0.5)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -119,7 +120,8 @@ def test_a_sticking_pin_moves_a_slider_by_the_least_power(
         off = places - touched
         return float(np.average(np.hypot(velocity[0] - rate * off[:, 1], velocity[1] + rate * off[:, 0]), weights=load))
 
-    best = float(np.asarray(minimize_scalar(power, bracket=(-0.2, 0.0, 0.2), tol=1e-10)["x"]))
+    found: Any = minimize_scalar(power, bracket=(-0.2, 0.0, 0.2), tol=1e-10)
+    best = found.x
     assert motion[10, 5] == pytest.approx(best, rel=0.02, abs=1e-3)
     assert abs(best) > 0.005
 
