@@ -248,3 +248,13 @@ def test_cases_are_found_below_a_folder(tmp_path: Path) -> None:
     assert find_cases(tmp_path / "b") == [tmp_path / "b"]
     # a table is itself, not its folder
     assert find_cases(tmp_path / "b/recording.parquet") == [tmp_path / "b/recording.parquet"]
+
+
+def test_what_stops_within_a_sample_is_read(tmp_path: Path) -> None:
+    """A velocity in the first sample alone says nothing of a position that never changes; nor do the smallest numbers."""
+    zero = np.zeros((5, 3))
+    twist = zero.copy()
+    twist[:2, 0] = 0.09375, 2.2e-311
+    episode = Episode(0, np.arange(5) / 5.0, zero, twist, zero, zero)
+    write_case(Recording(Path("any"), Form.PLANAR, replace(planar().nominal, rate_hz=5.0), (episode,)), tmp_path)
+    assert read_case(tmp_path).episodes[0].twist[0, 0] == 0.09375

@@ -111,8 +111,9 @@ def lone_samples(values: FloatArray) -> list[int]:
     if not (sizes > 0).any():
         return []
     usual = max(float(np.median(sizes)) / 0.6745, float(sizes[sizes > 0].min()))
-    half = np.stack([off[:-2], off[2:]]) / np.where(off[1:-1] == 0, 1.0, off[1:-1])  # of a lone sample: -1/2 and -1/2
-    alone = (sizes > MOTION.lone_factor * usual) & (np.abs(half + 0.5) < MOTION.lone_tolerance).all(axis=0)
+    # beside a lone sample there is minus half of it
+    beside = np.abs(np.stack([off[:-2], off[2:]]) + off[1:-1] / 2)
+    alone = (sizes > MOTION.lone_factor * usual) & (beside < MOTION.lone_tolerance * sizes).all(axis=0)
     return (np.flatnonzero(alone) + 1).tolist()
 
 

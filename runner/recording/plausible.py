@@ -25,6 +25,12 @@ PAIRS = tuple(zip(POSE[Form.PLANAR], TWIST[Form.PLANAR], strict=True))
 UNITS = {"x": "m", "y": "m", "yaw": "rad", "vx": "m/s", "vy": "m/s", "wz": "rad/s"}
 
 
+def _in_one_step(table: Table, spans: Sequence[slice], twist: str) -> float:
+    """Return the longest way, or turn, from one sample to the next by a velocity."""
+    steps = [np.abs(table[twist][s][:-1] * np.diff(table["t"][s])).max(initial=0.0) for s in spans]
+    return float(max(steps, default=0.0))
+
+
 def check_motion(table: Table, spans: Sequence[slice], nominal: Nominal) -> None:
     """Refuse channels that are dead, exchanged or mirrored; to be called before units are looked at.
 
@@ -38,7 +44,8 @@ def check_motion(table: Table, spans: Sequence[slice], nominal: Nominal) -> None
     enough = {"x": _metres(nominal), "y": _metres(nominal), "yaw": MOTION.moved_rad}
     found = {pair: follows_of(table, spans, *pair) for pair in PAIRS}
     for (pose, twist), found_of in found.items():
-        if pose in still and found_of.due > enough[pose]:
+        # between two samples it may have stopped
+        if pose in still and found_of.due > enough[pose] + _in_one_step(table, spans, twist):
             raise table.error(f"column '{pose}' never changes, while '{twist}' says that it moves: a dead channel?")
         # a body that glides on has a velocity that never changes, too: the slope of its position
         if twist in still and found_of.moved > enough[pose] and found_of.unexplained > MOTION.apart_share:
