@@ -251,7 +251,7 @@ def test_cases_are_found_below_a_folder(tmp_path: Path) -> None:
 
 
 def test_what_stops_within_a_sample_is_read(tmp_path: Path) -> None:
-    """A velocity in the first sample alone says nothing of a position that never changes; nor do the smallest numbers."""
+    """A velocity in the first sample alone says nothing of a position that never changes; nor do tiny numbers."""
     zero = np.zeros((5, 3))
     twist = zero.copy()
     twist[:2, 0] = 0.09375, 2.2e-311
