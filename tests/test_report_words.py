@@ -16,7 +16,7 @@ from rich.console import Console
 from runner.diagnosis.notes import notes
 from runner.diagnosis.result import Abstention, Nearest
 from runner.effects.planar_box import EFFECTS
-from runner.effects.wording import plus_minus
+from runner.effects.wording import percent_between, plus_minus
 from runner.localise.likeness import Likeness
 from runner.recording.data import BelievedPin
 from runner.report import html, words
@@ -217,3 +217,19 @@ def test_lost_samples_are_no_outliers(found: Any) -> None:
     valid[0][20, 0] = False
     said = notes(found.system, replace(lost, valid=tuple(valid)), top, (1, 2))  # type: ignore[arg-type]
     assert "1 value sticks out of its neighbours and was left out." in said
+
+
+@pytest.mark.parametrize(
+    ("share", "low", "high", "text"),
+    [
+        (0.87, 0.85, 0.89, "87 % (85–89 %)"),
+        (0.99, 0.988, 0.992, "99.0 % (98.8–99.2 %)"),
+        (0.993, 0.98, 0.996, "99.3 % (98.0–99.6 %)"),
+        (0.9982, 0.9981, 0.9983, "99.82 % (99.81–99.83 %)"),
+        (0.87, -0.1, 0.89, "87 % (−10–89 %)"),
+        (0.5, 0.50001, 0.50002, "50 %"),
+    ],
+)
+def test_ends_of_an_interval_differ(share: float, low: float, high: float, text: str) -> None:
+    """As many decimals as that takes, alike in all three figures."""
+    assert percent_between(share, low, high) == text

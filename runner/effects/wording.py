@@ -36,10 +36,24 @@ def plus_minus(value: float, error: float | None = None, unit: str = "") -> str:
 def percent(share: float) -> str:
     """Return a share of 1 in percent: whole numbers, one decimal above 99 and below 1."""
     p = 100 * share
-    if not math.isfinite(p):
-        return "?"
-    decimals = 1 if 99.0 < p < 99.95 or 0.05 <= abs(p) < 1 else 0
-    return f"{p:.{decimals}f} %".replace("-", "−")
+    return f"{p:.{_decimals(p)}f} %".replace("-", "−") if math.isfinite(p) else "?"
+
+
+def _decimals(p: float) -> int:
+    return 1 if 99.0 < p < 99.95 or 0.05 <= abs(p) < 1 else 0
+
+
+def percent_between(share: float, low: float, high: float) -> str:
+    """Return a share of 1 with its interval in percent, all to the decimals that the ends need to differ.
+
+    An interval that takes more than two of them says no more than the share does, and is left out.
+    """
+    p, ends = 100 * share, (100 * low, 100 * high)
+    for decimals in range(_decimals(p), 3):
+        first, last = (f"{end:.{decimals}f}" for end in ends)
+        if first != last:
+            return f"{p:.{decimals}f} % ({first}–{last} %)".replace("-", "−")
+    return percent(share)
 
 
 def probability(p: float) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import jinja2
 from markupsafe import Markup
 
-from runner.effects.wording import listed, number, percent, plus_minus, probability
+from runner.effects.wording import listed, number, percent, percent_between, plus_minus, probability
 from runner.report import sections, unknown, words
 from runner.report.before_after import headline_miss
 from runner.report.motions import replay
@@ -103,10 +103,7 @@ def facts(diagnosis: Diagnosis, said: Statement) -> list[tuple[str, str]]:
     out = [("probability of this answer", probability(said.top.probability))]
     unseen = " on episodes that were not fitted" if said.held_out else ""
     if said.gap_closed is not None and said.corrected:
-        value = percent(said.gap_closed)
-        if said.interval is not None:
-            low, high = said.interval
-            value += f" ({100 * low:.0f}–{100 * high:.0f} %)".replace("-", "−")
+        value = percent(said.gap_closed) if said.interval is None else percent_between(said.gap_closed, *said.interval)
         out.append((f"of the gap closed{unseen}", value))
         if said.settled and said.closable_closed is not None:
             out.append(("of what can be closed, all but the noise", percent(said.closable_closed)))
