@@ -12,7 +12,7 @@ from runner.report import figures, record_layout
 from runner.report.record_gap import LEAST, MUCH
 from runner.teleop.sinks import look
 
-# linear sRGB as a deuteranope and a protanope see it (Machado, Oliveira & Fernandes 2009, severity 1)
+# linear sRGB as a deuteranope, a protanope and a tritanope see it (Machado, Oliveira & Fernandes 2009, severity 1)
 SEEN = {
     "all": np.eye(3),
     "deuteranopia": np.array(
@@ -20,6 +20,9 @@ SEEN = {
     ),
     "protanopia": np.array(
         [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
+    ),
+    "tritanopia": np.array(
+        [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]
     ),
 }
 TO_XYZ = np.array(

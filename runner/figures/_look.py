@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 INK, GREY, FAINT, BAND = "#16191d", "#8a8d91", "#d9dbde", "#eceef0"
-ORANGE, BLUE, GREEN, PURPLE = "#d55e00", "#0b6aa8", "#1b8a62", "#c9a0dc"
+ORANGE, BLUE, GREEN, PURPLE = "#d55e00", "#0b6aa8", "#33a06f", "#c9a0dc"
 SERIES = (ORANGE, BLUE, GREEN, PURPLE, GREY, INK)  # told apart with any eyes
 PAPER = BLUE  # what the paper states
 ORDERED = LinearSegmentedColormap.from_list(
