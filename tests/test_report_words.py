@@ -142,6 +142,7 @@ def test_what_cannot_be_told_apart_is_said(found: Any) -> None:
         assert "These data would fit actuator gain just as well" in text
         assert "Add a known weight." in text
     assert any("Weigh the object." in step for step in words.next_steps(both))
+    assert "can't be told from actuator gain" in printed(both, width=80)  # in one line
 
 
 @pytest.mark.parametrize("variant", [k for kinds in EFFECTS.values() for k in kinds], ids=lambda k: k.__name__)

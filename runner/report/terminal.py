@@ -10,7 +10,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from runner.effects.wording import number, percent, probability
+from runner.effects.wording import listed, number, percent, probability
 from runner.report import unknown, words
 from runner.report.before_after import of_whole_episodes
 from runner.report.statement import NONE, caveats, state
@@ -46,17 +46,17 @@ def ranking(diagnosis: Diagnosis) -> Table:
     table.add_column("gap closed", justify="right")
     said = state(diagnosis)
     shown, rest = said.shown(SHOWN)
-    twins = any(words.equals(ranked) for ranked in shown)
-    if twins:  # an empty column would fold the others
-        table.add_column("can't be told from", overflow="fold")
     for ranked in shown:
         closed = said.closed_by(ranked)
+        amounts = words.amounts(diagnosis.system, ranked)
+        # below them, not in a column: one that is mostly empty would fold the others in 80 columns
+        equals = [words.title(e) for e in words.equals(ranked)]
+        twins = [f"can't be told from {listed(equals, 'or')}"] if equals else []
         table.add_row(
             words.title(ranked.effects or (NONE,)),
             probability(ranked.probability),
-            "\n".join(words.amounts(diagnosis.system, ranked)),
+            "\n".join([*amounts, *twins]),
             "" if closed is None else percent(closed),
-            *([", ".join(words.title(e) for e in words.equals(ranked))] if twins else []),
         )
     if rest:
         table.add_row(f"{len(rest)} others", probability(sum(r.probability for r in rest)), style="dim")
