@@ -41,10 +41,10 @@ def fitted(odd_from: float) -> FitPoint:
         q, r = zip(*basis, strict=True)
         return FitPoint(x, starts, residual, [T[:, None] for _ in residual], spread, Basis(q, r), fresh=True)
 
-    def compare(x: NDArray[np.float64], starts: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def best(x: NDArray[np.float64], starts: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         raise AssertionError("the problem is smooth: no step is refused")
 
-    descent = Descent(PARAMETERS, linearise, compare, len(T) * len(measured), np.inf, 0, 1e-9, polish=True)
+    descent = Descent(PARAMETERS, linearise, best, len(T) * len(measured), np.inf, 0, 1e-9, polish=True)
     return descent.down(linearise(np.zeros(1), np.zeros((len(measured), 1)), None), 50)
 
 
@@ -119,11 +119,11 @@ def test_an_episode_that_cannot_follow_does_not_hold_the_others() -> None:
         basis = Basis(*zip(*[orthonormal(ones) for _ in measured], strict=True))
         return FitPoint(x, starts, residual, [T[:, None] for _ in residual], Spread.none(7), basis, fresh=True)
 
-    def compare(x: NDArray[np.float64], starts: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        left = [[r @ r for r in residuals(x, starts[:, k])] for k in range(starts.shape[1])]
-        return np.array(left).T, starts
+    def best(x: NDArray[np.float64], starts: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        left = np.array([[r @ r for r in residuals(x, starts[:, k])] for k in range(starts.shape[1])]).T
+        return starts[np.arange(len(starts)), left.argmin(axis=1)], left.min(axis=1)
 
-    descent = Descent(PARAMETERS, linearise, compare, len(T) * 7, np.inf, 0, 1e-9, polish=True)
+    descent = Descent(PARAMETERS, linearise, best, len(T) * 7, np.inf, 0, 1e-9, polish=True)
     found = descent.down(linearise(np.zeros(1), np.zeros((7, 1)), None), 50)
     assert found.x[0] == pytest.approx(SHARED, abs=4 * np.sqrt(12.0 / (len(T) * 7)))
 

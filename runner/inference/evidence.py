@@ -173,8 +173,7 @@ class Evidence:
             with beforehand.
         covariance: Of the parameters as they were fitted, by plain least squares, (p, p): the mismatch has moved them
             by what it looks like to them, so that it counts in full (the "sandwich" of White 1982); so do episodes that
-            differ. Zero along what the
-            data do not tell: nothing moves it.
+            differ. Zero along what the data do not tell: nothing moves it.
         by_prior: What the width of the prior adds to that, (p, p): all there is of what the data do not tell.
         dispersion: How many times as uncertain as noise residuals were taken for.
     """

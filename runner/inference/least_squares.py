@@ -326,12 +326,12 @@ class Fitter:
         def linearise(x: np.ndarray, starts: np.ndarray, basis: Basis | None) -> FitPoint:
             return self._linearise(explanation, x, starts, episodes, basis)
 
-        def compare(x: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            return self.compared(explanation.make(x, self.context), starts, episodes)
+        def best(x: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return self.best_starts(explanation.make(x, self.context), starts, episodes)
 
         point = _first_point(linearise, parameters, x, starts, basis)
         count = self.measured.count(episodes)
-        descent = Descent(parameters, linearise, compare, count, target, patience, tolerance, polish)
+        descent = Descent(parameters, linearise, best, count, target, patience, tolerance, polish)
         point = descent.down(point, iterations)
         return Fit(
             explanation,
@@ -347,14 +347,24 @@ class Fitter:
             converged=point.ending is Ending.RESTED and point.fresh,
         )
 
-    def compared(self, effects: Effects, starts: np.ndarray, episodes: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the loss of each episode from start states, (E, K, S), and the measured one, (E, K + 1), and those."""
+    def best_starts(
+        self, effects: Effects, starts: np.ndarray, episodes: Sequence[int]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return which of each episode's start states, (E, K, S), or the measured one leaves least, and its loss.
+
+        Returns:
+            (E, S) and (E,).
+        """
         shown = [self.simulator.seen_start(self.held + effects, s) for s in self.first_starts(episodes)]
-        starts, out = np.concatenate([starts, np.array(shown)[:, None]], axis=1), []
-        for e, some in zip(episodes, starts, strict=True):
-            rows = list(self.whitened(e, [Run(effects, start) for start in some]))
-            out.append(self._spread(rows, [e] * len(rows)).loss(rows))
-        return np.array(out), starts
+        chosen, losses = [], []
+        for e, some, own in zip(episodes, starts, shown, strict=True):
+            tried = np.vstack([some, own])
+            rows = list(self.whitened(e, [Run(effects, start) for start in tried]))
+            left = np.nan_to_num(self._spread(rows, [e] * len(rows)).loss(rows), nan=np.inf)
+            best = int(left.argmin())
+            chosen.append(tried[best])
+            losses.append(left[best])
+        return np.array(chosen), np.array(losses)
 
     def _linearise(
         self, explanation: Explanation, x: np.ndarray, starts: np.ndarray, episodes: Sequence[int], basis: Basis | None

@@ -52,7 +52,7 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     # by the noise of this fitter, which may have been told from that fit
     whole_loss = fitter.loss(NONE, nominal.x, nominal.starts, episodes)
     limits = SETTINGS.pieces
-    spans = flown = fitter.until_hit(episodes)
+    flown = fitter.until_hit(episodes)
     if not flown and whole_loss <= limits.far_mean_square * count:
         return None
     longest_s = fitter.longest_s(episodes)
@@ -60,8 +60,8 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     cuttable = not flown and longest_s >= 2 * piece_s
     if cuttable:
         spans = fitter.pieces(piece_s, episodes)
-    elif not flown:
-        spans = fitter.beginnings(limits.beginning * longest_s, episodes)
+    else:
+        spans = flown or fitter.beginnings(limits.beginning * longest_s, episodes)
     if not spans:
         return None
     while True:
@@ -71,8 +71,8 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
         if not shorter or rough.total < limits.far_mean_square * cut.measured.count(rough.episodes):
             break
         spans, piece_s = shorter, piece_s / 2
-    cut_loss, cut_count = rough.total, cut.measured.count(rough.episodes)
-    if not flown and cut_loss / cut_count > limits.max_mean_square_ratio * whole_loss / count:
+    cut_mean_square = rough.total / cut.measured.count(rough.episodes)
+    if not flown and cut_mean_square > limits.max_mean_square_ratio * whole_loss / count:
         fitter.simulator.simulated_s += cut.simulator.simulated_s
         return None
     # where the nominal model is good, little is to be learnt about what it lacks

@@ -8,7 +8,7 @@ search may begin where an earlier look ended (see `runner.inference.multiple_sho
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from runner.inference.leap import leap
 from runner.inference.least_squares import NONE, Fit, Fitter, are_near
 from runner.inference.probability import not_none, shares, unknown_by_excess
 from runner.inference.shortlist import finished, gain, with_fit, without_one, worth_of
-from runner.inference.start_draws import improved_starts, searched
+from runner.inference.start_draws import begun_elsewhere
 from runner.inference.warm_start import (
     Beginning,
     Key,
@@ -378,17 +378,10 @@ class _Rounds:
         leaders = leaders[: SETTINGS.held_out.max_leaders]
         starts = np.stack([c.fit.starts for c in leaders], axis=1)
         for i, c in enumerate(leaders):
-            held = replace(self.fitter, held=c.fit.explanation.make(c.fit.x, self.fitter.context))
-            left, tried = held.compared((), starts, self.episodes)
-            best = np.nan_to_num(left, nan=np.inf).argmin(axis=1)
-            x, begin = c.fit.x, improved_starts(held, self.episodes, tried[np.arange(len(tried)), best])
-            if i < SETTINGS.search.beam_width and self.fitter.until_hit(self.episodes):
-                x, begin = searched(self.fitter, c.fit.explanation, x, begin, self.episodes)
-            if (
-                self.fitter.loss(c.fit.explanation, x, begin, self.episodes)
-                > c.fit.total - SETTINGS.held_out.stuck_loss
-            ):
+            found = begun_elsewhere(self.fitter, c.fit, starts, thoroughly=i < SETTINGS.search.beam_width)
+            if found is None:
                 continue
+            x, begin = found
             steps = SETTINGS.fit.final_steps
             fit = self.fitter.fit(c.fit.explanation, self.episodes, x=x, starts=begin, iterations=steps)
             if fit.explanation.candidates:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from runner.inference.least_squares import NONE, Explanation, Fitter
+from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 from runner.inference.parameters import bounds
 from runner.numerics.arrays import FloatArray
 from runner.settings import SETTINGS
@@ -36,15 +36,33 @@ def improved_starts(held: Fitter, episodes: Sequence[int], starts: FloatArray) -
     # the same draws whatever they are for: explanations are compared by what they leave
     normal = np.random.default_rng(0).normal(size=(starts.shape[1], SETTINGS.fit.drawn_starts))
     moved = [solve_triangular(_invertible(r), normal, check_finite=False).T for r in flown.basis.r]
-    left, tried = held.compared((), flown.starts[:, None] + np.array(moved), [order[k] for k in at])
     chosen = starts.copy()
-    chosen[at] = tried[np.arange(len(at)), np.nan_to_num(left, nan=np.inf).argmin(axis=1)]
+    chosen[at], _ = held.best_starts((), flown.starts[:, None] + np.array(moved), [order[k] for k in at])
     before = held.fit(NONE, order, starts=starts, iterations=0)
     after = held.fit(NONE, order, starts=chosen, iterations=steps, polish=False)
     return np.where((after.loss < before.loss)[:, None], after.starts, starts)
 
 
-def searched(
+def begun_elsewhere(
+    fitter: Fitter, fit: Fit, starts: FloatArray, *, thoroughly: bool
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return parameters, (p,), and start states, (E, S), from which a fit leaves less; None: there are none.
+
+    Args:
+        fitter: Of the fit.
+        fit: It.
+        starts: Where others begin, (E, K, S); what a flight tells is tried besides.
+        thoroughly: Whether what hits something is tried with other parameters, too.
+    """
+    held = replace(fitter, held=fit.explanation.make(fit.x, fitter.context))
+    x, begin = fit.x, improved_starts(held, fit.episodes, held.best_starts((), starts, fit.episodes)[0])
+    if thoroughly and fitter.until_hit(fit.episodes):
+        x, begin = _searched(fitter, fit.explanation, x, begin, fit.episodes)
+    left = fitter.loss(fit.explanation, x, begin, fit.episodes)
+    return None if left > fit.total - SETTINGS.held_out.stuck_loss else (x, begin)
+
+
+def _searched(
     fitter: Fitter, explanation: Explanation, x: FloatArray, starts: FloatArray, episodes: Sequence[int]
 ) -> tuple[FloatArray, FloatArray]:
     """Return parameters, (p,), and start states, (E, S), that leave least of what is tried one parameter at a time.
@@ -54,7 +72,7 @@ def searched(
     """
     parameters = explanation.parameters(fitter.context)
     low, high = bounds(parameters)
-    least, steps = np.inf, SETTINGS.fit.hit_difference_share * np.diag([p.scale for p in parameters])
+    steps = SETTINGS.fit.hit_difference_share * np.diag([p.scale for p in parameters])
 
     def left(at: FloatArray) -> tuple[float, FloatArray]:
         held = replace(fitter, held=explanation.make(at, fitter.context))

@@ -101,9 +101,8 @@ class FitPoint:
 
 # from x, start states, and derivatives by those, or None where they are to be taken anew
 Linearise = Callable[[np.ndarray, np.ndarray, Basis | None], FitPoint]
-# from x and K start states of each episode, (E, K, S), to what they and the measured ones leave of each, (E, K + 1),
-# and all of those, (E, K + 1, S)
-Compare = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+# from x and K start states of each episode, (E, K, S), to the best of each, (E, S), and what it leaves, (E,)
+Best = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -113,7 +112,7 @@ class Descent:
     Args:
         parameters: Those that all episodes share.
         linearise: The problem.
-        compare: What other start states leave.
+        best: Which of other start states leave least, or that of the measurements.
         count: How many measurements there are.
         target: A loss that others have reached; a fit that won't come near it is not finished.
         patience: So many steps are taken before that is judged.
@@ -123,7 +122,7 @@ class Descent:
 
     parameters: Sequence[Parameter]
     linearise: Linearise
-    compare: Compare
+    best: Best
     count: int
     target: float
     patience: int
@@ -170,12 +169,8 @@ class Descent:
         """
         x = point.x + dx
         shares = np.array(SETTINGS.fit.start_shares)
-        left, tried = self.compare(x, point.starts[:, None] + shares[:, None] * ds[:, None])
-        left = np.nan_to_num(left, nan=np.inf)
-        best = left.argmin(axis=1)
-        if not left.min(axis=1).sum() < point.total:
-            return None
-        return self.linearise(x, tried[np.arange(len(tried)), best], point.basis)
+        starts, left = self.best(x, point.starts[:, None] + shares[:, None] * ds[:, None])
+        return self.linearise(x, starts, point.basis) if left.sum() < point.total else None
 
     def _renewed(self, point: FitPoint) -> FitPoint:
         return self.linearise(point.x, point.starts, None)

@@ -158,8 +158,9 @@ def steps_alone(t_s: FloatArray, positions: FloatArray) -> list[tuple[int, float
 
 def is_noise(positions: FloatArray) -> bool:
     """Whether a position is another one at each sample, as no motion is that the samples can tell."""
-    restless = float(np.var(np.diff(positions))) > MOTION.noise_variance_ratio * float(np.var(positions))
-    return len(positions) > 2 and restless
+    if len(positions) < 3:
+        return False
+    return float(np.var(np.diff(positions))) > MOTION.noise_variance_ratio * float(np.var(positions))
 
 
 def stuck(
