@@ -31,6 +31,7 @@ from runner.commands._compose import Composer
 from runner.commands._explain import built, explain
 from runner.commands._jobs import ConfigWriter, JobComposer
 from runner.commands._launch import is_alone, launch, literal
+from runner.commands._print import counted
 from runner.errors import ConfigError, RunnerError
 from runner.progress import progress
 from runner.storage.writing import own_folder, write_text
@@ -106,7 +107,7 @@ def _told(rows: Sequence[Row], folder: Path) -> int:
         print(f"... and {len(failed) - TOLD} more: runner table {folder}", file=sys.stderr)
     count = len({row["job"] for row in rows})
     said = [(len(failed), "failed"), (astray, "did not converge")]
-    print(f"{count} runs in {folder}" + "".join(f", {n} of them {what}" for n, what in said if n))
+    print(f"{counted(count, 'run')} in {folder}" + "".join(f", {n} of them {what}" for n, what in said if n))
     return 1 if failed else 0
 
 

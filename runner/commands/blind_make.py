@@ -30,6 +30,7 @@ from runner.blind.checkpoint import header
 from runner.blind.make import Purpose, make_cases, part_of
 from runner.blind.worlds import MAKERS
 from runner.commands import Command, Job
+from runner.commands._print import counted
 from runner.errors import ConfigError, check_range, check_workers, nearest
 
 PURPOSES = tuple(purpose.value for purpose in Purpose)
@@ -79,7 +80,7 @@ def main(config: BlindMakeConfig, job: Job) -> None:
     if config.roughness is not None:
         maker = maker.with_roughness(config.roughness)
     maker.check_ready()
-    print(f"{config.n} cases: {config.out} (seed {seed}{drawn})", flush=True)
+    print(f"{counted(config.n, 'case')}: {config.out} (seed {seed}{drawn})", flush=True)
     made = make_cases(config.n, seed, config.out, answers, maker, purpose=purpose, workers=config.workers)
     print(f"answers: {made.answers}")
     print(f"SHA-256 of the answers: {made.sha256}")

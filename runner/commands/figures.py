@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from runner.commands import Command, Job
+from runner.commands._print import counted
 from runner.errors import ConfigError
 from runner.figures._page import write
 
@@ -37,7 +38,7 @@ def main(config: FiguresConfig, job: Job) -> None:
     entries = write(config.paths, out, skipped=lambda line: print(line, file=sys.stderr))
     for entry in entries:
         print(f"{entry.file}: {entry.seen}" + (f" The claim {entry.verdict}." if entry.claim else ""))
-    print(f"{len(entries)} {'figure' if len(entries) == 1 else 'figures'}: {out / 'index.html'}")
+    print(f"{counted(len(entries), 'figure')}: {out / 'index.html'}")
 
 
 COMMAND = Command(config=FiguresConfig, main=main, positional="paths")

@@ -21,7 +21,7 @@ from pathlib import Path
 from rich.console import Console
 
 from runner.commands import Command, Job
-from runner.commands._print import print_table
+from runner.commands._print import counted, print_table
 from runner.errors import ConfigError, check_range
 from runner.importing.build import Built, build
 from runner.importing.case import check_out, write_case
@@ -114,8 +114,8 @@ def _import(config: ImportConfig, map_file: Path, console: Console) -> None:
     print_table(console, "Columns", (("column", "signal", "unit"), conversions))
     for note in (*built.notes, *read):
         _say(console, f"Note: {note}.")
-    episodes = len(built.table["episode"].unique())
-    _say(console, f"{episodes} {'episode' if episodes == 1 else 'episodes'}, {len(built.table)} rows: {config.out}")
+    episodes = counted(len(built.table["episode"].unique()), "episode")
+    _say(console, f"{episodes}, {counted(len(built.table), 'row')}: {config.out}")
     _say_whole(console, f"  runner gap {config.out}")
 
 

@@ -18,6 +18,7 @@ import pandas as pd
 
 from runner.api.tables import read_table
 from runner.commands import Command, Job
+from runner.commands._print import counted
 from runner.errors import ConfigError
 from runner.storage.writing import write_parquet, write_text
 from runner.teleop import tables
@@ -72,7 +73,7 @@ def main(config: TableConfig, job: Job) -> None:
         write_parquet(config.out, table)
     else:
         write_text(config.out, written(table, config.chosen) + "\n")
-    print(f"{len(table)} runs in {config.out}")
+    print(f"{counted(len(table), 'run')} in {config.out}")
 
 
 def written(table: pd.DataFrame, style: Format) -> str:
