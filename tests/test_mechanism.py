@@ -15,10 +15,11 @@ import pytest
 
 from runner.effects.base import Parameter, Vector
 from runner.effects.mechanism import Command, MechanismEffect, Reading, Scope
+from runner.effects.mechanism.actuator_delay import ActuatorDelay
 from runner.effects.mechanism.joint_friction import JointFriction
 from runner.errors import ResultError
 from runner.recording import Span
-from runner.systems.mechanism import MechanismSystem, model_file
+from runner.systems.mechanism import MechanismSystem, model_file, read_mechanism
 from runner.systems.mechanism.held import step_means
 from runner.systems.mechanism.scope import raw_signals
 from runner.systems.simulator import Run
@@ -146,6 +147,25 @@ def test_parts_and_windows_go_on_as_the_episode_does(tmp_path: Path):
     assert rows[1, 2] == pytest.approx(part, abs=1e-12)
     nested = simulator.parts([Span(0, 40, 200)]).parts([Span(0, 20, 100)])
     assert nested.predict(0, [Run((), state)])[0] == pytest.approx(part, abs=1e-12)
+
+
+def test_a_late_command_of_before_the_cut_still_comes(tmp_path: Path):
+    """The last third of a log in one piece goes on under what was commanded before it: a carriage driven by sin(4t)."""
+    delay_s, mass = 0.15, 2.0
+
+    def motion(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        late = 4 * np.maximum(t - delay_s, 0.0)
+        return (late - np.sin(late)) / (16 * mass), (1 - np.cos(late)) / (4 * mass)
+
+    folder = slide_case(tmp_path, mass=mass, command=lambda t: np.sin(4 * t), motion=motion, step_s=0.002, length_s=3.0)
+    system = read_mechanism(folder)
+    recorded = system.recording.episodes[1]
+    assert recorded.after is system.recording.episodes[0]
+    run = Run((ActuatorDelay("drive", delay_s),), recorded.values[0])
+    predicted = system.simulator().predict(1, [run])[0]
+    # means over the steps of a command that is held from sample to sample: late by half a sample
+    assert predicted == pytest.approx(recorded.values, abs=1e-3)
+    assert system.simulator().predict(1, [Run((), recorded.values[0])])[0] != pytest.approx(recorded.values, abs=0.02)
 
 
 def test_a_disturbance_is_a_force_at_its_joint(tmp_path: Path):

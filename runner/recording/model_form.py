@@ -48,6 +48,7 @@ class MechanismEpisode:
         forces_n: Recorded forces on bodies, world axes, (T, F, 3).
         points_m: Where they act, axes of the body, from its origin, (T, F, 3).
         orientations: Measured orientation by channel without its axis, (T, 4) w, x, y, z, body to world.
+        after: The part of the same run that this one goes on from, if any: commands of then may still be to come.
     """
 
     index: int
@@ -57,6 +58,7 @@ class MechanismEpisode:
     forces_n: FloatArray
     points_m: FloatArray
     orientations: Mapping[str, FloatArray]
+    after: MechanismEpisode | None = None
 
     def __post_init__(self) -> None:
         for name in ("t_s", "values", "commands", "forces_n", "points_m"):
@@ -127,6 +129,7 @@ def with_episode_to_check(recording: MechanismRecording) -> MechanismRecording:
     (whole,) = recording.episodes
     cut = len(whole) - len(whole) // 3
     first, second = (_part(whole, number, s) for number, s in ((0, slice(0, cut)), (1, slice(cut, None))))
+    second = replace(second, after=first)
     note = f"one episode: its last third, from {whole.t_s[cut]:.6g} s on, is kept from the fit as episode 1"
     return replace(
         recording,

@@ -71,16 +71,22 @@ class Commands:
             if len(self._sent) > KEPT:
                 self._sent.clear()
             recorded = self._recording.episodes[episode]
-            t = recorded.t_s - recorded.t_s[0]
+            t, commanded = recorded.t_s - recorded.t_s[0], recorded.commands
             # one more than reaches the end: forces are read under the command of the last sample
             edges = even_times(int(np.ceil(t[-1] / step_s - ALIGNED)) + 2, step_s)
-            before = np.where(self._servos, recorded.commands[0], 0.0)
-            means = step_means(t, recorded.commands, edges, before)
+            sent_s, earlier = t, 0
+            if recorded.after is not None:
+                sent_s = np.concatenate([recorded.after.t_s - recorded.t_s[0], t])
+                commanded = np.concatenate([recorded.after.commands, commanded])
+                earlier = int(np.ceil(-sent_s[0] / step_s - ALIGNED))
+            before = np.where(self._servos, commanded[0], 0.0)
+            since = np.concatenate([-even_times(earlier + 1, step_s)[:0:-1], edges])
+            means = step_means(sent_s, commanded, since, before)
             columns = dict(zip(self._names, means.T, strict=True))
             command = Command(step_s, columns, dict(zip(self._names, before, strict=True)))
             for effect in editing:
                 command = effect.edit_command(command)
-            columns = dict(command.columns)
+            columns = {name: column[earlier:] for name, column in command.columns.items()}
             for i in range(len(self._recording.mapping.forces)):
                 weights = force_weights(recorded.points_m[:, i], recorded.forces_n[:, i])
                 columns |= dict(zip(force_actuators(i), step_means(t, weights, edges, np.zeros(12)).T, strict=True))
