@@ -95,6 +95,7 @@ class AbstractEffect(ABC):
     # a first parameter smaller than that is not told from the unevenness of everything
     detection_limit: ClassVar[float] = 0.0
     discontinuous: ClassVar[bool] = False  # at some values of its first parameter the motion jumps: a push fails
+    switch: ClassVar[bool] = False  # is there or is not: no part of it means anything
     shared: ClassVar[bool] = False  # may be one thing on all targets of a kind, by the same numbers
     commonness: ClassVar[int] = 1  # among effects that can't be told apart the least of these stands for the rest
     confounded: ClassVar[tuple[Confounded, ...]] = ()

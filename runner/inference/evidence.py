@@ -314,10 +314,11 @@ def predicted_gain(around: NormalEquations, level: float) -> dict[Candidate, tup
                 offers.append((float(-g[at] @ step), moved_by(around.directions, way, step)))
             else:
                 (k,) = at
-                amplitude = trusted(-g[k] / (h[k, k] + ridge))
-                offers.append(
-                    (float(g[k] ** 2 / (h[k, k] + ridge)), moved_by(around.directions, way, np.array([amplitude])))
-                )
+                if candidate.effect.switch:
+                    amplitude, gain = np.ones(()), -2.0 * g[k] - h[k, k]
+                else:
+                    amplitude, gain = trusted(-g[k] / (h[k, k] + ridge)), g[k] ** 2 / (h[k, k] + ridge)
+                offers.append((float(gain), moved_by(around.directions, way, amplitude[None])))
         out[candidate] = max(offers, key=lambda o: o[0])
     return out
 

@@ -110,7 +110,7 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
             seeds[key] = min(carried(whole, seeds[key], episodes, longest_s), seeds[key], key=lambda s: s.total)
     explained = any(explains(s, whole, episodes) for s in seeds.values())
     ruled_out = singles(fitter.system.vocabulary) - set(seeds) if explained else frozenset[Key]()
-    return Look(Beginning(seeds, ruled_out, begun(rough, spans, nominal) if flown else None), late)
+    return Look(Beginning(seeds, ruled_out), late)
 
 
 def recut(beginning: Beginning, fitter: Fitter, nominal: Fit) -> Beginning:

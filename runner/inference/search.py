@@ -26,12 +26,11 @@ from runner.inference.leap import leap
 from runner.inference.least_squares import NONE, Fit, Fitter, are_near
 from runner.inference.probability import not_none, shares, unknown_by_excess
 from runner.inference.shortlist import finished, gain, with_fit, without_one, worth_of
-from runner.inference.start_draws import begun_elsewhere
+from runner.inference.start_draws import begun_elsewhere, tried_from_the_air
 from runner.inference.warm_start import (
     Beginning,
     Key,
     WarmStart,
-    from_the_air,
     key_of,
     over_edges,
     where_to_begin,
@@ -73,7 +72,7 @@ def search(
         fits = rounds.fitted(size, beam)
         # where several are far ahead of each alone, or of fewer, only they come from before
         new = rounds.weighed(size, fits) if fits else None
-        if size == 1 < most:
+        if size == 1 < most and not rounds.hits:
             rounds.leap()
         if new is None and not any(len(key) > size for key in rounds.seeds):
             break
@@ -98,7 +97,7 @@ class _Rounds:
         count: How many measurements there are.
         seeds: Beginnings from an earlier look that are not used up.
         ruled_out: What is not to be tried again.
-        flown: Start states from before anything was hit, see `Beginning`.
+        tried: Beginnings from before anything was hit that are not used up, of what hits something.
         contenders: Compared by evidence so far.
         seen: What was fitted.
         taken_apart: Sets whose effects were left out one by one.
@@ -115,7 +114,7 @@ class _Rounds:
     count: int
     seeds: dict[Key, WarmStart]
     ruled_out: frozenset[Key]
-    flown: np.ndarray | None
+    tried: dict[Key, WarmStart]
     contenders: list[Contender]
     seen: set[Key]
     taken_apart: set[Key]
@@ -142,13 +141,18 @@ class _Rounds:
             count=count,
             seeds=dict(beginning.seeds),
             ruled_out=beginning.ruled_out,
-            flown=beginning.flown,
+            tried={},
             contenders=[contend(fitter, nominal, alone, dispersion=dispersion)],
             dispersion=dispersion,
             seen={NONE.candidates},
             taken_apart=set(),
             last=(nominal, alone),
         )
+
+    @property
+    def hits(self) -> bool:
+        """Whether this is of an object that hits something: through a hit no linear model holds."""
+        return not self.pieces and bool(self.fitter.until_hit(self.episodes))
 
     @property
     def worth(self) -> float:
@@ -268,7 +272,7 @@ class _Rounds:
 
     def _worth_a_fit(self, contender: Contender, size: int) -> list[Offer]:
         """Return the effects that are tried beside those of a contender, most promising first."""
-        promised = offers(contender, self.fitter)
+        promised = self._offers(contender)
         left, limits = contender.fit.total - self.count, SETTINGS.search
         if size == 1 and self.pieces:
             return self._likely(promised)
@@ -288,6 +292,21 @@ class _Rounds:
         behind = left - limits.leap_lead_ratio * max(reached, self.worth)
         enough = max(limits.min_promise_share * self.worth, behind)
         return [o for o in promised[: limits.most_promising] if o[0] > enough]
+
+    def _offers(self, contender: Contender) -> list[Offer]:
+        """Return the effects that may stand beside those of a contender, most promising first.
+
+        What hits something keeps no linear promise: there an amount of each is tried.
+        """
+        promised = offers(contender, self.fitter)
+        if not self.hits:
+            return promised
+        begun = tried_from_the_air(self.fitter, contender.fit, promised)
+        for start in begun:
+            self.tried[key_of(start.explanation)] = start
+        gains = [contender.fit.total - start.total for start in begun]
+        found = [(gain, c, vector) for gain, (_, c, vector) in zip(gains, promised, strict=True)]
+        return sorted(found, key=lambda o: -o[0])
 
     def _likely(self, promised: list[Offer]) -> list[Offer]:
         """Return the most promising, and of those whose promise says little."""
@@ -310,12 +329,13 @@ class _Rounds:
         self.seen.add(key)
         steps = SETTINGS.fit.screening_steps if size == 1 or self.pieces else SETTINGS.fit.warm_steps
         how = {"target": target, "patience": self._patience(size, placed=placed), "iterations": steps, "polish": False}
-        begin = where_to_begin(self.fitter, explanation, x, contender.fit, self.seeds.pop(key, None))
+        seed = min(
+            (s for s in (self.seeds.pop(key, None), self.tried.pop(key, None)) if s),
+            key=lambda s: s.total,
+            default=None,
+        )
+        begin = where_to_begin(self.fitter, explanation, x, contender.fit, seed)
         fit = self.fitter.fit(explanation, self.episodes, **begin, **how)
-        if size == 1 and self.flown is not None:
-            air = from_the_air(self.fitter, explanation, self.episodes, self.flown)
-            if air is not None:
-                fit = min(fit, self.fitter.fit(explanation, self.episodes, **air, **how), key=lambda f: f.total)
         if candidate.effect.discontinuous and fit.total - self.count > far:
             fit = over_edges(self.fitter, fit, contender.fit)
         return fit

@@ -12,8 +12,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from runner.effects.base import Scope
+from runner.effects.vocabulary import Candidate
+from runner.inference.contender import Offer
+from runner.inference.evidence import clip, joined
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 from runner.inference.parameters import bounds
+from runner.inference.warm_start import WarmStart
 from runner.numerics.arrays import FloatArray
 from runner.settings import SETTINGS
 
@@ -26,21 +31,70 @@ def improved_starts(held: Fitter, episodes: Sequence[int], starts: FloatArray) -
         episodes: Which.
         starts: Fitted ones, (E, S).
     """
-    spans = held.until_hit(episodes)
-    if not spans:
-        return starts
     order = list(episodes)
-    at = [order.index(s.episode) for s in spans]
-    steps = SETTINGS.fit.restart_steps
-    flown = held.parts(spans).fit(NONE, range(len(spans)), starts=starts[at], iterations=steps)
+    at, flown = _flown(held, order, starts)
+    if flown is None:
+        return starts
     # the same draws whatever they are for: explanations are compared by what they leave
     normal = np.random.default_rng(0).normal(size=(starts.shape[1], SETTINGS.fit.drawn_starts))
     moved = [solve_triangular(_invertible(r), normal, check_finite=False).T for r in flown.basis.r]
     chosen = starts.copy()
     chosen[at], _ = held.best_starts((), flown.starts[:, None] + np.array(moved), [order[k] for k in at])
     before = held.fit(NONE, order, starts=starts, iterations=0)
-    after = held.fit(NONE, order, starts=chosen, iterations=steps, polish=False)
+    after = held.fit(NONE, order, starts=chosen, iterations=SETTINGS.fit.restart_steps, polish=False)
     return np.where((after.loss < before.loss)[:, None], after.starts, starts)
+
+
+def tried_from_the_air(fitter: Fitter, near: Fit, offered: Sequence[Offer]) -> list[WarmStart]:
+    """Return where to begin fits of an explanation and one more effect each, from starts told before anything was hit.
+
+    What shows in what follows a hit alone has starts that make up for its absence, where those are fitted without it,
+    and what a small amount of it does there says little of more: so of some amounts the one is taken that leaves least.
+
+    Args:
+        fitter: Of an object that hits something.
+        near: The fit of the explanation.
+        offered: The effects, each with the vector that a linear model proposes.
+    """
+    held = replace(fitter, held=near.explanation.make(near.x, fitter.context))
+    at, flown = _flown(held, list(near.episodes), near.starts)
+    begin = near.starts.copy()
+    if flown is not None:
+        begin[at] = flown.starts
+    both = np.stack([begin, near.starts], axis=1)
+    out = []
+    for _, candidate, vector in offered:
+        tried = [joined(near, candidate, v) for v in _amounts(candidate, vector, fitter.context)]
+        left = [fitter.loss(explanation, x, begin, near.episodes) for explanation, x in tried]
+        explanation, x = tried[int(np.argmin(left))]
+        starts, losses = fitter.best_starts(explanation.make(x, fitter.context), both, near.episodes)
+        out.append(WarmStart(explanation, x, starts, float(losses.sum())))
+    return out
+
+
+def _amounts(candidate: Candidate, vector: FloatArray, context: Scope) -> list[FloatArray]:
+    """Return vectors of an effect that are tried beside the given one, (p,) each: of one number some amounts."""
+    parameters = candidate.parameters(context)
+    if candidate.effect.switch:
+        return list(candidate.starts(context))
+    if len(parameters) != 1:
+        return [vector]
+    sizes = parameters[0].scale * np.array(SETTINGS.fit.scanned_scales)
+    return [vector, *(clip(candidate, np.array([size]), context) for size in (*-sizes, *sizes))]
+
+
+def _flown(held: Fitter, episodes: list[int], starts: FloatArray) -> tuple[list[int], Fit | None]:
+    """Fit start states to what some episodes show before their first hit.
+
+    Returns:
+        Which of the episodes show enough of that, by their place, and the fit of those; None where none does.
+    """
+    spans = held.until_hit(episodes)
+    at = [episodes.index(s.episode) for s in spans]
+    if not spans:
+        return at, None
+    steps = SETTINGS.fit.restart_steps
+    return at, held.parts(spans).fit(NONE, range(len(spans)), starts=starts[at], iterations=steps)
 
 
 def begun_elsewhere(

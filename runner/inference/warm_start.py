@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,7 +9,6 @@ import numpy as np
 
 from runner.effects.vocabulary import Candidate
 from runner.inference.least_squares import Explanation, Fit, Fitter
-from runner.inference.parameters import bounds
 from runner.settings import SETTINGS
 
 Key = tuple[Candidate, ...]
@@ -33,12 +31,10 @@ class Beginning:
     Args:
         seeds: Where to begin, by effects.
         ruled_out: Single effects that are not to be tried alone again.
-        flown: Start states of all episodes as they were told before anything was hit, (E, S); None: nothing is hit.
     """
 
     seeds: dict[Key, WarmStart] = field(default_factory=dict)
     ruled_out: frozenset[Key] = frozenset()
-    flown: np.ndarray | None = None
 
 
 def key_of(explanation: Explanation) -> Key:
@@ -55,7 +51,7 @@ def where_to_begin(
         sizes = new.scan(fitter.context)
         if len(sizes):
             return {"x": _scanned(fitter, explanation, x, near, sizes), "near": near}
-        if len(new.starts(fitter.context)):
+        if len(new.starts(fitter.context)) and not new.effect.switch:
             # the amplitude that a linear model promises may overshoot; none of it is the fit that is near
             amplitude = len(x) - len(new.parameters(fitter.context))
             for _ in range(3):
@@ -66,24 +62,6 @@ def where_to_begin(
     seeded = _in_order(seed, explanation, fitter)
     by = [fitter.loss(explanation, v, s, near.episodes) for v, s in ((x, near.starts), (seeded, seed.starts))]
     return {"x": seeded, "starts": seed.starts} if by[1] < by[0] else {"x": x, "near": near}
-
-
-def from_the_air(
-    fitter: Fitter, explanation: Explanation, episodes: Sequence[int], flown: np.ndarray
-) -> dict[str, Any] | None:
-    """Return where to begin a fit of one number so that what follows a hit is nearest, from starts told before it.
-
-    What shows in what follows a hit alone has starts that make up for its absence, where those are fitted without it;
-    from there no descent leads to it. None: the effect has more numbers than one.
-    """
-    parameters = explanation.parameters(fitter.context)
-    if len(parameters) != 1:
-        return None
-    low, high = bounds(parameters)
-    sizes = parameters[0].scale * np.array(SETTINGS.fit.scanned_scales)
-    sizes = np.unique(np.clip(np.concatenate([-sizes, sizes]), low[0], high[0]))
-    left = [fitter.loss(explanation, np.array([size]), flown, episodes) for size in sizes]
-    return {"x": np.array([sizes[int(np.argmin(left))]]), "starts": flown}
 
 
 def _scanned(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit, sizes: np.ndarray) -> np.ndarray:

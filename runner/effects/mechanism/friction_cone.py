@@ -30,6 +30,7 @@ class FrictionCone(MechanismEffect):
 
     name: ClassVar[str] = "friction_cone"
     label: ClassVar[str] = "another friction cone"
+    switch: ClassVar[bool] = True
     target_kind: ClassVar[str] = "body"
     commonness: ClassVar[int] = 2
     target: str
@@ -47,7 +48,7 @@ class FrictionCone(MechanismEffect):
 
     @classmethod
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
-        return (Parameter("switched", "", 1.0, -1.0, 3.0),)
+        return (Parameter("switched", "", 1.0, 0.0, 2.0),)
 
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:

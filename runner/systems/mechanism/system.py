@@ -184,8 +184,7 @@ class MechanismSystem(AbstractSystem):
         )
         starts = [self.initial.guess(of, i) for i in range(len(spans))]
         calm = tuple(np.zeros(len(e), bool) for e in self.recording.episodes)
-        lying = rests(self.recording, self.initial.coordinates, self.context.model)
-        for span in (*(s for own in self._found_flights for s in own), *lying):
+        for span in (s for own in self._found_flights for s in own):
             calm[span.episode][span.begin : span.end] = True
         return scatter(self.simulator(), spans, starts, [c.group for c in self.channels], calm)
 
