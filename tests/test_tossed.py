@@ -18,7 +18,12 @@ from tosses import BELIEVED, COLUMNS, NOISE, toss_case, world, write
 from runner.diagnosis.pipeline import diagnose
 from runner.effects import mechanism as m
 from runner.effects.mechanism import contacts
+from runner.effects.vocabulary import Candidate
 from runner.errors import RecordingError
+from runner.inference.contender import contend
+from runner.inference.evidence import directions, sensitivities
+from runner.inference.least_squares import NONE, Fit, Fitter
+from runner.inference.start_draws import tried_from_the_air
 from runner.noise.measured import measure
 from runner.recording import Span, read_case
 from runner.systems.case import open_case
@@ -218,3 +223,37 @@ def test_a_wrong_friction_is_named(tmp_path: Path):
     mu, error = (of["friction[box]"]["mu"] for of in (found.ranked[0].parameters, found.ranked[0].errors))
     assert abs(mu - 0.2) < 3 * error < 0.05
     assert found.gap_closed > 0.7
+
+
+def begun(folder: Path, truth: mujoco.MjModel) -> tuple[Fitter, Fit]:
+    """Return the fitter of some tosses in the stretches that are searched, and the fit without effects, some steps."""
+    system = open_case(toss_case(folder, truth, tosses=4))
+    whole = Fitter(system, system.simulator(threads=1), measure(system, scatter=system.scatter()))
+    fitter = whole.stretched(system.stretches())
+    return fitter, fitter.fit(NONE, range(len(fitter.measured.spans)), iterations=5)
+
+
+def offered(fitter: Fitter, name: str) -> Candidate:
+    return next(c for c in fitter.system.vocabulary if c.name == name)
+
+
+def test_what_shows_after_a_hit_alone_is_tried_from_the_air(tmp_path: Path):
+    """Of a friction far lower than believed an amount near it is tried, from starts with which most of it is gone."""
+    fitter, nominal = begun(tmp_path, world(friction=0.1))
+    (found,) = tried_from_the_air(fitter, nominal, [(0.0, offered(fitter, "friction[box]"), np.zeros(1))])
+    assert math.exp(found.x[0]) == pytest.approx(0.1 / BELIEVED["friction"], rel=0.5)
+    assert found.total < 0.5 * nominal.total
+    assert fitter.loss(found.explanation, found.x, found.starts, nominal.episodes) == pytest.approx(found.total)
+
+
+def test_a_switch_is_offered_as_a_whole(tmp_path: Path):
+    """Half a friction cone means nothing: it is tried as the other kind, whatever a linear model would have of it."""
+    truth = world()
+    truth.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+    fitter, nominal = begun(tmp_path, truth)
+    cone = offered(fitter, "friction_cone[box]")
+    around = contend(fitter, nominal, sensitivities(fitter, nominal, directions(fitter.system)))
+    assert around.gains[cone][1].tolist() == [1.0]
+    (found,) = tried_from_the_air(fitter, nominal, [(0.0, cone, np.full(1, 0.25))])
+    assert found.x.tolist() == [1.0]
+    assert found.total < nominal.total
