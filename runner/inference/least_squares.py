@@ -248,6 +248,18 @@ class Fitter:
         total = float(self._spread(rows, episodes).loss(rows).sum())
         return total if np.isfinite(total) else np.inf
 
+    def losses(self, models: Sequence[Effects], starts: np.ndarray, episodes: Sequence[int]) -> np.ndarray:
+        """Return the loss of each of several models, (M,), at the same start states (E, S)."""
+        return sum(
+            (self._left(e, [Run(m, start) for m in models]) for e, start in zip(episodes, starts, strict=True)),
+            np.zeros(len(models)),
+        )
+
+    def _left(self, episode: int, runs: Sequence[Run]) -> np.ndarray:
+        """Return the loss of several simulations of one episode, (len(runs),)."""
+        rows = list(self.whitened(episode, runs))
+        return np.nan_to_num(self._spread(rows, [episode] * len(rows)).loss(rows), nan=np.inf)
+
     def _spread(self, residual: Sequence[np.ndarray], episodes: Sequence[int]) -> Spread:
         """Return how uncertain whitened residuals (n,) of some episodes are."""
         if not np.isfinite(self.measured.odd_from):
@@ -359,8 +371,7 @@ class Fitter:
         chosen, losses = [], []
         for e, some, own in zip(episodes, starts, shown, strict=True):
             tried = np.vstack([some, own])
-            rows = list(self.whitened(e, [Run(effects, start) for start in tried]))
-            left = np.nan_to_num(self._spread(rows, [e] * len(rows)).loss(rows), nan=np.inf)
+            left = self._left(e, [Run(effects, start) for start in tried])
             best = int(left.argmin())
             chosen.append(tried[best])
             losses.append(left[best])

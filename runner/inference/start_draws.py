@@ -62,13 +62,14 @@ def tried_from_the_air(fitter: Fitter, near: Fit, offered: Sequence[Offer]) -> l
     if flown is not None:
         begin[at] = flown.starts
     both = np.stack([begin, near.starts], axis=1)
+    tried = [[joined(near, c, v) for v in _amounts(c, vector, fitter.context)] for _, c, vector in offered]
+    models = [explanation.make(x, fitter.context) for some in tried for explanation, x in some]
+    left = np.split(fitter.losses(models, begin, near.episodes), np.cumsum([len(some) for some in tried])[:-1])
     out = []
-    for _, candidate, vector in offered:
-        tried = [joined(near, candidate, v) for v in _amounts(candidate, vector, fitter.context)]
-        left = [fitter.loss(explanation, x, begin, near.episodes) for explanation, x in tried]
-        explanation, x = tried[int(np.argmin(left))]
-        starts, losses = fitter.best_starts(explanation.make(x, fitter.context), both, near.episodes)
-        out.append(WarmStart(explanation, x, starts, float(losses.sum())))
+    for some, losses in zip(tried, left, strict=True):
+        explanation, x = some[int(losses.argmin())]
+        starts, least = fitter.best_starts(explanation.make(x, fitter.context), both, near.episodes)
+        out.append(WarmStart(explanation, x, starts, float(least.sum())))
     return out
 
 
