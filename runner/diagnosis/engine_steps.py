@@ -1,7 +1,8 @@
 """What the engine's own steps make of a model, beside its equations of motion.
 
-A diagnosis integrates to second order in the step. An engine that is first order is off by what half a step of delay,
-or damping times half a step as inertia, would do. A log that it wrote shows just that, and a fine sensor tells it.
+A diagnosis integrates to second order in the step. An engine that is first order is off by what a clock that is half
+a step ahead, or damping times half a step as inertia, would do. A log that it wrote shows just that, and a fine sensor
+tells it.
 """
 
 from __future__ import annotations
@@ -46,5 +47,5 @@ def said_of_engine_steps(
     return (
         f"MuJoCo alone, in the model's steps of {1000 * step_s:g} ms, is {noises[worst]:.2g} noises of "
         f"'{system.channels[worst].name}' off the motion that the model stands for, much as if it were half a step "
-        "late and its dampers had inertia. What it writes in such steps shows that too, and shorter ones do not.",
+        "ahead and its dampers had inertia. What it writes in such steps shows that too, and shorter ones do not.",
     )
