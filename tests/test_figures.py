@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from matplotlib.image import imread
 
+import runner
 from runner.__main__ import main
 from runner.errors import ResultError
 from runner.figures import Runs, load
@@ -64,6 +65,20 @@ def test_the_page_says_what_holds(results: Path) -> None:
     assert verdicts["observer_long_exposure"] == "does not hold"
     assert verdicts["unfixed_clock_by_rate"] == "no telling"  # the order of the rates yes, the size of the errors no
     assert verdicts["linear_vs_rotational_signed_error"] == "nothing to hold"  # the paper states no number
+
+
+def test_a_sweep_of_the_published_run_is_drawn_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A curve for each run, and the sentence is of all of them."""
+    sweep = ["-m", "start.mass_kg=0.5,1,4", "forces.pushes=3", "log.rrd=off", f"out={tmp_path}/sweep"]
+    assert main(sweep) == 0
+    assert main(["figures", f"{tmp_path}/sweep", f"out={tmp_path}/figures"]) == 0
+    assert "From 0.5 to 4 kg the estimates come to 3 kg" in " ".join(capsys.readouterr().out.split())
+    (draw,) = load()["paper"].values()
+    table = runner.read_table(tmp_path / "sweep")
+    upper, lower = draw(Runs("paper", table, table.iloc[:0])).figure.axes
+    assert [np.size(line.get_xdata()) > 2 for line in upper.lines].count(True) == 3
+    assert lower.get_legend_handles_labels()[1] == ["0.5 kg", "1 kg", "4 kg"]
+    assert lower.get_legend() is not None
 
 
 def test_the_same_tables_make_the_same_svg(results: Path, tmp_path: Path) -> None:

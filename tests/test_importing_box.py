@@ -103,6 +103,17 @@ def test_lost_forces_stand_between_their_neighbours(tmp_path: Path, capsys: pyte
     np.testing.assert_allclose(force[lost], whole["push_x_N"][lost], atol=20.0 / RATE_HZ**2)
 
 
+@pytest.mark.parametrize("rate_hz", [30.0, 60.0, 75.0, 240.0])
+def test_every_row_has_the_force_of_its_own_sample(rate_hz: float, tmp_path: Path) -> None:
+    """Whether a step, in whole nanoseconds, is rounded up or down."""
+    log = tracker()
+    log["cam_ms"] = 1000 * np.tile(np.arange(SAMPLES), PUSHES) / rate_hz
+    log["push_x_N"] = np.random.default_rng(0).normal(size=len(log))
+    imported(log, tmp_path)
+    force = np.concatenate([e.force_n for e in read_case(tmp_path / "case").episodes])[:, 0]
+    np.testing.assert_array_equal(force, log["push_x_N"])
+
+
 @pytest.mark.parametrize(("count", "said"), [(1, "'x': 1 sample was lost"), (21, "'x': 21 samples were lost")])
 def test_one_is_one(count: int, said: str) -> None:
     """A note of one sample is in the singular."""

@@ -67,6 +67,15 @@ each_effect = pytest.mark.parametrize(
 # What all of them have in common
 
 
+def test_measurements_that_are_younger_than_their_stamps_are_told_from_older_ones() -> None:
+    """In the amount, too: a table shows it without the sentence."""
+    older, younger = (
+        m.ObservationDelay.phrase(Values({"delay_s": delay_s}, {"delay_s": 1e-4}), scope(SLIDER), None)
+        for delay_s in (5e-4, -5e-4)
+    )
+    assert (older.amount, younger.amount) == ("0.50 ± 0.10 ms", "0.50 ± 0.10 ms younger")
+
+
 def test_every_word_has_its_effect() -> None:
     """The names are those of the contract, and each applies to something here."""
     assert {cls.name for cls in EFFECTS} == set(VOCABULARY.split())

@@ -72,6 +72,17 @@ def test_text_fits_the_terminal(runs: int, monkeypatch: pytest.MonkeyPatch) -> N
     assert text.count("vm") == runs
 
 
+def test_rows_are_named_in_every_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a table too wide for the terminal, whose columns stand in blocks below each other."""
+    monkeypatch.setenv("COLUMNS", "80")
+    columns = {f"a_long_name_of_a_column_{i}": float(i) for i in range(6)}
+    text = written(pd.DataFrame([{"run": f"sweep/{i}", **columns} for i in range(4)]), Format.text)
+    heads = [line for line in text.splitlines() if "a_long_name" in line]
+    assert len(heads) > 1
+    assert all(line.startswith("run ") for line in heads)
+    assert [text.count(f"sweep/{i}") for i in range(4)] == [len(heads)] * 4
+
+
 def test_markdown_has_a_cell_for_every_value() -> None:
     """Every row of the Markdown has as many cells as the header, signs that separate cells are escaped."""
     lines = written(pd.DataFrame(ROWS), Format.markdown).splitlines()

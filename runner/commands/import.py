@@ -76,8 +76,10 @@ def _propose(config: ImportConfig, console: Console) -> None:
     log = read_log(config.logs, ReadOptions(rate_hz=config.rate_hz))
     proposal = target.propose(log, config.rate_hz)
     heading, rows = ("signal", "is", "unit", "why"), proposal.table
-    signals = len(log.parts[0].signals)
-    print_table(console, f"{log.format}: {signals} signals, {len(log.parts)} part(s)", (heading, rows))
+    held = [counted(len(log.parts[0].signals), "signal")]
+    if len(log.parts) > 1:
+        held.append(counted(len(log.parts), "part"))
+    print_table(console, f"{log.format}: {', '.join(held)}", (heading, rows))
     for line in (*log.notes, *proposal.notes):
         _say(console, f"Note: {line}.")
     for line in proposal.missing:

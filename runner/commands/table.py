@@ -88,7 +88,8 @@ def written(table: pd.DataFrame, style: Format) -> str:
     if len(cells) < FEW:
         room = (width - max(map(len, map(str, cells.columns)))) // max(len(cells), 1) - 2  # pandas parts columns by two
         return cells.map(lambda cell: _short(cell, room)).T.to_string(header=False)
-    return cells.map(lambda cell: _short(cell, LONG)).to_string(index=False, line_width=width)
+    named = cells.map(lambda cell: _short(cell, LONG)).set_index(cells.columns[0])  # which is repeated in every block
+    return named.rename_axis(index=None, columns=cells.columns[0]).to_string(line_width=width)
 
 
 def _short(cell: object, room: int) -> str:

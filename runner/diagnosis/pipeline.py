@@ -11,6 +11,7 @@ from runner.diagnosis.abstention import abstention
 from runner.diagnosis.advice import found_rivals, next_push
 from runner.diagnosis.attempt import attempt, unseen_only
 from runner.diagnosis.closure import close, left_by_episode
+from runner.diagnosis.engine_steps import said_of_engine_steps
 from runner.diagnosis.notes import notes
 from runner.diagnosis.ranking import contender_of, ranking
 from runner.diagnosis.result import Diagnosis
@@ -121,6 +122,7 @@ def diagnose(
             astray=[found.stretches[e] for e in confirmed.astray],
             outside=[
                 *(() if system.solved == as_believed else (f"Simulated with {system.solved}.",)),
+                *said_of_engine_steps(system, measured, effects, corrected_starts, found.stretches),
                 *said_of_outside(searched, system),
                 *(d.sentence for d in disturbances),
             ],

@@ -142,11 +142,20 @@ def _moved(one: Series, times: Integers) -> Series:
 
     A stamp that is rounded up is past its row by less than a millisecond, and held it would only come a row later.
     """
-    step = float(times[1] - times[0])
+    step = _row_step_ns(times)
     if len(one.t_ns) < 2 or np.median(np.diff(one.t_ns)) <= step / 2:
         return one
-    at = np.round((one.t_ns - times[0]) / step)
-    return replace(one, t_ns=times[0] + np.round(at * step).astype(np.int64))
+    at = np.round((one.t_ns - times[0]) / step).astype(np.int64)
+    # a row's own stamp where there is one: made anew it may be rounded up, past its row
+    stamps = times[0] + np.round(at * step).astype(np.int64)
+    inside = (at >= 0) & (at < len(times))
+    stamps[inside] = times[at[inside]]
+    return replace(one, t_ns=stamps)
+
+
+def _row_step_ns(times: Integers) -> float:
+    """Return the step of even rows: over all of them, as each stamp is rounded to a nanosecond."""
+    return float(times[-1] - times[0]) / (len(times) - 1)
 
 
 def _held(one: Series, times: Integers, told: Told) -> FloatArray:
@@ -169,7 +178,7 @@ def _held(one: Series, times: Integers, told: Told) -> FloatArray:
 def _nearest(one: Series, times: Integers, told: Told) -> FloatArray:
     """Return in each row the sample that is nearest to it, NaN where none is within half a row."""
     out = np.full(len(times), np.nan)
-    step = float(times[1] - times[0])
+    step = _row_step_ns(times)
     at = np.round((one.t_ns - times[0]) / step).astype(np.int64)
     off = np.abs(one.t_ns - times[0] - at * step)
     inside = np.flatnonzero((at >= 0) & (at < len(times)) & (2 * off <= step))

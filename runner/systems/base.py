@@ -144,6 +144,13 @@ class AbstractSystem(ABC):
     def simulator(self, *, threads: int | None = None) -> AbstractSimulator:
         """Return the one simulator that everything uses: fits, gaps, figures; `threads` None: one per core."""
 
+    def by_engine_alone(self) -> tuple[AbstractSimulator, float] | None:
+        """Return a simulator that steps as the engine does by itself, and its step, s: that of the model's file.
+
+        None where that tells nothing.
+        """
+        return None
+
     def solved_otherwise(self) -> tuple[AbstractSystem, ...]:
         """Return the same beliefs with what a solver adds of its own solved in other ways; none by default."""
         return ()

@@ -24,7 +24,7 @@ class ObservationDelay(MechanismEffect):
     """
 
     name: ClassVar[str] = "observation_delay"
-    label: ClassVar[str] = "measurements that are older than their time stamps"
+    label: ClassVar[str] = "measurements that are older, or younger, than their time stamps"
     target_kind: ClassVar[str] = ""
     of_sensor: ClassVar[bool] = True
     commonness: ClassVar[int] = 2
@@ -71,7 +71,8 @@ class ObservationDelay(MechanismEffect):
         older = of["delay_s"] > 0
         return Phrase(
             f"measurements are {'older' if older else 'younger'} than their time stamps",
-            of.show("delay_s", "ms", 1e3, magnitude=True),
+            # a table shows this beside the label, which says both
+            of.show("delay_s", "ms", 1e3, magnitude=True) + ("" if older else " younger"),
             f"Shift the stamps of all channels by {-1e3 * of['delay_s']:+.3g} ms against those of the commands.",
             "Hit the mechanism by hand at a time that both clocks know.",
         )

@@ -80,10 +80,11 @@ def _rank(name: str) -> int:
 
 
 def _why(name: str, steps: Integers, at_edges: bool) -> str:
+    counts = f"{len(steps) + 1} of them"
     if name in NAMED:
-        return ""
+        return f"'{name}' counts the episodes, {counts}"
     known = "the clock goes back or leaps wherever it steps" if at_edges else "check that it does, the clock runs on"
-    return f"'{name}' is taken to count the episodes, {len(steps) + 1} of them: {known}"
+    return f"'{name}' is taken to count the episodes, {counts}: {known}"
 
 
 def _by_clock(times: FloatArray | None) -> tuple[dict[str, object], str]:

@@ -9,6 +9,8 @@ joint comes out as D (1 - h D / 2 M). Half of the step times D is therefore take
 Dry friction. MuJoCo's is a soft constraint: with its default `solreffriction` a joint that should hold creeps, and one
 that turns round passes through a viscous band of about `frictionloss` times 10 ms over the inertia. Its owner hardly
 believes that. With `hard_friction` joints hold as hard as the step allows.
+
+With `engine_steps` nothing of the first is done: MuJoCo integrates as it does by itself.
 """
 
 from __future__ import annotations
@@ -85,9 +87,17 @@ class Models:
         recording: The case.
         threads: How many rollouts run side by side.
         hard_friction: Whether joints' dry friction holds, whatever the MJCF's `solreffriction`.
+        engine_steps: Whether MuJoCo's integrator is left as it is, first order in the step.
     """
 
-    def __init__(self, recording: MechanismRecording, threads: int, *, hard_friction: bool = False) -> None:
+    def __init__(
+        self,
+        recording: MechanismRecording,
+        threads: int,
+        *,
+        hard_friction: bool = False,
+        engine_steps: bool = False,
+    ) -> None:
         self._recording, self.threads, self.hard_friction = recording, threads, hard_friction
         joint_law.install()
         midpoint.install()
@@ -99,7 +109,7 @@ class Models:
         model = self.compiled(()).model
         self.file_step_s = float(model.opt.timestep)
         self._kept = max(16, min(KEPT_MODELS, int(KEPT_BYTES / max(model.nbuffer, 1))))
-        self.leapfrog = int(model.opt.integrator) != RK4
+        self.leapfrog = not engine_steps and int(model.opt.integrator) != RK4
         self.believed_coordinates = self.compiled(()).coordinates
         self.qpos0 = np.array(model.qpos0)
 

@@ -158,6 +158,13 @@ class MechanismSystem(AbstractSystem):
             self._simulator = MechanismSimulator(self.recording, self._models, self.step_s, threads)
         return self._simulator
 
+    def by_engine_alone(self) -> tuple[MechanismSimulator, float] | None:
+        """See `AbstractSystem`; None for what hits something: two steps of different lengths soon part there."""
+        if any(self._found_flights):
+            return None
+        own = Models(self.recording, cores(), hard_friction=self._models.hard_friction, engine_steps=True)
+        return MechanismSimulator(self.recording, own, own.file_step_s, self.simulator().threads), own.file_step_s
+
     def stretches(self) -> tuple[Span, ...]:
         """See `AbstractSystem`."""
         if self._stretches is None:

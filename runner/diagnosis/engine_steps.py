@@ -1,0 +1,51 @@
+"""What the engine's own steps make of a model, beside its equations of motion.
+
+A diagnosis integrates to second order in the step. An engine that is first order is off by what a clock that is half
+a step ahead, or damping times half a step as inertia, would do. A log that it wrote shows just that, and a fine sensor
+tells it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from runner.effects.base import Effects
+from runner.noise.measured import Measured
+from runner.recording import Span
+from runner.systems.base import AbstractSystem
+from runner.systems.simulator import Run
+
+
+def said_of_engine_steps(
+    system: AbstractSystem,
+    measured: Measured,
+    effects: Effects,
+    starts: Mapping[int, np.ndarray],
+    spans: Sequence[Span],
+) -> tuple[str, ...]:
+    """Say by how much the engine's own steps are off, if by more than the noise of a channel.
+
+    Args:
+        system: What was diagnosed.
+        measured: Its noise.
+        effects: What was found.
+        starts: The start state of each stretch with that in the model, by its position.
+        spans: The stretches.
+    """
+    alone = system.by_engine_alone()
+    if alone is None or not starts:
+        return ()
+    engine, step_s = alone
+    one, other = system.simulator().parts(spans), engine.parts(spans)
+    off = [one.predict(e, [Run(effects, s)])[0] - other.predict(e, [Run(effects, s)])[0] for e, s in starts.items()]
+    noises = np.sqrt(np.mean(np.concatenate(off) ** 2, axis=0)) / measured.sigma
+    if not noises.max() > 1.0:
+        return ()
+    worst = int(np.argmax(noises))
+    return (
+        f"MuJoCo alone, in the model's steps of {1000 * step_s:g} ms, is {noises[worst]:.2g} noises of "
+        f"'{system.channels[worst].name}' off the motion that the model stands for, much as if it were half a step "
+        "ahead and its dampers had inertia. What it writes in such steps shows that too, and shorter ones do not.",
+    )

@@ -1,0 +1,67 @@
+"""A diagnosis says where MuJoCo's own steps are so far off that a sensor would tell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from runner.diagnosis.engine_steps import said_of_engine_steps
+from runner.noise.measured import measure
+from runner.systems.mechanism import MechanismSystem
+from runner.systems.simulator import Run
+from tests.mechanism_cases import system_of, write_case
+
+MODEL = """<mujoco><option timestep="0.002"/><worldbody><body name="lever">
+<joint name="hinge" axis="0 -1 0" damping="0.05" frictionloss="0.1" solreffriction="0.02 1"/>
+<inertial pos="0 0 -0.3" mass="1" diaginertia="0.01 0.01 0.01"/></body></worldbody>
+<actuator><motor name="drive" joint="hinge"/></actuator></mujoco>"""
+EPISODES = 2
+
+
+def swung(noise_rad: float, folder: Path) -> tuple[MechanismSystem, list[np.ndarray]]:
+    """Return a lever that plain MuJoCo swung, and its true angles; the noise is stated."""
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    data, angles, columns = mujoco.MjData(model), [], []
+    t = np.arange(200) * 0.01
+    for episode in range(EPISODES):
+        mujoco.mj_resetData(model, data)
+        u, angle = 2.0 * np.sin(5.0 * t + episode), np.zeros(len(t))
+        for k in range(len(t)):
+            data.ctrl[0], angle[k] = u[k], data.qpos[0]
+            mujoco.mj_step(model, data, nstep=5)
+        angles.append(angle)
+        columns.append({"t": t, "u": u, "q": angle + noise_rad * np.random.default_rng(episode).normal(size=len(t))})
+    nominal = {
+        "commands": {"u": {"actuator": "drive"}},
+        "channels": {"q": {"joint": "hinge", "quantity": "position"}},
+        "noise": {"q": noise_rad},
+        "start": "rest",
+    }
+    return system_of(write_case(folder / "case", MODEL, columns, nominal)), angles
+
+
+def test_by_itself_the_engine_steps_as_plain_mujoco_does(tmp_path: Path) -> None:
+    """And, beside the simulator that everything uses, is ahead by half a step."""
+    system, angles = swung(1e-3, tmp_path)
+    engine, step_s = system.by_engine_alone() or pytest.fail("there is none")
+    assert step_s == 0.002
+    for episode, angle in enumerate(angles):
+        run = [Run((), np.zeros(2))]
+        np.testing.assert_allclose(engine.predict(episode, run)[0][:, 0], angle, atol=1e-12)
+        smooth = system.simulator().predict(episode, run)[0][:, 0]
+        rate = np.gradient(smooth, 0.01)
+        # the rest is what damping and soft friction, first order too, make of it
+        assert rate @ (angle - smooth) / (rate @ rate) == pytest.approx(step_s / 2, rel=0.2)
+
+
+@pytest.mark.parametrize(("noise_rad", "said"), [(1e-3, 1), (2e-2, 0)])
+def test_it_is_said_where_the_sensor_would_tell(noise_rad: float, said: int, tmp_path: Path) -> None:
+    """Of steps of 2 ms, which make some milliradians; not beside a coarse sensor."""
+    system, _ = swung(noise_rad, tmp_path)
+    starts = {e: np.zeros(2) for e in range(EPISODES)}
+    found = said_of_engine_steps(system, measure(system), (), starts, system.stretches())
+    assert len(found) == said
+    assert all("steps of 2 ms" in note and "'q'" in note for note in found)
