@@ -286,7 +286,7 @@ def test_an_effect_near_its_own_standard_error_is_doubted(
     fitter, some = contended(tilted, fx.MassLeak, [0.03])
     error = math.sqrt(some.evidence.covariance[0, 0])
     moved = dataclasses.replace(some, fit=dataclasses.replace(some.fit, x=np.array([share * error])))
-    assert least <= unsure(moved, fitter.context, SETTINGS.odds.min_errors_beside_others) <= most
+    assert least <= unsure(moved, [], fitter.context, SETTINGS.odds.min_errors_beside_others) <= most
 
 
 def test_whether_there_is_an_effect_is_asked_of_the_likeliest(tilted: Recording) -> None:
@@ -297,7 +297,7 @@ def test_whether_there_is_an_effect_is_asked_of_the_likeliest(tilted: Recording)
     weak = dataclasses.replace(leak, fit=dataclasses.replace(leak.fit, x=np.array([0.2 * error])))
     weak, sure = (dataclasses.replace(c, log_posterior=p) for c, p in ((weak, -10.0), (scale, -30.0)))
     lowered = [c.log_posterior for c in doubted([weak, sure], fitter.context, 0.5, 100)]
-    assert lowered[0] == pytest.approx(-10.0 - unsure(weak, fitter.context, math.sqrt(2.0)))
+    assert lowered[0] == pytest.approx(-10.0 - unsure(weak, [], fitter.context, math.sqrt(2.0)))
     assert lowered[0] - lowered[1] == pytest.approx(20.0)
     assert [c.log_posterior for c in doubted([weak, sure], fitter.context, 5.0, 100)] == [-10.0, -30.0]
 

@@ -22,6 +22,7 @@ from runner.effects.vocabulary import Candidate
 from runner.errors import RecordingError
 from runner.inference.contender import contend
 from runner.inference.evidence import directions, sensitivities
+from runner.inference.held_out import errors_off
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.start_draws import tried_from_the_air
 from runner.noise.measured import measure
@@ -252,8 +253,13 @@ def test_a_switch_is_offered_as_a_whole(tmp_path: Path):
     truth.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
     fitter, nominal = begun(tmp_path, truth)
     cone = offered(fitter, "friction_cone[box]")
-    around = contend(fitter, nominal, sensitivities(fitter, nominal, directions(fitter.system)))
+    every = sensitivities(fitter, nominal, directions(fitter.system))
+    around = contend(fitter, nominal, every, dispersion=4.0)
     assert around.gains[cone][1].tolist() == [1.0]
     (found,) = tried_from_the_air(fitter, nominal, [(0.0, cone, np.full(1, 0.25))])
     assert found.x.tolist() == [1.0]
     assert found.total < nominal.total
+    fit = fitter.fit(found.explanation, nominal.episodes, x=found.x, starts=found.starts, iterations=2)
+    other = contend(fitter, fit, every, dispersion=4.0)
+    errors = errors_off(other, cone, slice(0, 1), fitter.context, [around, other])
+    assert errors == pytest.approx(math.sqrt((nominal.total - fit.total) / 4.0))

@@ -67,12 +67,12 @@ def _nearest(ranked: Ranked, first: Ranked, confirmed: Confirmed, fitter: Fitter
         max(left, 0.0) / max(gap, 1e-9),
         max(left_unseen, 0.0) / max(gap_unseen, 1e-9),
         (first.log_evidence or 0.0) - (ranked.log_evidence or 0.0),
-        _unsure(contender, fitter),
+        _unsure(contender, found.contenders, fitter),
     )
 
 
-def _unsure(contender: Contender, fitter: Fitter) -> tuple[str, ...]:
+def _unsure(contender: Contender, others: Sequence[Contender], fitter: Fitter) -> tuple[str, ...]:
     """Return which effects of an explanation do not stand out of their own errors."""
     context = fitter.context
     parts, enough = contender.fit.explanation.parts(context), SETTINGS.odds.min_errors_beside_others
-    return tuple(c.name for c, whole in parts if errors_off(contender, c, whole, context) < enough)
+    return tuple(c.name for c, whole in parts if errors_off(contender, c, whole, context, others) < enough)

@@ -187,12 +187,12 @@ def doubted(contenders: Sequence[Contender], context: Scope, gap: float, count: 
     limits, common = SETTINGS.odds, 0.0
     alone = [c for c in contenders if len(c.fit.explanation.candidates) == 1]
     if alone and gap <= limits.visible_gap_excess:
-        common = unsure(max(alone, key=lambda c: c.log_posterior), context, limits.min_errors_alone)
+        common = unsure(max(alone, key=lambda c: c.log_posterior), contenders, context, limits.min_errors_alone)
     out = []
     for c in contenders:
         single = len(c.fit.explanation.candidates) == 1
         enough = limits.min_errors_beside_others
-        against = common if single else unsure(c, context, enough, needed(c, contenders, count))
+        against = common if single else unsure(c, contenders, context, enough, needed(c, contenders, count))
         out.append(replace(c, log_posterior=c.log_posterior - against - faint(c, context)))
     return out
 
@@ -207,24 +207,40 @@ def needed(contender: Contender, contenders: Sequence[Contender], count: int) ->
     limits = SETTINGS.odds
     plain = max(limits.visible_gap_excess * count, limits.form_error_ratio * (contender.fit.total - count))
     for candidate in whole:
-        rest = {c for c in whole if c != candidate}
-        fewer = [c.fit.total for c in contenders if rest.issuperset(c.fit.explanation.candidates)]
-        if min(fewer, default=-np.inf) - contender.fit.total > plain:
+        if taken_off(contender, candidate, contenders) > plain:
             out.append(candidate)
     return frozenset(out)
 
 
+def taken_off(contender: Contender, candidate: Candidate, contenders: Sequence[Contender]) -> float:
+    """Return how much less loss an explanation leaves than the best of the others without one of its effects."""
+    rest = {c for c in contender.fit.explanation.candidates if c != candidate}
+    fewer = [c.fit.total for c in contenders if rest.issuperset(c.fit.explanation.candidates)]
+    return min(fewer, default=-np.inf) - contender.fit.total
+
+
 def unsure(
-    contender: Contender, context: Scope, enough: float, beyond_doubt: frozenset[Candidate] = frozenset()
+    contender: Contender,
+    contenders: Sequence[Contender],
+    context: Scope,
+    enough: float,
+    beyond_doubt: frozenset[Candidate] = frozenset(),
 ) -> float:
     """Return the log odds against effects that are no `enough` standard errors away from not being there."""
     parts = [(c, whole) for c, whole in contender.fit.explanation.parts(context) if c not in beyond_doubt]
-    lacks = (1.0 - errors_off(contender, c, whole, context) / enough for c, whole in parts)
+    lacks = (1.0 - errors_off(contender, c, whole, context, contenders) / enough for c, whole in parts)
     return sum((SETTINGS.odds.rejection_log_odds * max(lack, 0.0) for lack in lacks), 0.0)
 
 
-def errors_off(contender: Contender, candidate: Candidate, whole: slice, context: Scope) -> float:
-    """Return how many of its standard errors an effect of an explanation is away from not being there."""
+def errors_off(
+    contender: Contender, candidate: Candidate, whole: slice, context: Scope, contenders: Sequence[Contender]
+) -> float:
+    """Return how many of its standard errors an effect of an explanation is away from not being there.
+
+    A switch has no derivative, and so no standard error: there it is the root of the likelihood ratio (Wilks 1938).
+    """
+    if candidate.effect.switch:
+        return float(np.sqrt(max(taken_off(contender, candidate, contenders), 0.0) / contender.evidence.dispersion))
     x, covariance, part = contender.fit.x, contender.evidence.covariance, amplitudes(candidate, whole, context)
     return float(np.sqrt(x[part] @ np.linalg.pinv(covariance[part, part], hermitian=True) @ x[part]))
 
