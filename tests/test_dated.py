@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from runner.localise import dated
 from runner.localise.dated import DatedDisturbance, dated_disturbances
 from runner.noise.measured import measure
 from tests.mechanism_cases import system_of, write_case
@@ -37,6 +38,12 @@ def test_a_push_is_dated(friction: float, push: Push, tmp_path: Path) -> None:
     assert only.from_s[0] == pytest.approx(begin, abs=0.05)
     assert only.until_s[0] == pytest.approx(end, abs=0.05)
     assert f"torque at '{JOINTS[joint]}'" in only.sentence
+
+
+def test_what_has_no_size_is_no_push(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Windows that stand out by chance: the force that fits them is no larger than its own error."""
+    monkeypatch.setattr(dated, "_runs", lambda *_: [dated._Run(2, 1, 300, 360, 50.0)])
+    assert found_in(tmp_path, 0.0, None) == ()
 
 
 def test_friction_that_is_missing_is_no_push(tmp_path: Path) -> None:

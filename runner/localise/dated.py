@@ -124,7 +124,7 @@ def _runs(at: np.ndarray, value: FloatArray, error: FloatArray, usual: FloatArra
 
 
 def _dated(run: _Run, model: Model, measured: Measured, usual: FloatArray, samples: int) -> DatedDisturbance | None:
-    """Return beginning, end and size by least squares over overlapping windows; None where that tells nothing."""
+    """Return beginning, end and size by least squares over overlapping windows; None where that tells no size."""
     recorded = model.system.recording.episodes[run.episode]
     overlap, margin = SETTINGS.disturbance.overlap, SETTINGS.disturbance.margin
     hop = max(1, samples // overlap)
@@ -152,6 +152,8 @@ def _dated(run: _Run, model: Model, measured: Measured, usual: FloatArray, sampl
     # neighbours share most of their samples
     spread = np.linalg.pinv(fit.jac.T @ fit.jac) * overlap
     errors = np.sqrt(np.diag(spread) * max(2.0 * fit.cost / len(seen), 1e-12))
+    if abs(force) < SETTINGS.odds.min_errors_beside_others * errors[0]:
+        return None  # a push that is over within a window has no size of its own
     return DatedDisturbance(
         recorded.index,
         model.system.disturbance.labels[run.force],
