@@ -245,6 +245,7 @@ def test_what_shows_after_a_hit_alone_is_tried_from_the_air(tmp_path: Path):
     assert math.exp(found.x[0]) == pytest.approx(0.1 / BELIEVED["friction"], rel=0.5)
     assert found.total < 0.5 * nominal.total
     assert fitter.loss(found.explanation, found.x, found.starts, nominal.episodes) == pytest.approx(found.total)
+    assert tried_from_the_air(fitter, nominal, []) == []
 
 
 def test_a_switch_is_offered_as_a_whole(tmp_path: Path):

@@ -64,10 +64,10 @@ def tried_from_the_air(fitter: Fitter, near: Fit, offered: Sequence[Offer]) -> l
     both = np.stack([begin, near.starts], axis=1)
     tried = [[joined(near, c, v) for v in _amounts(c, vector, fitter.context)] for _, c, vector in offered]
     models = [explanation.make(x, fitter.context) for some in tried for explanation, x in some]
-    left = np.split(fitter.losses(models, begin, near.episodes), np.cumsum([len(some) for some in tried])[:-1])
+    left = iter(fitter.losses(models, begin, near.episodes))
     out = []
-    for some, losses in zip(tried, left, strict=True):
-        explanation, x = some[int(losses.argmin())]
+    for some in tried:
+        explanation, x = some[int(np.argmin([next(left) for _ in some]))]
         starts, least = fitter.best_starts(explanation.make(x, fitter.context), both, near.episodes)
         out.append(WarmStart(explanation, x, starts, float(least.sum())))
     return out
