@@ -56,6 +56,8 @@ def tried_from_the_air(fitter: Fitter, near: Fit, offered: Sequence[Offer]) -> l
         near: The fit of the explanation.
         offered: The effects, each with the vector that a linear model proposes.
     """
+    if not offered:
+        return []
     held = replace(fitter, held=near.explanation.make(near.x, fitter.context))
     at, flown = _flown(held, list(near.episodes), near.starts)
     begin = near.starts.copy()
