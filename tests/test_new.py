@@ -92,12 +92,18 @@ def test_completion(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtu
     bash = shutil.which("bash")
     if bash is None:
         pytest.skip("no bash on this machine")
+    (tmp_path / "zebra.csv").touch()
     for typed, offered in {
         "runner sh": ["show"],
         "runner show backl": ["backlash"],
         "runner blind m": ["make"],
         "runner blind make see": ["seed="],
         "runner run start.m": ["start.mass_kg="],
+        "runner run ou": ["out="],
+        "runner run forces = pap": ["paper"],
+        "runner run forces=pap": ["forces=paper"],
+        "runner gap recording = ze": ["zebra.csv"],
+        "runner gap ze": ["zebra.csv"],
     }.items():
         words = typed.split()
         ask = f"COMP_WORDS=({typed}); COMP_CWORD={len(words) - 1}; _runner 2>/dev/null; echo ${{COMPREPLY[@]}}"
