@@ -244,9 +244,7 @@ class Fitter:
     def loss(self, explanation: Explanation, x: np.ndarray, starts: np.ndarray, episodes: Sequence[int]) -> float:
         """Return minus twice the log likelihood at given unknowns, see `Fit.total`; infinite where the motion is."""
         run = explanation.make(x, self.context)
-        rows = [self.whitened(e, [Run(run, start)])[0] for e, start in zip(episodes, starts, strict=True)]
-        total = float(self._spread(rows, episodes).loss(rows).sum())
-        return total if np.isfinite(total) else np.inf
+        return float(np.sum([self._left(e, [Run(run, s)])[0] for e, s in zip(episodes, starts, strict=True)]))
 
     def losses(self, models: Sequence[Effects], starts: np.ndarray, episodes: Sequence[int]) -> np.ndarray:
         """Return the loss of each of several models, (M,), at the same start states (E, S)."""
@@ -256,9 +254,10 @@ class Fitter:
         )
 
     def _left(self, episode: int, runs: Sequence[Run]) -> np.ndarray:
-        """Return the loss of several simulations of one episode, (len(runs),)."""
+        """Return the loss of several simulations of one episode, (len(runs),); infinite where the motion is."""
         rows = list(self.whitened(episode, runs))
-        return np.nan_to_num(self._spread(rows, [episode] * len(rows)).loss(rows), nan=np.inf)
+        left = self._spread(rows, [episode] * len(rows)).loss(rows)
+        return np.where(np.isfinite(left), left, np.inf)
 
     def _spread(self, residual: Sequence[np.ndarray], episodes: Sequence[int]) -> Spread:
         """Return how uncertain whitened residuals (n,) of some episodes are."""

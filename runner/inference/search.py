@@ -272,8 +272,10 @@ class _Rounds:
 
     def _worth_a_fit(self, contender: Contender, size: int) -> list[Offer]:
         """Return the effects that are tried beside those of a contender, most promising first."""
-        promised = self._offers(contender)
         left, limits = contender.fit.total - self.count, SETTINGS.search
+        if size > 1 and left < self.worth:
+            return []  # nothing is left that would be worth an effect
+        promised = self._offers(contender)
         if size == 1 and self.pieces:
             return self._likely(promised)
         if size == 1:
@@ -286,8 +288,6 @@ class _Rounds:
                 return self._likely(promised)
             few, enough = limits.most_promising, limits.min_promise_share * self.worth
             return [o for i, o in enumerate(promised) if i < few or o[0] > enough]
-        if left < self.worth:
-            return []  # nothing is left that would be worth an effect
         reached = min(s.total for s in (*self.seeds.values(), *(c.fit for c in self.contenders))) - self.count
         behind = left - limits.leap_lead_ratio * max(reached, self.worth)
         enough = max(limits.min_promise_share * self.worth, behind)
