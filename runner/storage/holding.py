@@ -1,4 +1,8 @@
-"""Who writes to a folder: the one process that holds it. What a killed one held is free at once."""
+"""Who writes to a folder or a file: the one process that holds it. What a killed one held is free at once.
+
+Only a descriptor is locked, which closing it frees: filelock's `FileLock` keeps books of its own, and a signal that
+comes while it lets go of a file leaves them wrong, of which it then speaks in an error of its own.
+"""
 
 from __future__ import annotations
 
@@ -14,15 +18,19 @@ TRIES, PAUSE_S = 5, 0.02  # whoever only looks whether a folder is held, holds i
 
 
 @contextmanager
-def holding(folder: Path) -> Iterator[bool]:
-    """Hold a folder, and tell whether that went; the folder itself is held, so that no lock file is left in it.
+def holding(path: Path, *, wait: bool = False) -> Iterator[bool]:
+    """Hold a folder or a file, and tell whether that went; it is held itself, so that no lock file is left beside it.
+
+    Args:
+        path: Of what exists.
+        wait: Until whoever holds it lets go of it.
 
     Raises:
-        OSError: If the folder can't be opened.
+        OSError: If it can't be opened.
     """
-    handle = os.open(folder, os.O_RDONLY)
+    handle = os.open(path, os.O_RDONLY)
     try:
-        held = lock_descriptor(handle, blocking=False)
+        held = lock_descriptor(handle, blocking=wait)
         for _ in range(TRIES - 1):
             if held:
                 break
@@ -33,10 +41,10 @@ def holding(folder: Path) -> Iterator[bool]:
         os.close(handle)
 
 
-def is_held(folder: Path) -> bool:
-    """Tell whether a process holds a folder; one that can't be opened is held by none."""
+def is_held(path: Path) -> bool:
+    """Tell whether a process holds a folder or a file; one that can't be opened is held by none."""
     try:
-        with holding(folder) as free:
+        with holding(path) as free:
             return not free
     except OSError:
         return False

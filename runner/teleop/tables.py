@@ -12,7 +12,7 @@ import os
 import shutil
 import socket
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +20,10 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
-from filelock import FileLock, Timeout
 
 from runner.errors import ResultError, RunnerError, WriteError
 from runner.storage import run_status
+from runner.storage.holding import holding, is_held
 from runner.storage.parquet_file import UNREADABLE, ParquetError, read_whole
 from runner.storage.writing import own_folder, replacing
 from runner.teleop.frames import ENDED, RunResult, Truth
@@ -184,7 +184,9 @@ class Ledger:
     @contextmanager
     def held(self) -> Iterator[Ledger]:
         """Hold the file while the task is done: a worker can outlive the sweep that was killed, see `still_held`."""
-        with FileLock(self._path):
+        with suppress(FileExistsError):  # where the task goes on
+            os.close(os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644))
+        with holding(self._path, wait=True):
             yield self
 
     def write(self, job: int, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -198,13 +200,7 @@ class Ledger:
 
 def still_held(folder: Path) -> bool:
     """Tell whether a process is still doing a task of a sweep."""
-    for file in (folder / ROWS).glob("*.jsonl"):
-        try:
-            with FileLock(file, blocking=False):
-                pass
-        except Timeout:
-            return True
-    return False
+    return any(is_held(file) for file in (folder / ROWS).glob("*.jsonl"))
 
 
 def _noted(file: Path) -> dict[int, list[dict[str, Any]]]:
