@@ -14,6 +14,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import pytest
 
@@ -137,7 +138,7 @@ def _interrupted_at(number: int, ledger: tables.Ledger) -> bool:
     """Hold a ledger, interrupted at such a line of what does that; False: there are fewer."""
     lines = 0
 
-    def trace(frame: FrameType, event: str, _: object) -> Callable[..., object] | None:
+    def trace(frame: FrameType, event: str, _: object) -> Any:
         nonlocal lines
         if "contextlib" in frame.f_code.co_filename:
             return None
