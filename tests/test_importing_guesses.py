@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
+import yaml
 
 from runner.errors import RecordingError
 from runner.importing.entries import Entry, Role
@@ -14,7 +15,7 @@ from runner.importing.guess.fall import falls
 from runner.importing.guess.unit import unit_by_slope
 from runner.importing.plausible import within
 from runner.importing.propose import propose
-from runner.importing.signals import Log, Part, Signal
+from runner.importing.signals import Clock, Log, Part, Signal
 
 RUNS, SAMPLES = 4, 50
 
@@ -128,3 +129,36 @@ def test_a_position_is_known_by_following_its_target() -> None:
     assert table["target"] == ("command of motor", "deg")
     assert table["measured"] == ("position of joint elbow", "deg")
     assert "warmth" not in table
+
+
+@pytest.mark.parametrize(("pause_s", "known"), [(6.0, {"by": "gap", "longer_than_s": 3.0}), (0.3, {"by": "part"})])
+def test_runs_in_one_bag_are_parted_where_no_message_comes(pause_s: float, known: dict[str, object]) -> None:
+    """Messages have stamps of their own; two that are swapped begin no run, commands that go on hide none."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody><body><joint name="elbow"/><geom size=".05"/></body>
+      </worldbody><actuator><position name="elbow" joint="elbow"/></actuator></mujoco>""")
+    measured = (1e9 * (0.01 * np.arange(RUNS * SAMPLES) + number * pause_s)).astype(np.int64) + 1_700_000_000 * 10**9
+    measured[[7, 8]] = measured[[8, 7]]
+    sent = np.arange(measured.min(), measured.max(), 50_000_000)
+
+    def stamped(name: str, stamps: np.ndarray) -> Signal:
+        return Signal(name, name, np.sin(stamps * 1e-9), {"header_stamp": Clock(stamps, in_ns=True)})
+
+    signals = [stamped("/state/position[elbow]", measured), stamped("/command[elbow]", sent)]
+    proposal = propose(Log("MCAP", [Part("log.mcap", {s.name: s for s in signals})]), model)
+    assert yaml.safe_load(proposal.text)["episodes"] == known
+
+
+@pytest.mark.parametrize(("size", "unit"), [(180 / np.pi, "deg"), (1.0, "rad")])
+def test_a_joint_without_a_range_is_in_the_unit_of_those_beside_it(size: float, unit: str) -> None:
+    """Of a vector; one that moves little could be in rad by its numbers, and one that stands alone is not told."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><compiler angle="radian"/><worldbody>
+      <body><joint name="a" range="-2 2"/><geom size=".05"/><body><joint name="b"/><geom size=".05"/>
+      <body><joint name="c"/><geom size=".05"/><body><joint name="d"/><geom size=".05"/></body></body></body></body>
+      </worldbody></mujoco>""")
+    wave = size * np.sin(0.1 * np.arange(300))
+    names = {"state[a.pos]": wave, "state[b.pos]": 1.5 * wave, "state[c.pos]": 0.1 * wave, "d_pos": wave}
+    log = log_of(time=0.01 * np.arange(300), **names)
+    units = {signal: u for signal, _, u, _ in propose(log, model).table}
+    assert units == {
+        "state[a.pos]": unit, "state[b.pos]": unit, "state[c.pos]": unit, "d_pos": "TODO" if unit == "deg" else "rad",
+    }  # fmt: skip

@@ -21,7 +21,15 @@ from runner.importing.guess.clock import ClockGuess, clock_times, guess_clock
 from runner.importing.guess.counter import guess_episodes
 from runner.importing.guess.elements import Element, elements_of, match, match_followers
 from runner.importing.guess.poses import Pose, guess_frame, guess_poses
-from runner.importing.guess.unit import MUCH_M, UnitGuess, guess_unit, unit_by_name, unit_by_slope
+from runner.importing.guess.unit import (
+    MUCH_M,
+    UnitGuess,
+    guess_unit,
+    unit_by_name,
+    unit_by_slope,
+    units_of_vectors,
+    vector_of,
+)
 from runner.importing.map_file import ALL, COLUMN, NEAREST, TAKEN, TO_FILL
 from runner.importing.plausible import coarse_step
 from runner.importing.signals import Log, Part, Signal
@@ -79,8 +87,10 @@ def propose(log: Log, model: mujoco.MjModel, *, rate_hz: float | None = None) ->
     found = match(list(part.signals.values()), elements, besides=clock.names)
     match_followers(found, list(part.signals.values()), elements, model, clock.names)
     times = clock_times(part, clock)
+    told = units_of_vectors([(element, signal) for element, signal, _ in found.pairs], log)
     for element, signal, why in found.pairs:
-        _add(draft, element, signal, why, log, _by_slope(draft, part, element, signal, times))
+        by_others = told.get((vector_of(signal), element.si_unit)) if element.limits is None else None
+        _add(draft, element, signal, why, log, _by_slope(draft, part, element, signal, times) or by_others)
     draft.notes += found.notes
     known = {*clock.names, *(s.name for s in draft.used)}
     poses, up = guess_frame(part, guess_poses(part, model, besides=known, times_s=times), model, times)
@@ -124,7 +134,8 @@ def _finished(draft: _Draft, log: Log, clock: ClockGuess, head: dict[str, object
     """Return the proposal once everything but clock and episodes is in the draft."""
     part = log.parts[0]
     used = {u.name for u in draft.used} | clock.names
-    episodes, said = guess_episodes(log, clock, used)
+    channels = {n for entry in draft.channels.values() for n in entry.get("signals") or [entry["signal"]]}
+    episodes, said = guess_episodes(log, clock, used, [s for s in draft.used if s.name in channels])
     if said:
         draft.notes.append(said)
     if draft.noise:

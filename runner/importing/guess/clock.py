@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from runner.importing.clocks import NS
 from runner.importing.guess.names import words_of
 from runner.importing.map_file import TO_FILL
 from runner.importing.readers.arrow import HEADER_STAMP
@@ -78,6 +79,23 @@ def clock_times(part: Part, clock: ClockGuess) -> FloatArray | None:
     times = part.signals.get(clock.name or "")
     size = UNITS["s"].get(clock.unit or "")
     return None if times is None or size is None else times.values * size
+
+
+def stamps_s(signals: Collection[Signal], clock: ClockGuess) -> FloatArray | None:
+    """Return when any of some signals has a sample by the stamps of messages, s, in order; None: they have no stamps.
+
+    Which of two messages came first is not told: stamps that are out of order are put in order when a map is used.
+
+    Args:
+        signals: Of one part.
+        clock: That was found; a signal without it goes by its own first one, as in the map.
+    """
+    clocks = [s.clocks.get(clock.name or "", next(iter(s.clocks.values()))) for s in signals if s.clocks]
+    in_ns = [c.stamps for c in clocks if c.in_ns]
+    if not in_ns or len(in_ns) < len(signals):
+        return None
+    stamps = np.unique(np.concatenate(in_ns))
+    return (stamps - stamps[0]) / NS
 
 
 def guess_clock(part: Part, *, empty_is_lost: bool = False) -> ClockGuess:

@@ -11,7 +11,7 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
-from runner.importing.guess.clock import ClockGuess, clock_times
+from runner.importing.guess.clock import ClockGuess, clock_times, stamps_s
 from runner.importing.signals import Integers, Log, Signal
 from runner.numerics.arrays import FloatArray
 
@@ -21,13 +21,16 @@ STRETCH = 10  # samples: what steps more often counts something else
 BY_CLOCK = {"gap": "where it leaps", "restart": "where it goes back"}
 
 
-def guess_episodes(log: Log, clock: ClockGuess, besides: Collection[str]) -> tuple[dict[str, object], str]:
+def guess_episodes(
+    log: Log, clock: ClockGuess, besides: Collection[str], measured: Collection[Signal] = ()
+) -> tuple[dict[str, object], str]:
     """Return what the map says of episodes, and a sentence on how that is known; "": nothing need be said.
 
     Args:
         log: What was read.
         clock: That was found.
         besides: Signals that are something else.
+        measured: Those of channels: where messages have stamps of their own, a run ends where none of them comes.
     """
     part = log.parts[0]
     if len(log.parts) > 1:
@@ -41,7 +44,7 @@ def guess_episodes(log: Log, clock: ClockGuess, besides: Collection[str]) -> tup
         rising = bool((np.diff(part.signals[name].values) >= 0).all())
         if at_edges or _rank(name) > -len(NAMED) or rising:
             return {"by": "column", "signal": name}, _why(name, counters[name], at_edges)
-    return _by_clock(times)
+    return _by_clock(stamps_s(measured, clock) if times is None else times)
 
 
 def _edges(times: FloatArray | None) -> Integers:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,6 +59,33 @@ def guess_unit(signal: Signal, element: Element, log: Log) -> UnitGuess:
     if not element.si_unit:
         return UnitGuess(None, f"{goes}, taken as it is: the model does not tell its unit")
     return UnitGuess(element.si_unit, f"{goes}, assumed")
+
+
+def vector_of(signal: Signal) -> str:
+    """Return what a signal is an element of, such as `action` of `action[elbow.pos]`; "" of one that stands alone."""
+    return signal.name.rpartition("[")[0] if signal.name.endswith("]") else ""
+
+
+def units_of_vectors(pairs: Sequence[tuple[Element, Signal]], log: Log) -> dict[tuple[str, str], UnitGuess]:
+    """Return in which unit vectors are, by name and SI unit: that which ranges in the model tell of some elements.
+
+    Only a unit that is not SI is told, and by all of them: small numbers fit a range in rad, whatever they are in.
+
+    Args:
+        pairs: What is taken for what.
+        log: All parts, for the sizes.
+    """
+    told: dict[tuple[str, str], dict[str, str | None]] = {}
+    for element, signal in pairs:
+        if vector_of(signal) and element.limits is not None:
+            own = told.setdefault((vector_of(signal), element.si_unit), {})
+            own[element.target] = guess_unit(signal, element, log).name
+    out = {}
+    for (vector, si_unit), units in told.items():
+        name = next(iter(units.values()))
+        if len({*units.values()}) == 1 and name not in (si_unit, TO_FILL):
+            out[vector, si_unit] = UnitGuess(name, f"assumed in the unit of {', '.join(units)}, whose range tells it")
+    return out
 
 
 def unit_by_slope(times_s: FloatArray, position_si: FloatArray, values: FloatArray, si_unit: str) -> UnitGuess | None:
