@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from runner.effects.mechanism import ActuatorDelay, Gravity, ObservationDelay
 from runner.effects.planar_box import BodySize
-from runner.inference.contender import dispersion_of, memory
+from runner.effects.vocabulary import Candidate
+from runner.inference.contender import are_confounded, dispersion_of, memory
 from runner.inference.evidence import directions
+from runner.inference.least_squares import Explanation
 from runner.inference.variable_projection import Spread
 from runner.recording import Nominal, Recording
 from runner.systems.planar_box.simulator import Simulator
@@ -79,3 +82,19 @@ def test_sizes_are_part_of_the_mismatch_and_never_named() -> None:
     assert len(of_size) == 2
     assert all(d.mismatch > 0 for d in of_size)
     assert not any(c.effect is BodySize for c in (*system.vocabulary, *system.vocabulary.outside))
+
+
+@pytest.mark.parametrize(
+    ("sole", "alike"), [(True, True), (False, False)], ids=["of the one actuator", "of one actuator of several"]
+)
+def test_a_command_that_comes_late_is_one_with_a_measurement_that_is_late(sole: bool, alike: bool) -> None:
+    """Where all commands do: then neither is tried beside the other, and they are told as one."""
+    late = Candidate(ActuatorDelay, "motor", sole=sole)
+    fits: list[Any] = [
+        SimpleNamespace(explanation=Explanation((c,))) for c in (late, Candidate(ObservationDelay), Candidate(Gravity))
+    ]
+    assert are_confounded(fits[0], fits[1]) == alike
+    assert not are_confounded(fits[0], fits[2])
+    assert late.may_join([Candidate(ObservationDelay)]) != alike
+    assert Candidate(ObservationDelay).may_join([late]) != alike
+    assert late.may_join([Candidate(Gravity)])

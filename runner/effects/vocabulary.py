@@ -7,7 +7,7 @@ fits, compares and names. Several candidates may share a name: variants of one e
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -22,12 +22,13 @@ class Candidate:
     """An effect that may be at work: its class, and what it would change (None: there is nothing to choose).
 
     With `targets` it changes all of those by the same numbers: one cause, as the supply of all servos. `target` is then
-    the first of them, by whose measure the numbers are.
+    the first of them, by whose measure the numbers are. `sole` says that there is no other target of that kind.
     """
 
     effect: type[AbstractEffect]
     target: str | None = None
     targets: tuple[str, ...] = ()
+    sole: bool = field(default=False, compare=False)
 
     @property
     def name(self) -> str:
@@ -40,12 +41,22 @@ class Candidate:
         """The same effect on each target by itself."""
         return tuple(Candidate(self.effect, target) for target in self.targets) or (self,)
 
+    @property
+    def part(self) -> str | None:
+        """What it changes of all that there is of its kind; None: all of it."""
+        return None if self.targets or self.sole else self.target
+
+    @property
+    def like(self) -> frozenset[str]:
+        """The names of the effect and of those that no recording tells from it."""
+        return frozenset({self.effect.name, *(o.name for o in self.effect.confounded)})
+
     def may_join(self, held: Iterable[Candidate]) -> bool:
         """Whether it may stand beside others: it is none of them, nor one that can't be told from them."""
         for other in held:
-            names = {other.effect.name, *(o.name for o in other.effect.confounded)}
-            alike = self.effect.name in names
-            if alike and not {c.target for c in self.each}.isdisjoint(c.target for c in other.each):
+            alike = self.effect.name in other.like or other.effect.name in self.like
+            shared = not {c.target for c in self.each}.isdisjoint(c.target for c in other.each)
+            if alike and (shared or self.part == other.part):
                 return False
         return True
 

@@ -99,10 +99,7 @@ def are_confounded(a: Fit, b: Fit) -> bool:
     """
 
     def plain(fit: Fit) -> list[tuple[str, str]]:
-        return sorted(
-            (min((c.effect.name, *(o.name for o in c.effect.confounded))), "" if c.targets else c.target or "")
-            for c in fit.explanation.candidates
-        )
+        return sorted((min(c.like), c.part or "") for c in fit.explanation.candidates)
 
     return plain(a) == plain(b)
 

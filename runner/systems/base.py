@@ -97,7 +97,7 @@ class AbstractSystem(ABC):
     noun: str = "object"
     experiment: str = "experiment"
     reach: str = "the commands used so far"
-    reach_further: str = "command more, or otherwise"
+    reach_further: str = "command faster, or over a wider range, or check it by hand"
     mismatch_levels: tuple[float, ...] = (1 / 16, 1 / 8, 1 / 4, 0.5, 1.0, 2.0, 4.0, 8.0)
     screening_level: float = 1 / 16
     unknown_share: float = 0.05

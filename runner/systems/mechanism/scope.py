@@ -171,7 +171,7 @@ def vocabulary_of(recording: MechanismRecording, scope: Scope, coordinates: Coor
     candidates = []
     for cls in EFFECTS:
         single = [
-            Candidate(cls, target)
+            Candidate(cls, target, sole=len(targets[cls.target_kind]) == 1)
             for target in targets[cls.target_kind]
             if cls.applies(scope.at(target))
             and (cls.target_kind != "channel" or _of_its_own(cls, target, recording, scope.model))

@@ -60,7 +60,7 @@ class PlanarBox(AbstractSystem):
     noun = "body"
     experiment = "push"
     reach = "the forces used so far"
-    reach_further = "push harder, or elsewhere"
+    reach_further = "push harder, or elsewhere, or check it by hand"
     # floors are never even: their texture is never below half of a hundredth of an effect's usual size
     mismatch_levels = (0.5, 1.0, 2.0, 4.0, 8.0)
     # a floor, a box and a push: what more than three effects explain is something else; errors stay where they are made
