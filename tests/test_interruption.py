@@ -13,6 +13,8 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 import pytest
 
@@ -28,6 +30,7 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "O
 WITHIN_S = 2.0
 PATIENCE_S = 120.0
 WORK_S = 3.0  # of a worker, by which it has imported what it needs and is at work
+MANY = 100_000  # ledgers
 RUNS = 40  # of a sweep, in tasks of five
 TICKS = os.sysconf("SC_CLK_TCK")  # to a second
 
@@ -120,6 +123,40 @@ def begun_anew(line: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 SIGNALS = pytest.mark.parametrize(
     ("number", "all_of_them"), [(signal.SIGINT, True), (signal.SIGTERM, False)], ids=["ctrl-c", "sigterm"]
 )
+
+
+def test_while_a_ledger_is_taken_and_let_go_of(tmp_path: Path) -> None:
+    """Wherever a signal comes then, it is told as itself and stands in no other's way."""
+    count = 0
+    while _interrupted_at(count, tables.Ledger(tmp_path, count)):
+        with tables.Ledger(tmp_path, MANY + count).held():
+            count += 1
+    assert count > 10  # lines of it
+
+
+def _interrupted_at(number: int, ledger: tables.Ledger) -> bool:
+    """Hold a ledger, interrupted at such a line of what does that; False: there are fewer."""
+    lines = 0
+
+    def trace(frame: FrameType, event: str, _: object) -> Any:
+        nonlocal lines
+        if "contextlib" in frame.f_code.co_filename:
+            return None
+        if event == "line":
+            lines += 1
+            if lines > number:
+                sys.settrace(None)
+                raise KeyboardInterrupt
+        return trace
+
+    try:
+        with suppress(KeyboardInterrupt):
+            sys.settrace(trace)
+            with ledger.held():
+                pass
+    finally:
+        sys.settrace(None)
+    return lines > number
 
 
 @SIGNALS

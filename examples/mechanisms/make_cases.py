@@ -2,7 +2,7 @@
 
     python examples/mechanisms/make_cases.py FOLDER OUT [--belief KIND=FACTOR ...]
 
-FOLDER holds `emps`, `dfki_double_pendulum`, `dfki_pendulum`, `xl330` and `so101`, each with `train.parquet` (a row per
+FOLDER holds `emps`, `dfki_double_pendulum`, `dfki_pendulum`, `xl330` and `so101`, each with one Parquet file (a row per
 sample: episode, t and the columns named below) and `episodes.csv`; those that are not there are left out. OUT gets a
 folder for each case, with its table, an MJCF of what the publishers say of the mechanism, and `nominal.yaml`.
 
@@ -45,7 +45,7 @@ class Made:
 
 def emps(folder: Path, belief: Belief) -> dict[str, Made]:
     """A slide on a ball screw, driven by the recorded force (Janot, Gautier & Brunot): mass, friction as published."""
-    rows = pd.read_parquet(folder / "train.parquet")
+    rows = _rows(folder)
     model = HEAD.format(gravity="0 0 0", step=0.001) + (
         '<body name="carriage"><joint name="slide" type="slide" axis="1 0 0" damping="203.5" frictionloss="20.39"/>'
         f'<geom type="box" size="0.1 0.1 0.05" mass="{95.11 * belief.mass}"/></body></worldbody>'
@@ -57,7 +57,7 @@ def emps(folder: Path, belief: Belief) -> dict[str, Made]:
 
 def pendulum(folder: Path, belief: Belief) -> dict[str, Made]:
     """A rod with a mass at its end, driven by the torque that the motor reports, where that explains the motion."""
-    rows, episodes = pd.read_parquet(folder / "train.parquet"), pd.read_csv(folder / "episodes.csv")
+    rows, episodes = _rows(folder), pd.read_csv(folder / "episodes.csv")
     fit = episodes.loc[episodes["torque_explains_motion"].astype(bool), "episode"]
     model = HEAD.format(gravity="0 0 -9.81", step=0.002) + (
         '<body name="rod"><joint name="joint" axis="0 -1 0" armature="0.0021857"/>'
@@ -70,7 +70,7 @@ def pendulum(folder: Path, belief: Belief) -> dict[str, Made]:
 
 def double_pendulum(folder: Path, belief: Belief) -> dict[str, Made]:
     """Two links with a motor in each joint, driven by the reported torques; nothing is believed of friction."""
-    rows, episodes = pd.read_parquet(folder / "train.parquet"), pd.read_csv(folder / "episodes.csv")
+    rows, episodes = _rows(folder), pd.read_csv(folder / "episodes.csv")
     m1, m2, l1, r1, r2, i1, i2, rotor = 0.52346, 0.62557, 0.2, 0.2, 0.25569, 0.031887, 0.050870, 6.287e-5 * 36
     upper, lower = max(i1 - m1 * r1**2, 1e-5), i2 - m2 * r2**2
 
@@ -98,7 +98,7 @@ def double_pendulum(folder: Path, belief: Belief) -> dict[str, Made]:
 
 def xl330(folder: Path, belief: Belief) -> dict[str, Made]:
     """A hobby servo that lifts a weight: by the voltage on its bridge, and as a servo, a case for each of its gains."""
-    rows, episodes = pd.read_parquet(folder / "train.parquet"), pd.read_csv(folder / "episodes.csv")
+    rows, episodes = _rows(folder), pd.read_csv(folder / "episodes.csv")
     torque_constant, resistance, supply = 0.354 * belief.gain, 3.4, 7.4
     stall = torque_constant * supply / resistance
     rows = rows.loc[rows["torque_on"] == 1].assign(bridge_volts=lambda r: r["duty_horn"] * r["volts"])
@@ -131,7 +131,7 @@ def xl330(folder: Path, belief: Belief) -> dict[str, Made]:
 
 def so101(folder: Path, belief: Belief) -> dict[str, Made]:
     """A six-joint arm of hobby servos: the first 20 s of ten motions, with the softer of the published servo gains."""
-    rows = pd.read_parquet(folder / "train.parquet")
+    rows = _rows(folder)
     names = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper"]
     stiff = 'kp="998.22" kv="2.731" forcerange="-2.94 2.94"'
     soft = f'kp="{17.8 * belief.gain}" kv="0" forcerange="-3.35 3.35"'
@@ -152,6 +152,14 @@ KINDS: dict[str, Callable[[Path, Belief], dict[str, Made]]] = {
     "xl330": xl330,
     "so101": so101,
 }
+
+
+def _rows(folder: Path) -> pd.DataFrame:
+    """Return the table of the one Parquet file of a folder, whatever part of the measurements it is."""
+    files = sorted(folder.glob("*.parquet"))
+    if len(files) != 1:
+        raise SystemExit(f"{folder}: must hold one Parquet file, holds {len(files)}.")
+    return pd.read_parquet(files[0])
 
 
 def _states(joints: Iterable[str]) -> dict[str, tuple[str, str]]:

@@ -2,7 +2,7 @@
 
     python examples/plates/make_cases.py FOLDER OUT [--friction 0.25] [--pin-friction 0.2] [--driven-by path|force]
 
-FOLDER holds `train.parquet` (poses, velocities, the pin's path, measured force and point of contact at 250 Hz),
+FOLDER holds one Parquet file (poses, velocities, the pin's path, measured force and point of contact at 250 Hz),
 `outlines.csv` (corners of each plate) and `episodes.csv` (plate, mass, inertia, whether the force is valid) of pushes
 from Yu, Bauza, Fazeli and Rodriguez, "More than a Million Ways to Be Pushed" (IROS 2016). The data are not part of this
 project. Which pushes are left out of every fit is decided by a hash of their numbers alone: those whose SHA-256 of
@@ -76,14 +76,17 @@ def write_case(folder: Path, rows: pd.DataFrame, corners: pd.DataFrame, nominal:
 def main() -> None:
     """Read the tables, and write two cases of each plate."""
     parser = argparse.ArgumentParser(description="Make cases of pushed plates.")
-    parser.add_argument("folder", type=Path, help="holds train.parquet, outlines.csv, episodes.csv")
+    parser.add_argument("folder", type=Path, help="holds one Parquet file, outlines.csv, episodes.csv")
     parser.add_argument("out", type=Path)
     parser.add_argument("--friction", type=float, default=0.25, help="believed; default: 0.25")
     parser.add_argument("--pin-friction", type=float, default=0.2, help="believed, between pin and plate; default: 0.2")
     parser.add_argument("--driven-by", choices=("path", "force"), default="path", help="of the pin; default: its path")
     given = parser.parse_args()
     by_path = given.driven_by == "path"
-    table = pd.read_parquet(given.folder / "train.parquet").sort_values(by=["episode", "t"])
+    files = sorted(given.folder.glob("*.parquet"))
+    if len(files) != 1:
+        parser.error(f"{given.folder}: must hold one Parquet file, holds {len(files)}.")
+    table = pd.read_parquet(files[0]).sort_values(by=["episode", "t"])
     episodes = pd.read_csv(given.folder / "episodes.csv")
     outlines = pd.read_csv(given.folder / "outlines.csv")
     usable = episodes if by_path else episodes.loc[episodes["force_valid"], :]

@@ -2,7 +2,7 @@
 
     python examples/tosses/make_cases.py FOLDER OUT [--tosses 60] [--friction 1.0] [--belief KEY=VALUE ...]
 
-FOLDER holds `train.parquet`: episode, t, x, y, z, qw, qx, qy, qz of every toss. Which tosses are left out of every fit
+FOLDER holds one Parquet file: episode, t, x, y, z, qw, qx, qy, qz of every toss. Which tosses are left out of every fit
 is decided by a hash of their numbers alone: those whose SHA-256 of "toss NUMBER" is divisible by three. OUT gets two
 cases, `fitted` and `left_out`, each with its table, `nominal.yaml` and a stock MJCF of the cube on a table, whose
 contacts are what MuJoCo has where nobody sets anything. Velocities of the log are smoothed differences of the poses,
@@ -102,7 +102,7 @@ def write_case(folder: Path, table: pd.DataFrame, tosses: list[int], mjcf: str, 
 def main() -> None:
     """Read the table, and write both cases."""
     parser = argparse.ArgumentParser(description="Make cases of the tosses of ContactNets.")
-    parser.add_argument("folder", type=Path, help="holds train.parquet")
+    parser.add_argument("folder", type=Path, help="holds one Parquet file")
     parser.add_argument("out", type=Path)
     parser.add_argument("--tosses", type=int, help="of each case, spread evenly; default: all")
     parser.add_argument("--friction", type=float, default=1.0, help="in the MJCF; default: MuJoCo's own")
@@ -111,7 +111,10 @@ def main() -> None:
     given = parser.parse_args()
     beliefs = beliefs_of(given.belief)
     mjcf = model(given.friction, given.cone, beliefs)
-    table = pd.read_parquet(given.folder / "train.parquet")
+    files = sorted(given.folder.glob("*.parquet"))
+    if len(files) != 1:
+        parser.error(f"{given.folder}: must hold one Parquet file, holds {len(files)}.")
+    table = pd.read_parquet(files[0])
     tosses = sorted(int(e) for e in table["episode"].unique())
     for name, left_out in (("fitted", False), ("left_out", True)):
         chosen = spread([e for e in tosses if is_left_out(e) == left_out], given.tosses)

@@ -23,7 +23,7 @@ from runner.inference.evidence import (
 )
 from runner.inference.exchange import one_for_two
 from runner.inference.leap import leap
-from runner.inference.least_squares import NONE, Fit, Fitter, are_near
+from runner.inference.least_squares import NONE, Explanation, Fit, Fitter, are_near
 from runner.inference.probability import not_none, shares, unknown_by_excess
 from runner.inference.shortlist import finished, gain, with_fit, without_one, worth_of
 from runner.inference.start_draws import begun_elsewhere, tried_from_the_air
@@ -275,7 +275,7 @@ class _Rounds:
         left, limits = contender.fit.total - self.count, SETTINGS.search
         if size > 1 and left < self.worth:
             return []  # nothing is left that would be worth an effect
-        promised = self._offers(contender)
+        promised = self._offers(contender, size)
         if size == 1 and self.pieces:
             return self._likely(promised)
         if size == 1:
@@ -293,14 +293,15 @@ class _Rounds:
         enough = max(limits.min_promise_share * self.worth, behind)
         return [o for o in promised[: limits.most_promising] if o[0] > enough]
 
-    def _offers(self, contender: Contender) -> list[Offer]:
+    def _offers(self, contender: Contender, size: int) -> list[Offer]:
         """Return the effects that may stand beside those of a contender, most promising first.
 
-        What hits something keeps no linear promise: there an amount of each is tried.
+        What hits something keeps no linear promise: there an amount of each that is open is tried.
         """
         promised = offers(contender, self.fitter)
         if not self.hits:
             return promised
+        promised = [o for o in promised if self._is_open(contender, o[1], size)]
         begun = tried_from_the_air(self.fitter, contender.fit, promised)
         for start in begun:
             self.tried[key_of(start.explanation)] = start
@@ -318,14 +319,11 @@ class _Rounds:
         self, contender: Contender, candidate: Candidate, vector: np.ndarray, size: int, target: float
     ) -> Fit | None:
         """Fit a contender's effects and one more; None: that has been tried."""
+        if not self._is_open(contender, candidate, size):
+            return None
         explanation, x = joined(contender.fit, candidate, vector)
         key = key_of(explanation)
         placed = len(candidate.starts(self.fitter.context)) > 0
-        # what has a place may have missed it without what is in now
-        far = SETTINGS.search.near_excess * self.count
-        anew = size > 1 and contender.fit.total - self.count > far and placed
-        if key in self.ruled_out or (key in self.seen and not anew):
-            return None
         self.seen.add(key)
         steps = SETTINGS.fit.screening_steps if size == 1 or self.pieces else SETTINGS.fit.warm_steps
         how = {"target": target, "patience": self._patience(size, placed=placed), "iterations": steps, "polish": False}
@@ -336,9 +334,22 @@ class _Rounds:
         )
         begin = where_to_begin(self.fitter, explanation, x, contender.fit, seed)
         fit = self.fitter.fit(explanation, self.episodes, **begin, **how)
-        if candidate.effect.discontinuous and fit.total - self.count > far:
+        if candidate.effect.discontinuous and self._is_far(fit):
             fit = over_edges(self.fitter, fit, contender.fit)
         return fit
+
+    def _is_open(self, contender: Contender, candidate: Candidate, size: int) -> bool:
+        """Whether an effect beside those of a contender is still to be tried.
+
+        What has a place may have missed it without what is in now.
+        """
+        key = key_of(contender.fit.explanation + Explanation((candidate,)))
+        anew = size > 1 and self._is_far(contender.fit) and len(candidate.starts(self.fitter.context)) > 0
+        return key not in self.ruled_out and (key not in self.seen or anew)
+
+    def _is_far(self, fit: Fit) -> bool:
+        """Whether a fit leaves so much that it may be in the wrong place."""
+        return fit.total - self.count > SETTINGS.search.near_excess * self.count
 
     def _patience(self, size: int, *, placed: bool) -> int:
         """Return after how many steps a fit is judged by whether it will come near the best one.
