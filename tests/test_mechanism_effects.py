@@ -328,6 +328,30 @@ def test_torque_offset_is_what_the_remedy_says() -> None:
     assert q[-1, 0] == pytest.approx(expected * (0.5 - tau * (1 - math.exp(-0.5 / tau))), rel=2e-3)
 
 
+@pytest.mark.parametrize(("nsample", "late_steps"), [(15, 15), (5, 5)])
+def test_actuator_delay_is_what_the_remedy_says(nsample: int, late_steps: int) -> None:
+    """A delay of the actuator, with the samples that it asks for, is the command sent later; fewer shorten it."""
+    step_s, first = 0.0002, 2.0
+    effect = m.ActuatorDelay("slide", 15 * step_s)
+    remedy = m.ActuatorDelay.phrase(Values(effect.report(), {}), scope(SLIDER), "slide").remedy
+    found = re.search(r'delay="([0-9.e-]*)"', remedy)
+    assert found is not None
+    assert "nsample to at least delay / timestep" in remedy
+    spec = mujoco.MjSpec.from_string(SLIDER)
+    (actuator,) = (a for a in spec.actuators if a.name == "slide")
+    actuator.delay, actuator.nsample = float(found[1]), nsample
+    delayed, plain = spec.compile(), mujoco.MjModel.from_xml_string(SLIDER)
+    commands = first + 10 * np.sin(0.1 * np.arange(200))
+    late = np.concatenate([np.full(late_steps, first), commands])[: len(commands)]
+    one, other = mujoco.MjData(delayed), mujoco.MjData(plain)
+    mujoco.mj_initCtrlHistory(delayed, one, delayed.actuator("slide").id, None, np.full(nsample, first))
+    for sent, arrived in zip(commands, late, strict=True):
+        one.actuator("slide").ctrl[:], other.actuator("slide").ctrl[:] = sent, arrived
+        mujoco.mj_step(delayed, one)
+        mujoco.mj_step(plain, other)
+        assert one.qpos == pytest.approx(other.qpos, abs=1e-15)
+
+
 def test_torque_ripple() -> None:
     """The force is amplitude sin(2 pi cycles q + phase): q in m of a slide, in turns of a hinge."""
     for xml, joint, rate in ((SLIDER, "slide", 2 * math.pi * 3.0), (ARM, "elbow", 3.0)):

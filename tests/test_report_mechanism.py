@@ -118,6 +118,7 @@ def test_page_of_a_mechanism(found: Any) -> None:
     text = re.sub(r"<[^>]*>", " ", page.partition("</style>")[2])
     for part in (
         "dry friction",
+        "model.xml, for plain MuJoCo",
         "joint friction of elbow",
         "a different dry friction (elbow)",
         "position of 'elbow' [°]",

@@ -298,8 +298,8 @@ def _corrections(system: AbstractSystem, top: Ranked) -> list[str]:
     """Return what to change in the simulator, what to decide, and what to confirm by hand."""
     found, others = phrases(system, top), equals(top)
     steps = [
-        " ".join(p.remedy for p in found) + " The corrected model is ready in corrected.yaml (and model.xml, "
-        "for use within runner), in the folder of this report."
+        " ".join(p.remedy for p in found) + " The corrected model is ready in corrected.yaml "
+        f"(and model.xml, {system.model_use}), in the folder of this report."
     ]
     if others:
         steps.append(

@@ -81,7 +81,8 @@ class ActuatorDelay(MechanismEffect):
         return Phrase(
             f"what is commanded to actuator '{target}' takes effect late",
             of.show("delay_s", "ms", 1e3),
-            f"Send the commands of '{target}' {of['delay_s']:.4g} s later, or set delay=\"{of['delay_s']:.4g}\" and a "
-            f"sufficient nsample on the actuator.",
+            f"Send the commands of '{target}' {of['delay_s']:.4g} s later, or set delay=\"{of['delay_s']:.4g}\" on the "
+            "actuator and nsample to at least delay / timestep (fewer shorten the delay); mj_initCtrlHistory sets what "
+            "is commanded before the first command, else 0.",
             f"Command a step to '{target}' and time the first motion with a fast camera that sees the sender's LED.",
         )
