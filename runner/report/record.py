@@ -19,7 +19,18 @@ from runner.report import words
 from runner.report.missing_force import missing_force
 from runner.report.motions import Paths, replay, whole
 from runner.report.record_gap import WindowGap, blended, window_gaps
-from runner.report.record_layout import COLOURS, COMMAND, INK, MISSING, Eye, Tab, blueprint, drawn_channels, models
+from runner.report.record_layout import (
+    COLOURS,
+    COMMAND,
+    FROM,
+    INK,
+    MISSING,
+    Eye,
+    Tab,
+    blueprint,
+    drawn_channels,
+    models,
+)
 from runner.report.record_shapes import colours, colours_over_time, kinds, shapes
 from runner.report.statement import NONE, state
 from runner.systems.drawing import DrawnBody, Shape
@@ -31,7 +42,9 @@ if TYPE_CHECKING:
 FILE = "diagnosis.rrd"
 REACH_OF_ARROW = 1.6  # of the bodies' size: how long the arrow of a typical large force is
 ABOVE = 1.04  # ways and arrows of what is seen from above lie so far above it
-NEAR, STANDING = 5.5, 2.2  # sizes of a body, or radii of all that stands somewhere: how far the eye is from it
+NEAR = 5.5  # sizes of a body: how far the eye is from what has no shape
+THIN = 0.0016  # half the width of a line that is still seen, of how far the eye is from it
+UPWARDS, SIDEWAYS = 0.5, 0.6  # tangents of half of what a viewer shows, of half a window of 16:9 and of narrower ones
 UNDRAWN_M = 0.1  # the size that is taken where nothing is drawn, as of a wheel without shapes
 SHOWN = 8  # explanations in the ranking
 WORLD_FORCE = ("fx_n", "fy_n", "fz_n")  # a disturbance that has the first two is a force in world axes
@@ -80,7 +93,7 @@ class _Episode:
         poses: By model and body, (T, 7): x, y, z, qw, qx, qy, qz.
         traced: The body that moves most: its way is drawn. None: nothing is drawn.
         size_m: Typical half extent of a body.
-        eye: On what is seen from above it is near, and follows it; of what stands somewhere it sees all.
+        eye: From where all is seen, wherever it goes.
     """
 
     def __init__(self, diagnosis: Diagnosis, path: Paths, gap: WindowGap | None) -> None:
@@ -96,17 +109,13 @@ class _Episode:
         way = {b.name: _length(self.poses["measured", b.name][:, :3]) for b in self.bodies}
         self.traced = max(way, key=lambda name: way[name], default=None)
         self.size_m = max((float(np.mean(s.size_m)) for b in self.bodies for s in b.shapes), default=UNDRAWN_M)
-        if system.plan_view is None:
-            self.eye = eye_on_all([(self.poses["measured", b.name], b) for b in self.bodies if b.shapes], self.size_m)
-        else:
-            first = self.poses["measured", self.traced][0, :3] if self.traced is not None else np.zeros(3)
-            self.eye = Eye(first, NEAR * self.size_m, self.traced)
+        self.eye = eye_on_all([(self.poses["measured", b.name], b) for b in self.bodies if b.shapes], self.size_m)
         tops = [s.position_m[2] + _height(s) for b in self.bodies for s in b.shapes]
         self.lift_m = 0.0 if system.plan_view is None else ABOVE * max(tops, default=0.0)
 
     def send_bodies(self, log: rr.RecordingStream) -> None:
         """Send every body of every model: solid ones for the two views, frames around the simulated one."""
-        line_m = 0.016 * self.size_m
+        line_m = max(0.016 * self.size_m, THIN * self.eye.distance_m)
         log.log(self.root, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for rank, model in enumerate(models(self.diagnosis)):
             for body in self.bodies:
@@ -146,7 +155,7 @@ class _Episode:
         lift = np.array([0.0, 0.0, self.lift_m])
         for model in models(self.diagnosis):
             place, t_s = self.poses[model, self.traced][:, :3] + lift, self.path.t_s
-            look: dict = {"radii": 0.02 * self.size_m, "colors": COLOURS[model]}
+            look: dict = {"radii": max(0.02 * self.size_m, THIN * self.eye.distance_m), "colors": COLOURS[model]}
             strips = [place]
             if model == "measured" and self.gap is not None:
                 edges = [0, *np.searchsorted(t_s, self.gap.begin_s[1:]).tolist(), len(t_s) - 1]
@@ -238,17 +247,23 @@ def eye_on_all(moved: Sequence[tuple[np.ndarray, DrawnBody]], size_m: float) -> 
         moved: Poses, (T, 7): x, y, z, qw, qx, qy, qz, of each body with shapes, NaN where not measured.
         size_m: What is taken for their size where there are none.
     """
-    edges = []
+    places, reaches = [], []
     for pose, body in moved:
         known = pose[np.isfinite(pose).all(axis=1)]
         turns = Rotation.from_quat(known[:, [4, 5, 6, 3]])
         for s in body.shapes:
             centre = known[:, :3] + turns.apply(s.position_m)
-            edges += [centre.min(axis=0) - _radius(s), centre.max(axis=0) + _radius(s)]
-    if not edges:
-        return Eye(np.zeros(3), NEAR * size_m, None)
-    low, high = np.min(edges, axis=0), np.max(edges, axis=0)
-    return Eye((low + high) / 2, STANDING * float(np.linalg.norm(high - low)) / 2, None)
+            places.append(centre)
+            reaches.append(np.full(len(centre), _radius(s)))
+    if not places:
+        return Eye(np.zeros(3), NEAR * size_m)
+    place, reach = np.concatenate(places), np.concatenate(reaches)
+    middle = ((place - reach[:, None]).min(axis=0) + (place + reach[:, None]).max(axis=0)) / 2
+    aside = np.cross((0, 0, 1), FROM)
+    aside /= np.linalg.norm(aside)
+    off = place - middle
+    wide, tall = (np.abs(off @ aside) + reach) / SIDEWAYS, (np.abs(off @ np.cross(FROM, aside)) + reach) / UPWARDS
+    return Eye(middle, float((np.maximum(wide, tall) + off @ FROM + reach).max()))
 
 
 def _radius(shape: Shape) -> float:

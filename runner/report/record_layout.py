@@ -38,11 +38,10 @@ def drawn_channels(system: AbstractSystem) -> tuple[Channel, ...]:
 
 @dataclass(frozen=True)
 class Eye:
-    """What the eye looks at: a place (3,), from how far, and the body that it follows from there on, or None."""
+    """What the eye looks at, a place (3,), and from how far."""
 
     target_m: np.ndarray
     distance_m: float
-    followed: str | None
 
 
 @dataclass(frozen=True)
@@ -150,6 +149,5 @@ def _scene(
             position=tuple(eye.target_m + eye.distance_m * FROM),
             look_target=tuple(eye.target_m),
             eye_up=(0, 0, 1),
-            tracking_entity=None if eye.followed is None else f"/{tab.root}/measured/{eye.followed}",
         ),
     )
