@@ -9,9 +9,11 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 import pytest
 
 from runner.recording import Span
+from runner.report import where_figures
 from runner.report.before_after import misses, of_whole_episodes
 from runner.report.figures import STYLE, new, svg
 from runner.report.missing_force import by_regime
@@ -94,3 +96,17 @@ def test_the_missing_wrench_is_drawn_where_longer_windows_were_looked_at(found: 
     where = found.where
     fewer = replace(where, windows=where.windows.iloc[::2].reset_index(drop=True), window_s=2 * where.window_s)
     assert by_regime(found, fewer) == by_regime(found, where)
+
+
+def test_a_timeline_tells_of_episodes_without_a_row() -> None:
+    """Those in which most is missed have one."""
+    count = where_figures.MOST_EPISODES + 2
+    episodes = [f"episode {k}" for k in range(count) for _ in range(4)]
+    excess = [float(k) for k in range(count) for _ in range(4)]
+    at = [0.5 * k for _ in range(count) for k in range(4)]
+    svg, _, fewer = where_figures.timeline(
+        pd.DataFrame({"episode": episodes, "excess": excess, "freedom": 1.0, "t_s": at}), None, "t"
+    )
+    assert fewer == 2
+    assert f"episode {count - 1}" in svg
+    assert "episode 1<" not in svg

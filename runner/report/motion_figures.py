@@ -81,7 +81,8 @@ def _channel(channel: Channel, path: Paths, i: int, sigma: float, name: str, aft
     most = float(np.nanpercentile(known, 99.8)) if np.isfinite(known).any() else 0.0
     top = max(most, 3 * scale * sigma)
     lower.set_ylim(-1.1 * top, 1.1 * top)
-    lower.set_ylabel(f"missed [{unit}]" if unit else "missed")
+    # not beside the axis, where long numbers push it out of the picture
+    lower.set_title(f"missed [{unit}]" if unit else "missed", loc="left", fontsize="small", pad=2)
     lower.set_xlabel("time [s]", labelpad=1)
     return svg(figure, name, f"{channel.label}: measured, nominal and corrected, and what is missed")
 

@@ -46,9 +46,16 @@ def first_figure(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | N
         return about | {"kind": "map", "svg": Markup(svg), "framed": None}
     # one cell is marked, that of the first sentence's: what was done, if anything done stands out
     marked = [s.cell for s in suspects(diagnosis.system, found) if s.cell is not None]
-    svg, top = where_figures.timeline(found.windows, marked[0] if marked else None, "first")
+    svg, top, fewer = where_figures.timeline(found.windows, marked[0] if marked else None, "first")
     framed = diagnosis.system.phrase(*marked[0]) if marked else None
-    return about | {"kind": "timeline", "svg": Markup(svg), "framed": framed, "top": number(top, 2)}
+    left_out = f"{fewer} episode{'' if fewer == 1 else 's'} in which less is missed" if fewer else ""
+    return about | {
+        "kind": "timeline",
+        "svg": Markup(svg),
+        "framed": framed,
+        "top": number(top, 2),
+        "left_out": left_out,
+    }
 
 
 def trajectories(diagnosis: Diagnosis, paths: list[Paths]) -> list[dict[str, Any]]:

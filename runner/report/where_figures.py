@@ -107,8 +107,10 @@ def place_map(system: AbstractSystem, places: pd.DataFrame, paths: Sequence[Path
         return svg(figure, name, "Map: gap in each place against the average")
 
 
-def timeline(windows: pd.DataFrame, framed: tuple[str, str] | None, name: str) -> tuple[str, float]:
-    """Return what is missed over time, one row per episode, and how many noise levels a full row is.
+def timeline(windows: pd.DataFrame, framed: tuple[str, str] | None, name: str) -> tuple[str, float, int]:
+    """Return what is missed over time, one row per episode, of how many noise levels a full row is, and what lacks.
+
+    That is how many episodes have no row, as others miss more.
 
     Args:
         windows: As in `Where`.
@@ -139,4 +141,4 @@ def timeline(windows: pd.DataFrame, framed: tuple[str, str] | None, name: str) -
         ax.set_ylim(len(rows) - 0.75, -1.0)
         ax.tick_params(axis="y", length=0)
         ax.set_xlabel("time [s]", labelpad=1)
-        return svg(figure, name, "What is missed over time, by episode"), top
+        return svg(figure, name, "What is missed over time, by episode"), top, len(names) - len(rows)
