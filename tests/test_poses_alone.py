@@ -12,6 +12,7 @@ import pytest
 from runner.effects.planar_box import Friction
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.noise.measured import measure
+from runner.recording.model_form_mjcf import read_mjcf
 from runner.systems.case import open_case
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.windows import Windows
@@ -68,3 +69,15 @@ def test_slopes_start_a_window(system: PlanarBox) -> None:
     path = pd.DataFrame(system.values()[0]).interpolate().to_numpy()
     slope = (path[first + 10] - path[first - 10]) / (20 / system.rate_hz)
     assert np.corrcoef(starts[:, 3], slope[:, 0])[0, 1] > 0.9
+
+
+def test_a_free_joint_without_a_name_has_that_of_its_body(tmp_path: Path) -> None:
+    """Other joints are named by their number."""
+    model = tmp_path / "model.xml"
+    model.write_text(
+        "<mujoco><worldbody><body name='cube'><freejoint/><geom size='0.1'/></body>"
+        "<body><joint axis='0 1 0'/><geom size='0.1'/></body></worldbody></mujoco>"
+    )
+    spec = read_mjcf(model)
+    assert [j.name for j in spec.joints] == ["cube", "joint1"]
+    assert [b.name for b in spec.bodies] == ["world", "cube", "body2"]

@@ -47,7 +47,8 @@ def quiet() -> Iterator[None]:
 def read_mjcf(path: Path) -> mujoco.MjSpec:
     """Return the MJCF of a file, checked and compiled once.
 
-    Joints, bodies and actuators without a name get one: `joint0`, `body2`, with their number in the model.
+    Joints, bodies and actuators without a name get one: `joint0`, `body2`, with their number in the model. A free joint
+    gets that of its body: it is the body that moves.
 
     Raises:
         RecordingError: If it can't be read, does not compile, needs a plugin or refers to a file outside of its folder.
@@ -59,11 +60,13 @@ def read_mjcf(path: Path) -> mujoco.MjSpec:
             spec.compile()
     except ValueError as error:
         raise RecordingError(f"{path}: is no model that MuJoCo compiles: {' '.join(str(error).split())}") from None
-    for kind, elements in (("joint", spec.joints), ("body", spec.bodies), ("actuator", spec.actuators)):
+    for kind, elements in (("body", spec.bodies), ("joint", spec.joints), ("actuator", spec.actuators)):
         taken = {element.name for element in elements}
         for element in elements:
             if not element.name:
-                element.name = next(n for n in _names(kind, element.id) if n not in taken)
+                free = isinstance(element, mujoco.MjsJoint) and element.type == mujoco.mjtJoint.mjJNT_FREE
+                first = element.parent.name if free else f"{kind}{element.id}"
+                element.name = next(n for n in _names(first) if n not in taken)
                 taken.add(element.name)
     spec.compile()
     return spec
@@ -85,9 +88,8 @@ def referenced_files(path: Path) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _names(kind: str, number: int) -> Iterator[str]:
-    """Yield names for what has none."""
-    name = f"{kind}{number}"
+def _names(name: str) -> Iterator[str]:
+    """Yield names for what has none, the given one first."""
     while True:
         yield name
         name += "_"
