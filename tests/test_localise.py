@@ -14,6 +14,7 @@ from runner.effects.planar_box import ActuatorDelay, FrictionPatch, Inertia, Win
 from runner.errors import RecordingError
 from runner.localise import cells, excess, gap_by_horizon
 from runner.localise.where import Where, localise
+from runner.localise.windows import check_length, window_lengths_s, windows_of_length
 from runner.noise.measured import measure
 from runner.recording import Span
 from runner.settings import SETTINGS
@@ -153,6 +154,16 @@ def test_too_little_to_look_at_is_refused() -> None:
     recording, starts = made(episodes=1, seconds=1.0)
     with pytest.raises(RecordingError, match=r"windows of 0.25 s, at least 8 are needed"):
         localise(PlanarBox(recording), measure(PlanarBox(recording)), {0: starts[0]})
+
+
+def test_short_episodes_are_looked_at_in_shorter_windows() -> None:
+    """Twelve flights of 0.2 s hold no window of a quarter of a second, and two of an eighth less one sample."""
+    recording, _ = made(episodes=12, seconds=0.2)
+    system = PlanarBox(recording)
+    lengths = window_lengths_s(system, range(12))
+    assert lengths[1:] == SETTINGS.where.window_lengths_s
+    assert len(windows_of_length(system, lengths[0], range(12))) == 12
+    check_length(system)
 
 
 def test_in_portions_it_is_the_same(patch: Where, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import ndtr  # of scipy.stats' import every diagnosis would wait for a second
 
 from runner.localise.linearised import Model, linearised
-from runner.localise.windows import windows_of_length
+from runner.localise.windows import window_lengths_s, windows_of_length
 from runner.noise.measured import Measured
 from runner.settings import SETTINGS
 from runner.simulate.shooting import WINDOWS_AT_ONCE
@@ -62,7 +62,7 @@ def shortest_that_tells(model: Model, measured: Measured, episodes: Sequence[int
         episodes: Those that count, by their position.
     """
     system, limits = model.system, SETTINGS.where
-    first_s, *longer_s = limits.window_lengths_s
+    first_s, *longer_s = window_lengths_s(system, episodes)
     windows = windows_of_length(system, first_s, episodes)
     shortest = telling = window_excess(model, windows, measured, np.ones(len(system.channels)))
     noise = shortest.noise
