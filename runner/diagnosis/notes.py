@@ -65,6 +65,11 @@ def notes(
         out.append(f"{dropped} values stick out of their neighbours and were left out.")
     if not top.fit.converged:
         out.append("The fit of the best explanation had not fully come to rest; its errors may be too small.")
+    if measured.scatter is not None and top.fit.explanation.candidates:
+        out.append(
+            "Of what hits something standard errors are too small: they hold the noise, and little of what any contact "
+            "model lacks. On tosses made by another engine numbers were several of them off."
+        )
     if turned:
         out.append(
             "What the last episodes show the others do not, or hardly: they were fitted, and the first ones held out."
