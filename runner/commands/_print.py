@@ -10,11 +10,6 @@ from rich.table import Table
 from rich.text import Text
 
 
-def counted(count: int, noun: str) -> str:
-    """Return how many of something there are in words: "1 run", "4 runs"; the noun in the singular."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
-
-
 def print_table(
     console: Console, title: str, content: tuple[Sequence[str], Sequence[Sequence[str]]], *, right: Collection[int] = ()
 ) -> None:

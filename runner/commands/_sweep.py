@@ -31,7 +31,7 @@ from runner.commands._compose import Composer
 from runner.commands._explain import built, explain
 from runner.commands._jobs import ConfigWriter, JobComposer
 from runner.commands._launch import is_alone, launch, literal
-from runner.commands._print import counted
+from runner.effects.wording import counted
 from runner.errors import ConfigError, RunnerError
 from runner.progress import progress
 from runner.storage.writing import own_folder, write_text

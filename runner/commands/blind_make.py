@@ -30,7 +30,7 @@ from runner.blind.checkpoint import header
 from runner.blind.make import Purpose, make_cases, part_of
 from runner.blind.worlds import MAKERS
 from runner.commands import Command, Job
-from runner.commands._print import counted
+from runner.effects.wording import counted
 from runner.errors import ConfigError, check_range, check_workers, nearest
 
 PURPOSES = tuple(purpose.value for purpose in Purpose)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from runner.commands import Command, Job
-from runner.commands._print import counted
+from runner.effects.wording import counted
 from runner.errors import ConfigError
 from runner.figures._page import write
 

@@ -21,7 +21,8 @@ from pathlib import Path
 from rich.console import Console
 
 from runner.commands import Command, Job
-from runner.commands._print import counted, print_table
+from runner.commands._print import print_table
+from runner.effects.wording import counted
 from runner.errors import ConfigError, check_range
 from runner.importing.build import Built, build
 from runner.importing.case import check_out, write_case

@@ -18,7 +18,7 @@ import pandas as pd
 
 from runner.api.tables import read_table
 from runner.commands import Command, Job
-from runner.commands._print import counted
+from runner.effects.wording import counted
 from runner.errors import ConfigError
 from runner.storage.writing import write_parquet, write_text
 from runner.teleop import tables

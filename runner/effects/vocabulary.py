@@ -82,6 +82,10 @@ class Candidate:
         """Return vectors to start a fit from, (K, p); empty: zero will do."""
         return self.effect.starts(context.at(self.target))
 
+    def is_placed(self, context: Scope) -> bool:
+        """Whether it has a place or a range that a fit may begin beside: it then starts from several vectors."""
+        return len(self.starts(context)) > 0
+
     def scan(self, context: Scope) -> np.ndarray:
         """Return values of the first parameter, (K,), that are looked at before a fit begins; empty: none."""
         return self.effect.scan(context.at(self.target))

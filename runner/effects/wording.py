@@ -20,6 +20,11 @@ def number(value: float, digits: int = 3) -> str:
     return f"{round(value, place):.{max(place, 0)}f}".replace("-", "−")
 
 
+def counted(count: int, noun: str) -> str:
+    """Return how many of something there are in words: "1 run", "4 runs"; the noun in the singular."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def plus_minus(value: float, error: float | None = None, unit: str = "") -> str:
     """Return `0.277 ± 0.001 kg`: the error with one digit (two below 2), the value to the same place."""
     tail = f" {unit}" if unit and unit not in ("°", "%") else {"%": " %"}.get(unit, unit)

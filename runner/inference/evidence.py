@@ -190,7 +190,7 @@ def log_densities(fit: Fit, context: Scope) -> np.ndarray:
     """Log prior density of each parameter, (p,): heavy-tailed in each amplitude, even over places and logarithms."""
     out = []
     for candidate, part in fit.explanation.parts(context):
-        scattered = len(candidate.starts(context)) > 0
+        scattered = candidate.is_placed(context)
         for k, (p, value) in enumerate(zip(candidate.parameters(context), fit.x[part], strict=True)):
             if scattered and k > 0:
                 out.append(-np.log(p.upper - p.lower))

@@ -48,7 +48,7 @@ def _promised(fitter: Fitter, whole: Contender, seen: Set[Key]) -> Iterator[tupl
     fit, around, own = whole.fit, whole.around, len(whole.fit.x)
     normal = around.gram.sum(axis=0)
     # what has a place is not moved to another by a linear model
-    parts = [(c, p) for c, p in fit.explanation.parts(fitter.context) if not len(c.starts(fitter.context))]
+    parts = [(c, p) for c, p in fit.explanation.parts(fitter.context) if not c.is_placed(fitter.context)]
     for two in combinations(parts, 2):
         rest = fit.explanation.without(two[0][0]).without(two[1][0])
         out = np.concatenate([np.arange(p.start, p.stop) for _, p in two])

@@ -79,7 +79,7 @@ NONE = Explanation(())
 
 def amplitudes(candidate: Candidate, part: slice, context: Scope) -> slice:
     """Return what of an effect's part of the vector makes it absent at zero: the first if it has a place or a range."""
-    return slice(part.start, part.start + 1) if len(candidate.starts(context)) else part
+    return slice(part.start, part.start + 1) if candidate.is_placed(context) else part
 
 
 @dataclass(frozen=True)

@@ -311,7 +311,7 @@ class _Rounds:
 
     def _likely(self, promised: list[Offer]) -> list[Offer]:
         """Return the most promising, and of those whose promise says little."""
-        jumps = [o for o in promised if o[1].effect.discontinuous or len(o[1].starts(self.fitter.context))]
+        jumps = [o for o in promised if o[1].effect.discontinuous or o[1].is_placed(self.fitter.context)]
         nonlinear = {o[1] for o in jumps[: SETTINGS.search.nonlinear_candidates]}
         return [o for i, o in enumerate(promised) if i < SETTINGS.search.candidates or o[1] in nonlinear]
 
@@ -323,10 +323,9 @@ class _Rounds:
             return None
         explanation, x = joined(contender.fit, candidate, vector)
         key = key_of(explanation)
-        placed = len(candidate.starts(self.fitter.context)) > 0
         self.seen.add(key)
         steps = SETTINGS.fit.screening_steps if size == 1 or self.pieces else SETTINGS.fit.warm_steps
-        how = {"target": target, "patience": self._patience(size, placed=placed), "iterations": steps, "polish": False}
+        how = {"target": target, "patience": self._patience(size, candidate), "iterations": steps, "polish": False}
         seed = min(
             (s for s in (self.seeds.pop(key, None), self.tried.pop(key, None)) if s),
             key=lambda s: s.total,
@@ -344,20 +343,21 @@ class _Rounds:
         What has a place may have missed it without what is in now.
         """
         key = key_of(contender.fit.explanation + Explanation((candidate,)))
-        anew = size > 1 and self._is_far(contender.fit) and len(candidate.starts(self.fitter.context)) > 0
+        anew = size > 1 and self._is_far(contender.fit) and candidate.is_placed(self.fitter.context)
         return key not in self.ruled_out and (key not in self.seen or anew)
 
     def _is_far(self, fit: Fit) -> bool:
         """Whether a fit leaves so much that it may be in the wrong place."""
         return fit.total - self.count > SETTINGS.search.near_excess * self.count
 
-    def _patience(self, size: int, *, placed: bool) -> int:
+    def _patience(self, size: int, candidate: Candidate) -> int:
         """Return after how many steps a fit is judged by whether it will come near the best one.
 
         What begins at a place or a range of its own has some way to go before it can be judged; a delay, too, where a
         leap has set the mark and the model is far from it.
         """
-        return 1 if self.pieces or (size == 1 and not placed) else SETTINGS.fit.patience_steps
+        at_once = self.pieces or (size == 1 and not candidate.is_placed(self.fitter.context))
+        return 1 if at_once else SETTINGS.fit.patience_steps
 
     def _pared(self, size: int, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
         """Return contenders of one size and what they are with less in them, likeliest first.

@@ -51,7 +51,7 @@ def where_to_begin(
         sizes = new.scan(fitter.context)
         if len(sizes):
             return {"x": _scanned(fitter, explanation, x, near, sizes), "near": near}
-        if len(new.starts(fitter.context)) and not new.effect.switch:
+        if new.is_placed(fitter.context) and not new.effect.switch:
             # the amplitude that a linear model promises may overshoot; none of it is the fit that is near
             amplitude = len(x) - len(new.parameters(fitter.context))
             for _ in range(3):

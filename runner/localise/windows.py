@@ -25,10 +25,13 @@ def window_lengths_s(system: AbstractSystem, episodes: Sequence[int]) -> tuple[f
     soon after a touch, they begin with half of that, or half of that again, as long as enough samples are left.
     """
     usual, least = SETTINGS.where.window_lengths_s, SETTINGS.where.min_windows
-    whole_s, lengths = sum(len(system.recording.episodes[e]) for e in episodes) / system.rate_hz, usual
+    whole_s = sum(len(system.recording.episodes[e]) for e in episodes) / system.rate_hz
+    if whole_s < least * usual[0]:
+        return usual
+    lengths = usual
     while len(windows_of_length(system, lengths[0], episodes)) < least:
         half_s = lengths[0] / 2
-        if whole_s < least * usual[0] or round(half_s * system.rate_hz) <= SETTINGS.noise.smooth_degree:
+        if round(half_s * system.rate_hz) <= SETTINGS.noise.smooth_degree:
             return usual
         lengths = (half_s, *lengths)
     return lengths

@@ -113,9 +113,13 @@ class _Episode:
         tops = [s.position_m[2] + _height(s) for b in self.bodies for s in b.shapes]
         self.lift_m = 0.0 if system.plan_view is None else ABOVE * max(tops, default=0.0)
 
+    def _seen_m(self, half_width_m: float) -> float:
+        """Return the half width of a line, or more where it could not be seen from so far away."""
+        return max(half_width_m, THIN * self.eye.distance_m)
+
     def send_bodies(self, log: rr.RecordingStream) -> None:
         """Send every body of every model: solid ones for the two views, frames around the simulated one."""
-        line_m = max(0.016 * self.size_m, THIN * self.eye.distance_m)
+        line_m = self._seen_m(0.016 * self.size_m)
         log.log(self.root, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for rank, model in enumerate(models(self.diagnosis)):
             for body in self.bodies:
@@ -155,7 +159,7 @@ class _Episode:
         lift = np.array([0.0, 0.0, self.lift_m])
         for model in models(self.diagnosis):
             place, t_s = self.poses[model, self.traced][:, :3] + lift, self.path.t_s
-            look: dict = {"radii": max(0.02 * self.size_m, THIN * self.eye.distance_m), "colors": COLOURS[model]}
+            look: dict = {"radii": self._seen_m(0.02 * self.size_m), "colors": COLOURS[model]}
             strips = [place]
             if model == "measured" and self.gap is not None:
                 edges = [0, *np.searchsorted(t_s, self.gap.begin_s[1:]).tolist(), len(t_s) - 1]

@@ -12,7 +12,7 @@ import pandas as pd
 from markupsafe import Markup
 from scipy.special import chdtrc  # of scipy.stats' import every diagnosis would wait for a second
 
-from runner.effects.wording import listed, number, percent
+from runner.effects.wording import counted, listed, number, percent
 from runner.report import motion_figures, where_figures, words
 from runner.report.before_after import Miss, misses, of_whole_episodes, small
 from runner.report.figures import GREY, ORANGE
@@ -48,7 +48,7 @@ def first_figure(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | N
     marked = [s.cell for s in suspects(diagnosis.system, found) if s.cell is not None]
     svg, top, fewer = where_figures.timeline(found.windows, marked[0] if marked else None, "first")
     framed = diagnosis.system.phrase(*marked[0]) if marked else None
-    left_out = f"{fewer} episode{'' if fewer == 1 else 's'} in which less is missed" if fewer else ""
+    left_out = f"{counted(fewer, 'episode')} in which less is missed" if fewer else ""
     return about | {
         "kind": "timeline",
         "svg": Markup(svg),
