@@ -13,7 +13,7 @@ import yaml
 from cases import SIGMA, made
 
 from runner.__main__ import main
-from runner.diagnosis.corrected import read_corrected, unit, write_corrected
+from runner.diagnosis.corrected import read_corrected, write_corrected
 from runner.effects.planar_box import (
     ActuatorDelay,
     AnisotropicFriction,
@@ -28,6 +28,7 @@ from runner.effects.planar_box import (
     ViscousDrag,
     ViscousFilm,
 )
+from runner.effects.wording import unit_of
 from runner.errors import ConfigError, RecordingError, ResultError
 from runner.noise.measured import measure
 from runner.recording import write_case
@@ -224,7 +225,7 @@ def test_missing_model_and_doubled_effect_are_refused(tmp_path: Path) -> None:
 def test_units_follow_from_names() -> None:
     """The longest ending counts."""
     names = ("mass_kg", "mu", "coefficient_n_m_s", "coefficient_n_s_per_m", "speed_m_s", "share_per_s", "force_n")
-    assert [unit(n) for n in names] == ["kg", "", "N m s", "N s/m", "m/s", "1/s", "N"]
+    assert [unit_of(n) for n in names] == ["kg", "", "N m s", "N s/m", "m/s", "1/s", "N"]
 
 
 def test_command_reproduces_the_gap_with_the_model_that_was_written(

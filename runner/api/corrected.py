@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from runner.api.case import Case
-from runner.diagnosis.corrected import read_corrected, unit, write_corrected
+from runner.diagnosis.corrected import read_corrected, write_corrected
 from runner.effects.base import Effects
 
 
@@ -39,8 +39,10 @@ class Corrected:
 
     @property
     def values(self) -> pd.DataFrame:
-        """A row for each number: `effect`, `parameter`, `value` (SI), `unit` (where the name tells)."""
-        rows = [(e.full_name, k, v, unit(k)) for e in self.effects for k, v in e.report().items()]
+        """A row for each number: `effect`, `parameter`, `value` (SI), `unit` ("" for a pure number)."""
+        system = self.case.system
+        units = {e.full_name: system.vocabulary.units(e.full_name, system.context) for e in self.effects}
+        rows = [(e.full_name, k, v, units[e.full_name][k]) for e in self.effects for k, v in e.report().items()]
         return pd.DataFrame(rows, columns=["effect", "parameter", "value", "unit"])
 
     def save(self, folder: str | Path) -> Path:

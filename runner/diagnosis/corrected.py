@@ -31,25 +31,6 @@ from runner.storage.yaml_text import YamlError, read_yaml
 from runner.systems.base import AbstractSystem
 
 FILE = "corrected.yaml"
-UNITS = {
-    "_kg": "kg",
-    "_rad": "rad",
-    "_s": "s",
-    "_m": "m",
-    "_n": "N",
-    "_m_s": "m/s",
-    "_per_s": "1/s",
-    "_n_per_m": "N/m",
-    "_n_s_per_m": "N s/m",
-    "_n_m_s": "N m s",
-    "_n_s2_per_m2": "N s2/m2",
-}
-
-
-def unit(parameter: str) -> str:
-    """Return the unit that a parameter's name ends on, "" for a pure number."""
-    endings = [ending for ending in UNITS if parameter.endswith(ending)]
-    return UNITS[max(endings, key=len)] if endings else ""
 
 
 def write_corrected(folder: str | Path, effects: Effects, system: AbstractSystem) -> Path:
@@ -66,10 +47,9 @@ def write_corrected(folder: str | Path, effects: Effects, system: AbstractSystem
         raise ResultError(f"{folder / FILE}: '{twice[0]}' can be written once only, the model holds two of it.")
     folder.mkdir(parents=True, exist_ok=True)
     files = system.write_model(effects, folder)
-    parameters = {e.full_name: {f.name: float(getattr(e, f.name)) for f in _fields(type(e))} for e in effects}
     content = {
-        "effects": parameters,
-        "units": {name: {key: unit(key) for key in values} for name, values in parameters.items()},
+        "effects": {e.full_name: {f.name: float(getattr(e, f.name)) for f in _fields(type(e))} for e in effects},
+        "units": {e.full_name: _units(e, system) for e in effects},
         "model": list(files),
     }
     path = folder / FILE
@@ -144,6 +124,11 @@ def _effect(path: Path, name: str, values: Mapping[str, float], vocabulary: Voca
         return fitting[0].with_values(values)
     except ConfigError as error:
         raise ConfigError(f"{path}: effects.{error}") from error
+
+
+def _units(effect: AbstractEffect, system: AbstractSystem) -> dict[str, str]:
+    units = system.vocabulary.units(effect.full_name, system.context)
+    return {f.name: units[f.name] for f in _fields(type(effect))}
 
 
 def _fields(cls: type[AbstractEffect]) -> tuple[Field[Any], ...]:

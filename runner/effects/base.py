@@ -21,7 +21,7 @@ from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
-from runner.effects.wording import Values, listed
+from runner.effects.wording import Values, listed, unit_of
 
 Vector = Sequence[float] | np.ndarray
 SIZES = np.geomspace(0.15, 4.0, 14)  # in prior widths: where a motion that jumps is looked at
@@ -153,6 +153,11 @@ class AbstractEffect(ABC):
         at = f" of '{target}'" if target else ""
         added = f"{cls.label}{at}"
         return Phrase(added, amount, f"Add {added}: {amount}." if amount else f"Add {added}.", "")
+
+    @classmethod
+    def units(cls, context: Any) -> Mapping[str, str]:
+        """Return the unit of each of its numbers, by name, "" for a pure one; by default what the name ends on."""
+        return {f.name: unit_of(f.name) for f in fields(cls) if f.name != "target"}  # type: ignore[arg-type]
 
     @property
     def full_name(self) -> str:

@@ -69,6 +69,10 @@ class Candidate:
         """Describe the fitted vector, in a system of which this is known."""
         return self.effect.parameters(context.at(self.target))
 
+    def units(self, context: Scope) -> dict[str, str]:
+        """Return the unit of each of its numbers, by name; "" for a pure one."""
+        return dict(self.effect.units(context.at(self.target)))
+
     def make(self, x: Vector, context: Scope) -> Effects:
         """Make the effect from its fitted vector: one on each target."""
         return tuple(self.effect.from_vector(x, context.at(c.target)) for c in self.each)
@@ -126,6 +130,10 @@ class Vocabulary:
         for candidate in (*self.candidates, *self.outside):
             out[candidate.name] = (*out.get(candidate.name, ()), candidate)
         return out
+
+    def units(self, name: str, context: Scope) -> dict[str, str]:
+        """Return the unit of each number that an effect of this name may have; "" for a pure one."""
+        return {number: unit for c in self.by_name[name] for number, unit in c.units(context).items()}
 
     def of(self, effect: AbstractEffect) -> Candidate:
         """Return the candidate that an effect was made from."""

@@ -6,6 +6,25 @@ import math
 from collections.abc import Mapping, Sequence
 
 DEGREES = 180.0 / math.pi
+UNITS = {
+    "_kg": "kg",
+    "_rad": "rad",
+    "_s": "s",
+    "_m": "m",
+    "_n": "N",
+    "_m_s": "m/s",
+    "_per_s": "1/s",
+    "_n_per_m": "N/m",
+    "_n_s_per_m": "N s/m",
+    "_n_m_s": "N m s",
+    "_n_s2_per_m2": "N s2/m2",
+}
+
+
+def unit_of(name: str) -> str:
+    """Return the unit that the name of a number ends on, "" for a pure number."""
+    endings = [ending for ending in UNITS if name.endswith(ending)]
+    return UNITS[max(endings, key=len)] if endings else ""
 
 
 def number(value: float, digits: int = 3) -> str:

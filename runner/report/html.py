@@ -17,6 +17,7 @@ from runner.report.before_after import headline_miss
 from runner.report.motions import replay
 from runner.report.statement import NONE, Statement, caveats, state
 from runner.storage.writing import write_text
+from runner.systems.base import AbstractSystem
 from runner.systems.recorded import longest_part_s
 
 if TYPE_CHECKING:
@@ -134,7 +135,7 @@ def ranking(diagnosis: Diagnosis, said: Statement) -> dict[str, Any]:
                 "probability": probability(ranked.probability),
                 "width": f"{100 * min(max(ranked.probability, 0.0), 1.0):.1f}",
                 "amounts": [p.amount for p in words.phrases(system, ranked) if p.amount],
-                "parameters": _parameters(ranked),
+                "parameters": _parameters(system, ranked),
                 "gap": "" if closed is None else percent(closed),
                 "equivalent": [words.title(e) for e in words.equals(ranked)],
             }
@@ -146,12 +147,12 @@ def ranking(diagnosis: Diagnosis, said: Statement) -> dict[str, Any]:
     }
 
 
-def _parameters(ranked: Ranked) -> list[tuple[str, str]]:
-    """Return each parameter as it stands in `corrected.yaml`, with its standard error."""
+def _parameters(system: AbstractSystem, ranked: Ranked) -> list[tuple[str, str]]:
+    """Return each parameter as it stands in `corrected.yaml`, with its standard error and its unit."""
     out = []
     for effect, values in ranked.parameters.items():
-        errors = ranked.errors.get(effect, {})
-        out += [(f"{effect}.{name}", plus_minus(v, errors.get(name))) for name, v in values.items()]
+        errors, units = ranked.errors.get(effect, {}), system.vocabulary.units(effect, system.context)
+        out += [(f"{effect}.{name}", plus_minus(v, errors.get(name), units[name])) for name, v in values.items()]
     return out
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -65,9 +66,12 @@ class ActuatorSaturation(MechanismEffect):
         return _shares(context, LOOKED_AT)
 
     @classmethod
+    def units(cls, context: Scope) -> Mapping[str, str]:
+        return {"limit": _unit(context.model, context.target)}
+
+    @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
-        joint, believed = parts.joint_of_actuator(beliefs.model, target), _believed(beliefs.model, target)
-        unit = "N" if joint is None else parts.force_unit(beliefs.model, joint)
+        believed, unit = _believed(beliefs.model, target), _unit(beliefs.model, target)
         limit = parts.attribute(of["limit"])
         return Phrase(
             f"actuator '{target}' gives no more than a limit",
@@ -75,6 +79,11 @@ class ActuatorSaturation(MechanismEffect):
             f"Set forcerange=\"-{limit} {limit}\" on actuator '{target}'.",
             f"Look up the stall torque and current limit of '{target}', and its supply voltage under load.",
         )
+
+
+def _unit(model: mujoco.MjModel, actuator: str | None) -> str:
+    joint = parts.joint_of_actuator(model, actuator)
+    return "N" if joint is None else parts.force_unit(model, joint)
 
 
 def _believed(model: mujoco.MjModel, actuator: str | None) -> float | None:

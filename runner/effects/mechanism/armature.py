@@ -22,6 +22,7 @@ class Armature(MechanismEffect):
     name: ClassVar[str] = "armature"
     shared: ClassVar[bool] = True
     label: ClassVar[str] = "a different inertia of the drive"
+    of_joint: ClassVar = {"armature": parts.inertia_unit}
     confounded: ClassVar[tuple[Confounded, ...]] = (
         Confounded(
             "inertia",

@@ -28,6 +28,7 @@ class Backlash(MechanismEffect):
     name: ClassVar[str] = "backlash"
     shared: ClassVar[bool] = True
     label: ClassVar[str] = "play between drive and link"
+    of_joint: ClassVar = {"play": parts.position_unit}
     structural: ClassVar[bool] = True
     target: str
     play: float

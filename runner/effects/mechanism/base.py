@@ -14,7 +14,7 @@ them where they are when an episode or window begins.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, TypeVar
 
@@ -91,6 +91,8 @@ class MechanismEffect(AbstractEffect):
     """A difference between a mechanism and its model; see the module's docstring."""
 
     target_kind: ClassVar[str] = "joint"  # joint | body | actuator | channel | "" for what has no target
+    # numbers whose unit hangs on whether the joint turns, each with what tells it
+    of_joint: ClassVar[Mapping[str, Callable[[mujoco.MjModel, str | None], str]]] = {}
 
     @property
     def follows(self) -> Mapping[str, str]:
@@ -125,6 +127,12 @@ class MechanismEffect(AbstractEffect):
     def edit_reading(self, reading: Reading) -> Reading:
         """Return what the sensors report of what they should."""
         return reading
+
+    @classmethod
+    def units(cls, context: Scope) -> Mapping[str, str]:
+        """See the base class."""
+        told = {name: unit(context.model, context.target) for name, unit in cls.of_joint.items()}
+        return {**super().units(context), **told}
 
     @classmethod
     def applies(cls, scope: Scope) -> bool:

@@ -34,6 +34,7 @@ class Compliance(MechanismEffect):
 
     name: ClassVar[str] = "compliance"
     label: ClassVar[str] = "elasticity between drive and link"
+    of_joint: ClassVar = {"stiffness": parts.stiffness_unit}
     structural: ClassVar[bool] = True
     target: str
     stiffness: float
@@ -101,7 +102,7 @@ class Compliance(MechanismEffect):
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
-        unit = "N m/rad" if parts.is_hinge(beliefs.model, target) else "N/m"
+        unit = parts.stiffness_unit(beliefs.model, target)
         return Phrase(
             f"drive and link of joint '{target}' are coupled elastically",
             of.show("stiffness", unit),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
@@ -58,6 +59,10 @@ class DeadBand(MechanismEffect):
     def starts(cls, context: Scope) -> np.ndarray:
         scale = cls.parameters(context)[0].scale
         return np.array([[0.5 * scale], [2 * scale]])
+
+    @classmethod
+    def units(cls, context: Scope) -> Mapping[str, str]:
+        return {"width": f"unit of {context.target}"}
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:

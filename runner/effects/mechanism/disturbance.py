@@ -26,6 +26,7 @@ class Disturbance(MechanismEffect):
 
     name: ClassVar[str] = "disturbance"
     label: ClassVar[str] = "a force that nobody commanded"
+    of_joint: ClassVar = {"force": parts.force_unit}
     commonness: ClassVar[int] = 3
     target: str
     force: float

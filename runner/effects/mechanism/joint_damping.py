@@ -22,6 +22,7 @@ class JointDamping(MechanismEffect):
     name: ClassVar[str] = "joint_damping"
     shared: ClassVar[bool] = True
     label: ClassVar[str] = "a different viscous friction"
+    of_joint: ClassVar = {"damping": parts.damping_unit}
     target: str
     damping: float
 
@@ -40,7 +41,7 @@ class JointDamping(MechanismEffect):
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
         typical = parts.typical_force(context) / parts.typical_speed(context)
         believed = float(context.model.dof_damping[parts.dof_of(context.model, context.target)])
-        unit = _unit(context, context.target)
+        unit = parts.damping_unit(context.model, context.target)
         return (Parameter("damping_change", unit, max(0.1 * typical, 0.2 * believed), -believed, 10 * typical),)
 
     @classmethod
@@ -50,7 +51,7 @@ class JointDamping(MechanismEffect):
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
-        unit = _unit(beliefs, target)
+        unit = parts.damping_unit(beliefs.model, target)
         believed = float(beliefs.model.dof_damping[parts.dof_of(beliefs.model, target)])
         return Phrase(
             f"joint '{target}' has {'more' if of['damping'] > believed else 'less'} viscous friction than in the model",
@@ -58,7 +59,3 @@ class JointDamping(MechanismEffect):
             f'Set <joint name="{target}" damping="{parts.attribute(of["damping"])}"/>.',
             f"Move '{target}' at two steady speeds: the difference in force over that in speed is its damping.",
         )
-
-
-def _unit(scope: Scope, joint: str | None) -> str:
-    return "N m s/rad" if parts.is_hinge(scope.model, joint) else "N s/m"

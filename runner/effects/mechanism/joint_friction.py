@@ -22,6 +22,7 @@ class JointFriction(MechanismEffect):
     name: ClassVar[str] = "joint_friction"
     shared: ClassVar[bool] = True
     label: ClassVar[str] = "a different dry friction"
+    of_joint: ClassVar = {"friction": parts.force_unit}
     target: str
     friction: float
 

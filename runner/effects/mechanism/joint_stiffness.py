@@ -22,6 +22,7 @@ class JointStiffness(MechanismEffect):
 
     name: ClassVar[str] = "joint_stiffness"
     label: ClassVar[str] = "a spring"
+    of_joint: ClassVar = {"stiffness": parts.stiffness_unit, "rest": parts.position_unit}
     target: str
     stiffness: float
     rest: float
@@ -48,7 +49,7 @@ class JointStiffness(MechanismEffect):
         believed = float(model.jnt_stiffness[parts.joint_of(model, context.target)])
         unit = parts.position_unit(model, context.target)
         return (
-            Parameter("stiffness", _unit(model, context.target), 0.1 * typical, -believed, 10 * typical),
+            Parameter("stiffness", parts.stiffness_unit(model, context.target), 0.1 * typical, -believed, 10 * typical),
             Parameter("rest_change", unit, reach, -5 * reach, 5 * reach, may_rest=True),
         )
 
@@ -66,9 +67,10 @@ class JointStiffness(MechanismEffect):
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
         model = beliefs.model
         both, rest = _together(model, target, of["stiffness"], of["rest"])
+        stiffness, at = parts.stiffness_unit(model, target), parts.position_unit(model, target)
         return Phrase(
             f"a spring acts on joint '{target}' that is not in the model, such as a cable or hose",
-            f"{of.show('stiffness', _unit(model, target))} about {of.show('rest', parts.position_unit(model, target))}",
+            f"{of.show('stiffness', stiffness)} about {of.show('rest', at)}",
             f'Set <joint name="{target}" stiffness="{parts.attribute(both)}" springref="{parts.attribute(rest)}"/>.',
             f"Move '{target}' by hand with the drive off and feel where it returns to.",
         )
@@ -86,7 +88,3 @@ def _together(model: mujoco.MjModel, joint: str | None, stiffness: float, rest: 
 
 def _address(model: mujoco.MjModel, joint: str | None) -> int:
     return int(model.jnt_qposadr[parts.joint_of(model, joint)])
-
-
-def _unit(model: mujoco.MjModel, joint: str | None) -> str:
-    return "N m/rad" if parts.is_hinge(model, joint) else "N/m"

@@ -54,6 +54,21 @@ def inertia_unit(model: mujoco.MjModel, name: str | None) -> str:
     return "kg m²" if is_hinge(model, name) else "kg"
 
 
+def speed_unit(model: mujoco.MjModel, name: str | None) -> str:
+    """Return the unit of a joint's speed."""
+    return "rad/s" if is_hinge(model, name) else "m/s"
+
+
+def damping_unit(model: mujoco.MjModel, name: str | None) -> str:
+    """Return the unit of a joint's viscous friction."""
+    return "N m s/rad" if is_hinge(model, name) else "N s/m"
+
+
+def stiffness_unit(model: mujoco.MjModel, name: str | None) -> str:
+    """Return the unit of the stiffness of a spring at a joint."""
+    return "N m/rad" if is_hinge(model, name) else "N/m"
+
+
 def actuators_on(model: mujoco.MjModel, joint: str | None) -> list[int]:
     """Return the numbers of the actuators that act on a joint."""
     number = joint_of(model, joint)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
@@ -43,6 +44,10 @@ class SensorOffset(MechanismEffect):
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:
         return cls(str(context.target), float(x[0]))
+
+    @classmethod
+    def units(cls, context: Scope) -> Mapping[str, str]:
+        return {"offset": f"unit of {context.target}"}
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:

@@ -27,6 +27,7 @@ class Stribeck(MechanismEffect):
 
     name: ClassVar[str] = "stribeck"
     label: ClassVar[str] = "dry friction that falls with speed"
+    of_joint: ClassVar = {"speed": parts.speed_unit}
     target: str
     relative_excess: float
     speed: float
@@ -65,7 +66,7 @@ class Stribeck(MechanismEffect):
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
-        unit = "rad/s" if parts.is_hinge(beliefs.model, target) else "m/s"
+        unit = parts.speed_unit(beliefs.model, target)
         more = of["relative_excess"] > 0
         factor = f"1 {of['relative_excess']:+.3g} exp(-(v / {of['speed']:.3g})^2)"
         return Phrase(

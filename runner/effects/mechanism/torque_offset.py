@@ -21,6 +21,7 @@ class TorqueOffset(MechanismEffect):
 
     name: ClassVar[str] = "torque_offset"
     label: ClassVar[str] = "a constant torque"
+    of_joint: ClassVar = {"offset": parts.force_unit}
     confounded: ClassVar[tuple[Confounded, ...]] = (
         Confounded(
             "asymmetric_friction",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -29,6 +30,7 @@ class TorqueRipple(MechanismEffect):
 
     name: ClassVar[str] = "torque_ripple"
     label: ClassVar[str] = "a torque that depends on the position"
+    of_joint: ClassVar = {"amplitude": parts.force_unit}
     commonness: ClassVar[int] = 3
     target: str
     amplitude: float
@@ -70,6 +72,13 @@ class TorqueRipple(MechanismEffect):
         sine, cosine, _ = cls.parameters(context)
         ratios = np.array(TRIED_CYCLES) / USUAL_CYCLES
         return np.array([[0.3 * sine.scale, 0.3 * cosine.scale, math.log(ratio)] for ratio in ratios])
+
+    @classmethod
+    def units(cls, context: Scope) -> Mapping[str, str]:
+        return {
+            **super().units(context),
+            "cycles": "1/turn" if parts.is_hinge(context.model, context.target) else "1/m",
+        }
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
