@@ -29,6 +29,7 @@ from runner.importing.guess.unit import (
     unit_by_slope,
     units_of_vectors,
     vector_of,
+    with_unit,
 )
 from runner.importing.map_file import ALL, COLUMN, NEAREST, TAKEN, TO_FILL
 from runner.importing.plausible import coarse_step
@@ -201,7 +202,7 @@ def _add(
     if unit.name is not None:
         entry["unit"] = unit.name
     group[column] = entry
-    draft.why[column] = f"{why}; {unit.why}" if unit.why else why
+    draft.why[column] = with_unit(why, unit.why)
     draft.used.append(signal)
     step = None if element.is_command or unit.name == TO_FILL else coarse_step(signal.values)
     if step is not None:

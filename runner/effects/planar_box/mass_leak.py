@@ -39,7 +39,7 @@ class MassLeak(PlanarEffect):
         word = "loses" if of["share_per_s"] > 0 else "gains"
         return Phrase(
             f"the object {word} mass during an episode",
-            f"{of.show('share_per_s', '%', 100, magnitude=True)} of it per second",
+            f"{of.show('share_per_s', '%', -100)} of it per second",
             f"Let the mass change by {number(-100 * of['share_per_s'])} % per second from the start of an episode.",
             "Weigh the object before and after an episode.",
         )

@@ -13,7 +13,7 @@ import numpy as np
 
 from runner.importing.box import COMMANDED, MEASURED
 from runner.importing.guess.elements import BOX, Element, Matches
-from runner.importing.guess.names import words_of
+from runner.importing.guess.names import BY_NAME, words_of
 from runner.importing.guess.unit import unit_by_name
 from runner.importing.signals import Signal
 from runner.importing.units import UNITS, spelled
@@ -62,7 +62,7 @@ def match_box(signals: Sequence[Signal], elements: dict[str, Element], *, beside
         if matches.has(element):
             further.setdefault(column, []).append(signal)
         else:
-            matches.pairs.append((element, signal, "by its name"))
+            matches.pairs.append((element, signal, BY_NAME))
     points = {axis: elements.get(f"p{axis}") for axis in ("x", "y")}
     if all(e is not None and not matches.has(e) for e in points.values()):
         # two places are told, and it takes two: of the box, and of the force

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from runner.importing.clocks import NS
-from runner.importing.guess.names import words_of
+from runner.importing.guess.names import BY_NAME, words_of
 from runner.importing.map_file import TO_FILL
 from runner.importing.readers.arrow import HEADER_STAMP
 from runner.importing.signals import Part, Signal
@@ -164,7 +164,7 @@ def _is_time(signal: Signal) -> bool:
 def _unit(signal: Signal) -> tuple[str, str]:
     last = words_of(signal.name)[-1]
     if last in SUFFIXES and (len(words_of(signal.name)) > 1 or last != "s"):
-        return SUFFIXES[last], "by its name"
+        return SUFFIXES[last], BY_NAME
     values = signal.values[np.isfinite(signal.values)]
     for unit, size in EPOCHS.items():
         if size <= values[0] < 10 * size:

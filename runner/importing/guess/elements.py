@@ -8,7 +8,17 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-from runner.importing.guess.names import LAST_INDEX, Quantity, Said, contains, own_words, said_by, without, words_of
+from runner.importing.guess.names import (
+    BY_NAME,
+    LAST_INDEX,
+    Quantity,
+    Said,
+    contains,
+    own_words,
+    said_by,
+    without,
+    words_of,
+)
 from runner.importing.signals import Signal
 from runner.recording.model_form_mapping import AT_JOINT, HINGE, SCALAR_JOINTS, is_servo
 
@@ -206,7 +216,7 @@ def _by_name(signal: Signal, elements: Sequence[Element], matches: Matches) -> N
     if matches.has(element):
         matches.notes.append(f"'{signal.name}' may be the {element.words} as well")
         return
-    why = "by its name" if named[0][0] else "the only joint"
+    why = BY_NAME if named[0][0] else "the only joint"
     if said.quantity is Quantity.UNKNOWN and not said.command:
         why += ", no word says of which quantity"
     matches.pairs.append((element, signal, why))

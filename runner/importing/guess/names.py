@@ -22,6 +22,7 @@ OTHER = {
     "acceleration", "ddq", "gain", "gains", "min", "max", "limit", "lower", "upper", "id", "status", "mode", "std",
     "covariance",
 }  # fmt: skip
+BY_NAME = "by its name"  # why a signal is what it is taken for
 LAST_INDEX = re.compile(r"(.*)\[(\d+)\]$")
 
 

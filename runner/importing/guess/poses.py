@@ -11,8 +11,8 @@ import numpy as np
 
 from runner.importing.entries import Z_UP_AXIS
 from runner.importing.guess.fall import Fall, falls
-from runner.importing.guess.names import contains, own_words, words_of
-from runner.importing.guess.unit import MUCH_M
+from runner.importing.guess.names import BY_NAME, contains, own_words, words_of
+from runner.importing.guess.unit import MUCH_M, UNIT_BY_NAME, with_unit
 from runner.importing.map_file import TO_FILL
 from runner.importing.signals import Part
 from runner.importing.units import UNITS
@@ -97,13 +97,13 @@ def guess_poses(
         body = max(named, key=len) if named else free[0] if len(free) == 1 else None
         if body is None or not (turned or placed):
             continue
-        why = "by its name" if named else "the only free body"
+        why = BY_NAME if named else "the only free body"
         if turned and len(members) == 4:
             order, said = _order(part, members)
             ordered = dict(sorted(members.items(), key=lambda m: "xyzw".find(m[0])))
             poses.append(Pose(body, ordered, True, order, f"{why}; {said}"))
         elif placed and {"x", "y", "z"} == set(members):
-            said = f"{why}; unit by its name" if unit else why
+            said = with_unit(why, UNIT_BY_NAME if unit else "")
             poses.append(Pose(body, {a: members[a] for a in "xyz"}, False, "", said, unit))
         elif placed and {"0", "1", "2"} == set(members):
             poses.append(Pose(body, dict(zip("xyz", (members[k] for k in "012"), strict=True)), False, "", why, unit))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runner.importing.guess.elements import Element
+from runner.importing.guess.names import BY_NAME
 from runner.importing.map_file import TO_FILL
 from runner.importing.signals import Log, Signal
 from runner.importing.units import allowed, spelled
@@ -21,6 +22,7 @@ MUCH_RAD = 20.0  # a hinge without a range that goes further is in degrees, or t
 MUCH_M = 10.0  # positions beyond it are hardly in m
 REACH = 5  # samples to either side, over which a slope is told
 LEAP = 0.1  # of a span: where a clock leaps there is no slope
+UNIT_BY_NAME = "unit by its name"
 ALIKE, NEAR = 0.9, 0.2  # correlation of velocity and slope; how far off a unit may be: deg/s and rpm differ by 6
 
 
@@ -116,6 +118,13 @@ def unit_by_slope(times_s: FloatArray, position_si: FloatArray, values: FloatArr
     return UnitGuess(name, "unit by the slope of its position") if near else None
 
 
+def with_unit(why: str, of_unit: str) -> str:
+    """Return why a signal is what it is and why its unit is, in one where its name says both."""
+    if why == BY_NAME and of_unit == UNIT_BY_NAME:
+        return f"{BY_NAME}, and so its unit"
+    return f"{why}; {of_unit}" if of_unit else why
+
+
 def unit_by_name(name: str, si_unit: str) -> UnitGuess | None:
     """Return the unit that stands at the end of a name, or in brackets: `q_deg`, `angle [deg]`, `speed(rpm)`."""
     pieces = [p for p in re.split(r"[\[\]()/_.\s]+", name) if p]
@@ -124,7 +133,7 @@ def unit_by_name(name: str, si_unit: str) -> UnitGuess | None:
     for text in [joined, *candidates]:
         unit = spelled(text)
         if unit in allowed(si_unit) and (len(unit) > 1 or name.endswith((f"[{text}]", f"({text})", f"_{text}"))):
-            return UnitGuess(unit, "unit by its name")
+            return UnitGuess(unit, UNIT_BY_NAME)
     if any(p.lower() in COARSE for p in pieces):
         return UnitGuess(TO_FILL, "counts of an encoder: unit: turn with scale and offset, or rad")
     return None
