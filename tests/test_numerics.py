@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import lfilter, savgol_filter
 from scipy.stats import false_discovery_control
 
 from runner.localise.cells import false_discovery
+from runner.numerics.differences import smooth_derivative
 from runner.numerics.recursive_filter import filtered
 
 
@@ -29,3 +33,22 @@ def test_false_discoveries_are_those_of_scipy(count: int) -> None:
     """With ties, ones and zeros among the probabilities."""
     p = np.round(np.random.default_rng(count).random(count), 1)
     np.testing.assert_allclose(false_discovery(p), false_discovery_control(p), rtol=1e-15)
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_smooth_derivatives_are_those_of_scipy(order: int) -> None:
+    """Half a window away from either end."""
+    values = np.cumsum(np.random.default_rng(order).normal(size=(60, 2)), axis=0)
+    wanted = savgol_filter(values, 11, 3, deriv=order, delta=0.02, axis=0)
+    inside = slice(5, -5)
+    scale = np.abs(wanted[inside]).max()
+    np.testing.assert_allclose(
+        smooth_derivative(values, 11, 3, order, 0.02)[inside], wanted[inside], atol=1e-12 * scale
+    )
+
+
+def test_no_command_waits_for_the_statistics_of_scipy() -> None:
+    """Which takes two seconds, and comes with scipy.signal as well."""
+    asked = "import sys, runner.commands.diagnose; print({'scipy.stats', 'scipy.signal'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"

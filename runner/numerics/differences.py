@@ -1,10 +1,12 @@
-"""Noise beneath a motion: what third differences leave of samples in a row."""
+"""Differences and derivatives of samples in a row: of the noise beneath a motion, and of the motion beneath noise."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 import numpy as np
+from scipy.ndimage import correlate1d
 
 from runner.numerics.arrays import FloatArray
 
@@ -43,3 +45,24 @@ def third_differences(t_s: FloatArray, values: FloatArray) -> FloatArray:
     weights = np.stack([-1 / (a * ab * abc), 1 / (a * b * bc), -1 / (ab * b * c), 1 / (abc * bc * c)])
     weights *= np.sqrt(OF_WHITE / np.sum(weights**2, axis=0))
     return np.sum(weights * np.lib.stride_tricks.sliding_window_view(values[there], 4).T, axis=0)
+
+
+def smooth_derivative(values: FloatArray, window: int, degree: int, order: int = 0, step: float = 1.0) -> FloatArray:
+    """Return a derivative of the polynomial through the window around each sample (Savitzky and Golay 1964).
+
+    Within half a window of either end it means nothing. scipy.signal.savgol_filter does the same; with it comes all of
+    scipy.stats, for which every command would wait for two seconds.
+
+    Args:
+        values: (T, ...), evenly spaced.
+        window: How many samples, an odd number.
+        degree: Of the polynomial.
+        order: Of the derivative; 0: the polynomial itself.
+        step: From one sample to the next.
+
+    Returns:
+        (T, ...), per `step` ** `order`.
+    """
+    powers = np.vander(np.arange(window) - window // 2, degree + 1, increasing=True)
+    weights = math.factorial(order) * np.linalg.pinv(powers)[order] / step**order
+    return np.asarray(correlate1d(values, weights, axis=0), dtype=np.float64)

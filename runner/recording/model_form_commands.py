@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from scipy.signal import savgol_filter
 
 from runner.numerics.arrays import FloatArray
+from runner.numerics.differences import smooth_derivative
 from runner.recording.data import WARNING
 from runner.recording.kinematics import without_gaps
 from runner.recording.model_form_mapping import ModelMapping, is_servo
@@ -128,16 +128,8 @@ def _motions(
         q = np.stack([np.interp(even, t, w) for w in whole.T], axis=1)
         held = table.stack(commands)[span][np.clip(np.searchsorted(t, even, side="right") - 1, 0, None)]
         few = slice(window // 2, count - window // 2, max(1, window // 4))
-        q, dq, ddq = (
-            np.asarray(savgol_filter(q, window, 3, deriv=d, delta=step_s, axis=0), dtype=np.float64)[few]
-            for d in (0, 1, 2)
-        )
-        yield _Motion(q, dq, ddq, _means(held, window)[few], step_s * max(1, window // 4))
-
-
-def _means(values: FloatArray, window: int) -> FloatArray:
-    """Return the means over a window around each sample."""
-    return np.asarray(savgol_filter(values, window, 0, axis=0), dtype=np.float64)
+        q, dq, ddq = (smooth_derivative(q, window, 3, order, step_s)[few] for order in (0, 1, 2))
+        yield _Motion(q, dq, ddq, smooth_derivative(held, window, 0)[few], step_s * max(1, window // 4))
 
 
 def _needed(model: mujoco.MjModel, motion: _Motion) -> FloatArray:
