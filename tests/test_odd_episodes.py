@@ -29,7 +29,7 @@ def episodes() -> list[NDArray[np.float64]]:
     return [start + slope * T + rng.normal(size=len(T)) for start, slope in ((0, SHARED),) * 7 + ((3, ODD),)]
 
 
-def fitted(odd_from: float) -> FitPoint:
+def fitted(odd_from: float, *, parameters: tuple[Parameter, ...] = PARAMETERS, steps: int = 50) -> FitPoint:
     """Return where a fit of the shared slope ends, each episode with a start of its own."""
     measured = episodes()
     basis = [orthonormal(np.ones((len(T), 1))) for _ in measured]
@@ -44,8 +44,8 @@ def fitted(odd_from: float) -> FitPoint:
     def best(x: NDArray[np.float64], starts: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         raise AssertionError("the problem is smooth: no step is refused")
 
-    descent = Descent(PARAMETERS, linearise, best, len(T) * len(measured), np.inf, 0, 1e-9, polish=True)
-    return descent.down(linearise(np.zeros(1), np.zeros((len(measured), 1)), None), 50)
+    descent = Descent(parameters, linearise, best, len(T) * len(measured), np.inf, 0, 1e-9, polish=True)
+    return descent.down(linearise(np.zeros(1), np.zeros((len(measured), 1)), None), steps)
 
 
 def left(slope: float) -> NDArray[np.float64]:
@@ -144,3 +144,11 @@ def test_what_follows_a_hit_is_as_noisy_as_models_differ() -> None:
     parts = measured.parts([Span(0, 0, 30), Span(0, 45, 60), Span(0, 60, 100)])
     units = [set(parts.whiten(i, np.full((n, 1), 8.0))[:, 0]) for i, n in enumerate((30, 15, 40))]
     assert units == [{4.0}, {2.0}, {4.0}]
+
+
+def test_what_is_a_hundred_prior_widths_off_is_reached_in_a_dozen_steps() -> None:
+    """A step that was as long as it may be and gained what it promised makes room for one of twice the length."""
+    narrow = (Parameter("slope", "", 0.05, -100.0, 100.0),)
+    far, whole = fitted(np.inf, parameters=narrow, steps=12), fitted(np.inf)
+    assert abs(whole.x[0]) > 100 * narrow[0].scale
+    assert far.x[0] == pytest.approx(whole.x[0], rel=0.05)  # it rests where little of what is left is promised

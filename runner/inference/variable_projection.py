@@ -78,7 +78,10 @@ class Spread:
 
 @dataclass(frozen=True)
 class FitPoint:
-    """Where a fit stands: its unknowns (p,), (E, S), the residuals (n,) and raw derivatives (n, p) of each episode."""
+    """Where a fit stands: its unknowns (p,), (E, S), the residuals (n,) and raw derivatives (n, p) of each episode.
+
+    `reach` is how far the next step may go in each parameter, in its prior widths.
+    """
 
     x: np.ndarray
     starts: np.ndarray
@@ -88,6 +91,7 @@ class FitPoint:
     basis: Basis
     fresh: bool  # whether the basis was taken at this point
     ending: Ending | None = None
+    reach: float = SETTINGS.fit.trust_radius
 
     @property
     def total(self) -> float:
@@ -149,12 +153,16 @@ class Descent:
                 return Trial(replace(point, ending=Ending.RESTED), rests=True)
             return Trial(self._renewed(point))
         # the start states' derivatives change slowly: keep them while they predict well
-        trial = self.linearise(point.x + dx, point.starts + ds, point.basis)
+        trial = replace(self.linearise(point.x + dx, point.starts + ds, point.basis), reach=point.reach)
         gain, trusted = point.total - trial.total, limits.min_gain_ratio * promised
         if np.isfinite(trial.total) and gain > 0:
             if gain < trusted and gain > enough:
                 trial = self._renewed(trial)
-            return Trial(trial, eased=gain > trusted)
+            eased = gain > trusted
+            # what is far off is not reached in steps that nothing but their length has ended (a trust region)
+            further = eased and self._is_as_far_as_it_may(point, dx)
+            return Trial(replace(trial, reach=2.0 * point.reach) if further else trial, eased=eased)
+        point = replace(point, reach=SETTINGS.fit.trust_radius)
         if not point.fresh:
             return Trial(self._renewed(point))
         # one episode in which another corner hits first must not hold all others where they are
@@ -172,8 +180,13 @@ class Descent:
         starts, left = self.best(x, point.starts[:, None] + shares[:, None] * ds[:, None])
         return self.linearise(x, starts, point.basis) if left.sum() < point.total else None
 
+    def _is_as_far_as_it_may(self, point: FitPoint, dx: np.ndarray) -> bool:
+        """Whether a step (p,) has taken a parameter as far as one may go from a point."""
+        widths = np.array([q.scale for q in self.parameters])
+        return bool(np.any(np.abs(dx) > 0.999 * point.reach * widths))
+
     def _renewed(self, point: FitPoint) -> FitPoint:
-        return self.linearise(point.x, point.starts, None)
+        return replace(self.linearise(point.x, point.starts, None), reach=point.reach)
 
 
 def _step(point: FitPoint, parameters: Sequence[Parameter], damping: float) -> tuple[np.ndarray, np.ndarray, float]:
@@ -203,8 +216,7 @@ def _shared_step(point: FitPoint, parameters: Sequence[Parameter], damping: floa
     matrix = np.vstack([s[:, :p] for s in small]) * size
     ridge = np.sqrt(damping * (matrix**2).sum(axis=0) + 1e-9)
     low, high = bounds(parameters)
-    radius = SETTINGS.fit.trust_radius
-    lower, upper = np.maximum((low - point.x) / size, -radius), np.minimum((high - point.x) / size, radius)
+    lower, upper = np.maximum((low - point.x) / size, -point.reach), np.minimum((high - point.x) / size, point.reach)
     solved = lsq_linear(
         np.vstack([matrix, np.diag(ridge)]),
         np.concatenate([right, np.zeros(p)]),

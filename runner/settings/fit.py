@@ -88,7 +88,8 @@ class FitSettings:
     trust_radius: float = setting(
         4.0,
         "prior widths",
-        "An amplitude of four standard deviations of its prior is hardly ever real: beyond, no linear model is asked.",
+        "An amplitude of four standard deviations of its prior is hardly ever real: no linear model is asked beyond "
+        "before a step that long has gained what it promised.",
     )
     information_ridge: float = setting(
         0.05,
