@@ -399,3 +399,18 @@ def test_order_does_not_matter() -> None:
     assert len(motions) > 2
     for motion in motions[1:]:
         np.testing.assert_allclose(motion[1], motions[0][1], atol=1e-9)
+
+
+def test_air_drag_is_the_mean_over_all_directions_of_motion() -> None:
+    """Of a body that tumbles, c |v| v: the coefficient is that of the word, not that of a face."""
+    model = compiled(TOSSED.replace(".05 .05 .05", ".05 .03 .08"), m.AirDrag("cube", 0.8))
+    data, count, speed = mujoco.MjData(model), 2000, 3.0
+    golden = math.pi * (3.0 - math.sqrt(5.0))
+    drags = []
+    for i in range(count):  # evenly over the sphere
+        z = 1.0 - (2 * i + 1) / count
+        along = np.array([*(math.sqrt(1.0 - z * z) * np.array([math.cos(golden * i), math.sin(golden * i)])), z])
+        data.qvel[:3] = speed * along
+        mujoco.mj_forward(model, data)
+        drags.append(-data.qfrc_passive[:3] @ along / speed**2)
+    assert np.mean(drags) == pytest.approx(0.8, rel=1e-3)

@@ -23,8 +23,9 @@ class AirDrag(MechanismEffect):
     """The air resists a free body with `coefficient_n_s2_per_m2` times its speed squared.
 
     MuJoCo's own model of a fluid: the density of the medium acts on the box of the body's inertia, along each of its
-    axes with that face, and on its turning. The coefficient is the mean over the three faces. The medium is one for all
-    bodies; so it is told of a body that moves alone.
+    axes with that face, and on its turning. So the drag of a body depends on how it is turned, and the coefficient is
+    the mean over all directions of motion, as a tumbling body shows it. The medium is one for all bodies; so it is told
+    of a body that moves alone.
     """
 
     name: ClassVar[str] = "air_drag"
@@ -67,8 +68,12 @@ class AirDrag(MechanismEffect):
 
 
 def per_density(model: mujoco.MjModel, body: str | None) -> float:
-    """Return the mean drag of a body for a medium of 1 kg/m3, N s2/m2: 2 r_j r_k of its inertia's box."""
+    """Return the mean drag of a body over all directions for a medium of 1 kg/m3, N s2/m2.
+
+    Along each axis i of its inertia's box it is 2 r_j r_k v_i^2; of motion along n that resists by the sum of
+    2 r_j r_k |n_i|^3, and the mean of |n_i|^3 over the sphere is 1/4.
+    """
     body_ = model.body(body).id
     inertia, mass = np.array(model.body_inertia[body_]), float(model.body_mass[body_])
     half = 0.5 * np.sqrt(np.maximum(inertia.sum() - 2 * inertia, 1e-12) * 6.0 / mass)
-    return float(2.0 * np.mean([half[1] * half[2], half[0] * half[2], half[0] * half[1]]))
+    return float(0.25 * 2.0 * np.sum([half[1] * half[2], half[0] * half[2], half[0] * half[1]]))
