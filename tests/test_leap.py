@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runner.inference.evidence import directions, sensitivities
+from runner.inference.evidence import directions, moved_along, sensitivities
 from runner.inference.leap import Linear, gain_of, leap
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.noise.measured import measure
@@ -103,3 +103,23 @@ def test_what_all_share_is_one_effect(arm: MechanismSystem) -> None:
     assert words.title(["servo_gain[*]"]) == "servo gain of all"
     # what is believed to differ from joint to joint has no one value
     assert "mass[*]" not in arm.vocabulary.by_name
+
+
+def test_what_one_of_a_kind_does_beside_all_is_told_around_what_all_have(arm: MechanismSystem) -> None:
+    """More damping of the elbow, where all joints are held to have more: what they have does not vanish there."""
+    fitter = Fitter(arm, arm.simulator(threads=1), measure(arm))
+    of_all, of_elbow = (arm.vocabulary.by_name[f"joint_damping[{target}]"][0] for target in ("*", "elbow"))
+    step = next(d for d in directions(arm) if d.candidate == of_elbow)
+    x = np.array([0.3])
+    moved = {e.full_name: e.report() for e in moved_along(step, Explanation((of_all,)), x, arm.context)}
+    before = {e.full_name: e.report() for e in Explanation((of_all,)).make(x, arm.context)}
+    assert len(moved) == len(JOINTS)
+    assert moved["joint_damping[shoulder]"] == before["joint_damping[shoulder]"]
+    more = moved["joint_damping[elbow]"]["damping"] - before["joint_damping[elbow]"]["damping"]
+    assert more == pytest.approx(step.vector[0])
+    fit = fitter.fit(Explanation((of_all,)), range(3), x=x, iterations=0)
+    # a tenth of the step does a tenth: were it a jump from what all have, it would not
+    small = replace(step, vector=0.1 * step.vector, per=0.1 * step.per)
+    known = sensitivities(fitter, fit, [step, small])
+    one, tenth = np.concatenate(known.columns).T
+    np.testing.assert_allclose(tenth, one, atol=0.02 * np.abs(one).max())

@@ -55,10 +55,16 @@ class Candidate:
         """Whether it may stand beside others: it is none of them, nor one that can't be told from them."""
         for other in held:
             alike = self.effect.name in other.like or other.effect.name in self.like
-            shared = not {c.target for c in self.each}.isdisjoint(c.target for c in other.each)
-            if alike and (shared or self.part == other.part):
+            if alike and (self._shares_a_target_with(other) or self.part == other.part):
                 return False
         return True
+
+    def overlaps(self, other: Candidate) -> bool:
+        """Whether both are the same effect, and on a target that is the same."""
+        return self.effect is other.effect and self._shares_a_target_with(other)
+
+    def _shares_a_target_with(self, other: Candidate) -> bool:
+        return not {c.target for c in self.each}.isdisjoint(c.target for c in other.each)
 
     @property
     def key(self) -> tuple[str, str]:

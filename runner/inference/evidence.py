@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from runner.effects.base import Scope
+from runner.effects.base import AbstractEffect, Effects, Scope
 from runner.effects.vocabulary import Candidate
 from runner.inference.least_squares import Explanation, Fit, Fitter
 from runner.inference.parameters import bounds, difference_steps, is_out_of_range
@@ -87,12 +87,36 @@ class Sensitivities:
 
 
 def sensitivities(fitter: Fitter, fit: Fit, every: Sequence[Direction]) -> Sensitivities:
-    """Simulate all directions around a fit."""
+    """Simulate all directions around a fit.
+
+    An amount of a whole effect that the fit holds on the same target is none beside it, and is left out.
+    """
     base = fit.explanation.make(fit.x, fitter.context)
-    others = tuple(d for d in every if d.candidate not in fit.explanation.candidates)
-    runs = [(*base, *d.candidate.make(d.vector, fitter.context)) for d in others]
+    others = tuple(
+        d
+        for d in every
+        if d.candidate not in fit.explanation.candidates
+        and not (d.whole and any(d.candidate.overlaps(c) for c in fit.explanation.candidates))
+    )
+    runs = [moved_along(d, fit.explanation, fit.x, fitter.context) for d in others]
     per = np.array([d.per for d in others])
     return Sensitivities(others, tuple(c / per for c in fitter.changes(base, runs, fit)))
+
+
+def moved_along(direction: Direction, explanation: Explanation, x: np.ndarray, context: Scope) -> Effects:
+    """Return the effects of an explanation at x, (p,), moved along a direction.
+
+    Where one of them is of the same kind and on the same target, as damping of one joint beside that of all, the number
+    that it has there moves: an effect that was added would take its place, as if it were not there.
+    """
+    held: dict[tuple[type[AbstractEffect], str | None], tuple[np.ndarray, Effects]] = {}
+    for candidate, part in explanation.parts(context):
+        held |= {(c.effect, c.target): (x[part], c.make(x[part], context)) for c in candidate.each}
+    for c in direction.candidate.each:
+        before, _ = held.get((c.effect, c.target), (np.zeros(len(direction.vector)), ()))
+        vector = before + direction.vector
+        held[c.effect, c.target] = vector, c.make(vector, context)
+    return tuple(effect for _, effects in held.values() for effect in effects)
 
 
 @dataclass(frozen=True)
