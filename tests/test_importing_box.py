@@ -175,7 +175,8 @@ def test_what_is_not_recognised_waits_to_be_filled_in(tmp_path: Path, capsys: py
     (tmp_path / "box.yaml").write_text(BELIEVED)
     arguments = ["import", str(tmp_path / "pushes.csv"), f"model={tmp_path / 'box.yaml'}"]
     assert main([*arguments, f"propose={tmp_path / 'map.yaml'}"]) == 0
-    assert "the signal of 'yaw', rad" in capsys.readouterr().out
+    assert "the signal of 'yaw' and its unit" in " ".join(capsys.readouterr().out.split())
+    assert yaml.safe_load((tmp_path / "map.yaml").read_text())["channels"]["yaw"] == {"signal": "TODO", "unit": "TODO"}
     assert main([*arguments, f"map={tmp_path / 'map.yaml'}", f"out={tmp_path / 'case'}"]) == 2
     assert "channels.yaw.signal: is left open" in capsys.readouterr().err
 

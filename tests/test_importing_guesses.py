@@ -162,3 +162,30 @@ def test_a_joint_without_a_range_is_in_the_unit_of_those_beside_it(size: float, 
     assert units == {
         "state[a.pos]": unit, "state[b.pos]": unit, "state[c.pos]": unit, "d_pos": "TODO" if unit == "deg" else "rad",
     }  # fmt: skip
+
+
+SHOULDER_AND_ELBOW = """<mujoco><worldbody>
+<body><joint name="shoulder_j" axis="0 1 0"/><geom size=".1"/>
+<body pos="1 0 0"><joint name="elbow_j" axis="0 1 0"/><geom size=".1"/></body></body></worldbody>
+<actuator><position name="shoulder_s" joint="shoulder_j" kp="9"/><position name="elbow_s" joint="elbow_j" kp="9"/>
+</actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(("target", "angle"), [("{}_target", "{}_deg"), ("sp_{}", "enc_{}"), ("{}Cmd", "{}Pos")])
+def test_what_all_names_of_a_kind_have_tells_none_from_another(target: str, angle: str) -> None:
+    """`shoulder_target` is of `shoulder_s`, and `shoulder_deg` of `shoulder_j`."""
+    t = 0.01 * sample
+    moved = {joint: np.sin((3 + i) * t) for i, joint in enumerate(("shoulder", "elbow"))}
+    columns = {target.format(j): v for j, v in moved.items()} | {angle.format(j): 0.9 * v for j, v in moved.items()}
+    found = yaml.safe_load(propose(log_of(time=t, **columns), mujoco.MjModel.from_xml_string(SHOULDER_AND_ELBOW)).text)
+    told = {entry["actuator"]: entry["signal"] for entry in found["commands"].values()}
+    assert told == {f"{j}_s": target.format(j) for j in moved}
+    assert {e["joint"]: e["signal"] for e in found["channels"].values()} == {f"{j}_j": angle.format(j) for j in moved}
+
+
+def test_commands_that_are_not_recognised_wait_to_be_filled_in() -> None:
+    """Servos that nothing is sent to stand at zero: that is for the owner to say."""
+    t = 0.01 * sample
+    columns = {"elbow": np.sin(3 * t), "shoulder": np.cos(2 * t), "a": np.sign(t - 0.2), "b": np.sign(t - 0.3)}
+    found = propose(log_of(time=t, **columns), mujoco.MjModel.from_xml_string(SHOULDER_AND_ELBOW))
+    assert yaml.safe_load(found.text)["commands"] == "TODO"

@@ -65,7 +65,8 @@ def write_case(built: Built, out: Path, *, model: Path, log: Sequence[Path], map
             notes = _make(built, Path(made), model=model, log=log, map_file=map_file)
             _put(Path(made), out)
     except RecordingError as error:
-        raise RecordingError(str(error).replace(str(Path(made)), str(out))) from None
+        of_case = str(error).replace(str(Path(made)), str(out))
+        raise RecordingError(f"{of_case} So is the case that '{map_file.name}' makes; it was not written.") from None
     except OSError as error:
         raise WriteError(f"{out}: can't be written: {error.strerror or error}.") from error
     return notes

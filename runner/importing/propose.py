@@ -71,6 +71,7 @@ class _Draft:
     used: list[Signal] = field(default_factory=list)
     rate_hz: float | None = None
     box: bool = False
+    undriven: bool = False
 
 
 def propose(log: Log, model: mujoco.MjModel, *, rate_hz: float | None = None) -> Proposal:
@@ -123,9 +124,9 @@ def propose_box(log: Log, nominal: Nominal, *, rate_hz: float | None = None) -> 
     for column in REQUIRED[Form.PLANAR]:
         if column in elements and column not in named and not (nominal.pin is not None and column in COMMANDED):
             group = draft.commands if column in COMMANDED else draft.channels
-            group[column] = {"signal": TO_FILL, "unit": elements[column].si_unit}
+            group[column] = {"signal": TO_FILL, "unit": TO_FILL}
             draft.why[column] = "nothing was recognised"
-            draft.missing.append(f"the signal of '{column}', {elements[column].si_unit}")
+            draft.missing.append(f"the signal of '{column}' and its unit, of what is {elements[column].si_unit} in SI")
     times = clock_times(part, clock)
     rate = nominal.rate_hz if times is None else rate_of(np.diff(times[np.isfinite(times)]))
     return _finished(draft, log, clock, {"rows": {"at": NEAREST, "rate_hz": float(f"{rate:.6g}")}})
@@ -239,7 +240,10 @@ def _lacking(draft: _Draft, elements: Sequence[Element]) -> None:
     idle = [a for a in actuators if a not in driven]
     blind = [j for j in joints if j not in measured]
     if actuators and not driven:
-        draft.missing.append(f"commands: no signal was recognised for actuators {_listed(actuators)}")
+        draft.undriven = True
+        draft.missing.append(
+            f"commands: no signal was recognised for actuators {_listed(actuators)}; {{}} if nothing was sent to them"
+        )
     elif idle:
         draft.notes.append(f"no command for {_listed(idle)}: such an actuator gets 0")
     if not draft.channels:
@@ -273,7 +277,7 @@ def _text(draft: _Draft, head: Mapping[str, object]) -> str:
         ("channels", draft.channels, "  # q_joint: {signal: NAME, joint: NAME, quantity: position, unit: rad}"),
     ):
         if not entries:
-            lines += [f"{title}: {'{}' if title == 'commands' else TO_FILL}", empty]
+            lines += [f"{title}: {'{}' if title == 'commands' and not draft.undriven else TO_FILL}", empty]
             continue
         lines.append(f"{title}:")
         lines += [f"  {name}: {_flow(entry)}  # {' '.join(draft.why[name].split())}" for name, entry in entries.items()]

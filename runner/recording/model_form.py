@@ -189,7 +189,7 @@ def read_model_case(path: str | Path) -> MechanismRecording:
                 int(span.start),
             )
     _check_commands(table, mapping)
-    notes += _check_angles(table, mapping, model)
+    notes += [*_undriven(mapping, model), *_check_angles(table, mapping, model)]
     orientations = {o.name: _orientation(table, o.columns) for o in mapping.orientations}
     values = _values(table, mapping, orientations)
     kept = [c for c, source in enumerate(mapping.sources) if np.isfinite(values[:, c]).any()]
@@ -273,7 +273,13 @@ def _check_commands(table: Table, mapping: ModelMapping) -> None:
 
 def _check_angles(table: Table, mapping: ModelMapping, model: mujoco.MjModel) -> list[str]:
     """Refuse an angle far outside of its joint's range that is inside as degrees; note one of many turns."""
-    notes = []
+    notes = [
+        _many_turns(name, turns)
+        for name, command in mapping.commands.items()
+        if command.unit == "rad"
+        and command.limits is None
+        and (turns := float(np.ptp(table[name])) / (2 * np.pi)) > TURNS
+    ]
     for source in mapping.sources:
         if source.kind != "joint" or source.quantity != "position" or source.unit != "rad":
             continue
@@ -286,8 +292,21 @@ def _check_angles(table: Table, mapping: ModelMapping, model: mujoco.MjModel) ->
             )
         turns = float(np.nanmax(values) - np.nanmin(values)) / (2 * np.pi) if np.isfinite(values).any() else 0.0
         if not joint.limited[0] and turns > TURNS:
-            notes.append(f"'{source.name}' spans {turns:.0f} turns; if it is in degrees, turn it into rad")
+            notes.append(_many_turns(source.name, turns))
     return notes
+
+
+def _many_turns(column: str, turns: float) -> str:
+    return f"'{column}' spans {turns:.0f} turns; if it is in degrees, turn it into rad (`unit: deg` in a map)"
+
+
+def _undriven(mapping: ModelMapping, model: mujoco.MjModel) -> list[str]:
+    """Return a note on actuators that nothing drives."""
+    driven = {c.actuator for c in mapping.commands.values()}
+    idle = [repr(model.actuator(a).name) for a in range(model.nu) if model.actuator(a).name not in driven]
+    if not idle:
+        return []
+    return [f"no command drives {'actuator' if len(idle) == 1 else 'actuators'} {', '.join(idle)}: 0 is sent there"]
 
 
 def _degrees(values: FloatArray, limits: tuple[float, float]) -> bool:

@@ -16,6 +16,7 @@ from runner.importing.guess.names import (
     contains,
     own_words,
     said_by,
+    shared_words,
     without,
     words_of,
 )
@@ -95,11 +96,13 @@ class Matches:
 def elements_of(model: mujoco.MjModel) -> list[Element]:
     """Return what signals may be, in the order of the model."""
     out = []
+    of_actuators = shared_words([model.actuator(i).name for i in range(model.nu)])
+    of_joints = shared_words([model.joint(j).name for j in range(model.njnt)])
     for i in range(model.nu):
         actuator = model.actuator(i)
         at_joint = int(model.actuator_trntype[i]) in AT_JOINT
         joint = model.joint(int(model.actuator_trnid[i, 0])) if at_joint else None
-        names = own_words(actuator.name) + (own_words(joint.name) if joint is not None else ())
+        names = own_words(actuator.name, of_actuators) + (own_words(joint.name, of_joints) if joint is not None else ())
         hinge = joint is not None and int(joint.type[0]) == HINGE
         limits = _range(actuator.ctrlrange) if actuator.ctrllimited[0] else None
         servo = is_servo(model, i)
@@ -118,8 +121,9 @@ def elements_of(model: mujoco.MjModel) -> list[Element]:
         unit = SCALAR_JOINTS.get(int(joint.type[0]))
         if unit is not None:
             limits = _range(joint.range) if joint.limited[0] else None
-            out.append(Element("joint", joint.name, "position", own_words(joint.name), unit, limits))
-            out.append(Element("joint", joint.name, "velocity", own_words(joint.name), f"{unit}/s", None))
+            names = own_words(joint.name, of_joints)
+            out.append(Element("joint", joint.name, "position", names, unit, limits))
+            out.append(Element("joint", joint.name, "velocity", names, f"{unit}/s", None))
     return out
 
 

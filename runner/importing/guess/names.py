@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 GENERIC = {"joint", "motor", "actuator", "act", "servo", "drive", "jnt"}
 COMMAND = {
     "cmd", "command", "commands", "commanded", "target", "targets", "action", "actions", "ref", "reference", "goal",
-    "desired", "des", "setpoint", "u", "ctrl", "control", "controls", "qref", "qdes", "qcmd",
+    "desired", "des", "setpoint", "set", "sp", "tgt", "u", "ctrl", "control", "controls", "qref", "qdes", "qcmd",
 }  # fmt: skip
 POSITION = {
     "position", "positions", "pos", "q", "qpos", "angle", "angles", "theta", "state", "qref", "qdes", "qcmd", "encoder",
+    "enc",
 }  # fmt: skip
 VELOCITY = {"velocity", "velocities", "vel", "dq", "qd", "qvel", "dqpos", "speed", "speeds", "omega"}
 FORCE = {"effort", "efforts", "torque", "torques", "tau", "force", "forces", "trq"}
@@ -55,11 +56,23 @@ def contains(words: Sequence[str], wanted: Sequence[str]) -> bool:
     return bool(wanted) and f" {' '.join(wanted)} " in f" {' '.join(words)} "
 
 
-def own_words(name: str) -> tuple[tuple[str, ...], ...]:
-    """Return by which words an element may be called: all of its name, or without words such as `joint`."""
+def own_words(name: str, shared: Collection[str] = ()) -> tuple[tuple[str, ...], ...]:
+    """Return by which words an element may be called: all of its name, or without words that tell it from no other.
+
+    Args:
+        name: Of the element.
+        shared: Words that all elements of its kind have in their names, as `j` in `shoulder_j` and `elbow_j`; words
+            such as `joint` go anyway.
+    """
     whole = words_of(name)
-    bare = tuple(w for w in whole if w not in GENERIC)
+    bare = tuple(w for w in whole if w not in GENERIC and w not in shared)
     return (whole, bare) if bare and bare != whole and not all(w.isdigit() for w in bare) else (whole,)
+
+
+def shared_words(names: Sequence[str]) -> frozenset[str]:
+    """Return the words that stand in each of several names."""
+    every = [frozenset(words_of(n)) for n in names]
+    return frozenset.intersection(*every) if len(every) > 1 else frozenset()
 
 
 def said_by(words: Sequence[str]) -> Said:
