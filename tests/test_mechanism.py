@@ -353,6 +353,47 @@ def test_the_corrected_model_is_what_was_simulated(tmp_path: Path):
     assert model.nsensor == 0
 
 
+def test_a_late_command_is_in_the_corrected_model(tmp_path: Path):
+    """MuJoCo's own delay, of servos and motors: it moves as the simulation does that sends commands later."""
+    system = arm(tmp_path / "case", episodes=1)
+    (tmp_path / "out").mkdir()
+    system.write_model((ActuatorDelay("elbow", 0.0203), Heavier(1.25)), tmp_path / "out")
+    text = (tmp_path / "out" / "model.xml").read_text()
+    assert "Commands come late: 'elbow' 0.0203 s" in text
+    assert "Not expressed" not in text
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "model.xml"))
+    data, shown = mujoco.MjData(model), []
+    run = Run((Heavier(1.25), ActuatorDelay("elbow", 0.0203)), np.zeros(4))
+    expected = system.simulator().predict(0, [run])[0]
+    recorded = system.recording.episodes[0]
+    columns = [model.actuator(c.actuator).id for c in system.recording.mapping.commands.values()]
+    t = recorded.t_s - recorded.t_s[0]
+    for k in range(round(t[-1] / model.opt.timestep)):
+        data.ctrl[columns] = recorded.commands[np.searchsorted(t, k * model.opt.timestep + 1e-9, side="right") - 1]
+        mujoco.mj_step(model, data)
+        shown.append(data.qpos.copy())
+    assert np.abs(expected[-1, :2] - shown[-1]).max() < 2e-3
+    without = system.simulator().predict(0, [Run((Heavier(1.25),), np.zeros(4))])[0]
+    assert np.abs(expected[-1, :2] - without[-1, :2]).max() > 1e-2
+
+
+def test_a_delay_that_the_owner_believes_in_is_simulated(tmp_path: Path):
+    """As commands that are sent later, wherever in an episode a stretch begins; one that is found comes on top."""
+    plain = arm(tmp_path / "plain", episodes=1)
+    shutil.copytree(tmp_path / "plain", tmp_path / "late")
+    mjcf = tmp_path / "late" / plain.recording.model_path.name
+    mjcf.write_text(mjcf.read_text().replace('name="elbow" joint', 'name="elbow" delay="0.02" nsample="41" joint'))
+    late = system_of(tmp_path / "late")
+    start = np.array([0.4, -0.2, 0.0, 0.0])
+    of_both = ((), ActuatorDelay("elbow", 0.02)), ((ActuatorDelay("elbow", 0.01),), ActuatorDelay("elbow", 0.03))
+    for found, whole in of_both:
+        expected = plain.simulator().predict(0, [Run((whole,), start)])[0]
+        np.testing.assert_allclose(late.simulator().predict(0, [Run(tuple(found), start)])[0], expected, atol=1e-9)
+    part = [Span(0, 120, 300)]
+    expected = plain.simulator().parts(part).predict(0, [Run((ActuatorDelay("elbow", 0.02),), start)])[0]
+    np.testing.assert_allclose(late.simulator().parts(part).predict(0, [Run((), start)])[0], expected, atol=1e-9)
+
+
 def test_links_that_burst_apart_are_compared_without_contact(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Kinova's Jaco folds into itself at the reference position: the sixth digit says how it flies apart."""
     kinova = Path(dm_control.__file__).parent / "third_party" / "kinova"
@@ -367,7 +408,7 @@ def test_links_that_burst_apart_are_compared_without_contact(tmp_path: Path, mon
     edited = models.edited(effects)
     nearly = copy.copy(edited)
     nearly.dof_frictionloss[:] = [float(f"{v:.6g}") for v in edited.dof_frictionloss]
-    assert model_file._moves_otherwise(nearly, edited) is not None
+    assert model_file._moves_otherwise(nearly, edited, ()) is not None
     (tmp_path / "out").mkdir()
     assert model_file.write_model(models, effects, tmp_path / "out")[0] == "model.xml"
     monkeypatch.setattr(mujoco.MjSpec, "copy_back", lambda self, model: None)

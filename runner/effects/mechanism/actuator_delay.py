@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
+import mujoco
 import numpy as np
 
 from runner.effects.base import Confounded, Parameter, Phrase, Vector
@@ -12,6 +14,7 @@ from runner.effects.mechanism.base import Command, MechanismEffect, Scope, effec
 from runner.effects.wording import Values
 from runner.errors import check_range
 
+LINEAR = 1  # MuJoCo's `interp`, of a command between two steps
 SAMPLES = np.array([1.0, 4.0, 16.0])  # delays, in sample periods, at which is looked what one does
 
 
@@ -63,6 +66,13 @@ class ActuatorDelay(MechanismEffect):
             return command
         late = shifted(command.columns[self.target], command.before[self.target], self.delay_s, command.step_s)
         return replace(command, columns={**command.columns, self.target: late})
+
+    def edit_written(self, spec: mujoco.MjSpec) -> None:
+        """Add to the actuator's own delay; between two steps the line counts, as it does here."""
+        actuator = next(a for a in spec.actuators if a.name == self.target)
+        actuator.delay += self.delay_s
+        actuator.nsample = max(actuator.nsample, math.ceil(actuator.delay / spec.option.timestep - 1e-9) + 1)
+        actuator.interp = LINEAR
 
     @classmethod
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:

@@ -124,6 +124,9 @@ class MechanismEffect(AbstractEffect):
         """Return the commands that the actuators really get."""
         return command
 
+    def edit_written(self, spec: mujoco.MjSpec) -> None:
+        """Give a model file what MuJoCo itself does of an effect that acts outside the engine here."""
+
     def edit_reading(self, reading: Reading) -> Reading:
         """Return what the sensors report of what they should."""
         return reading

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
 from runner.effects.base import Effects
+from runner.effects.mechanism import ActuatorDelay
 from runner.effects.mechanism.base import Command, MechanismEffect
 from runner.numerics.arrays import FloatArray
 from runner.recording.model_form import MechanismRecording
@@ -23,11 +26,15 @@ class Commands:
     Args:
         recording: The case.
         believed: Its compiled model: which actuators are servos.
+        delays: Those that its MJCF has.
     """
 
-    def __init__(self, recording: MechanismRecording, believed: mujoco.MjModel) -> None:
+    def __init__(
+        self, recording: MechanismRecording, believed: mujoco.MjModel, delays: Sequence[ActuatorDelay] = ()
+    ) -> None:
         self._recording = recording
         self._names = [c.actuator for c in recording.mapping.commands.values()]
+        self._delays = tuple(d for d in delays if d.target in self._names)
         self._servos = np.array([is_servo(believed, believed.actuator(n).id) for n in self._names], bool)
         self._sent: dict[tuple[Effects, int, float], dict[str, FloatArray]] = {}
         # many runs one after the other are of one window
@@ -84,7 +91,7 @@ class Commands:
             means = step_means(sent_s, commanded, since, before)
             columns = dict(zip(self._names, means.T, strict=True))
             command = Command(step_s, columns, dict(zip(self._names, before, strict=True)))
-            for effect in editing:
+            for effect in (*self._delays, *editing):
                 command = effect.edit_command(command)
             columns = {name: column[earlier:] for name, column in command.columns.items()}
             for i in range(len(self._recording.mapping.forces)):

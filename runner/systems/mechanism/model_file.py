@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import copy
 import shutil
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TypeGuard
 
 import mujoco
 import numpy as np
 
 from runner.effects.base import AbstractEffect, Effects
-from runner.effects.mechanism import MechanismEffect
+from runner.effects.mechanism import Command, MechanismEffect
 from runner.errors import ResultError
 from runner.numerics.arrays import FloatArray
 from runner.physics.joint_law import SIZE
@@ -43,8 +45,8 @@ CONTACT = tuple(
 def write_model(models: Models, effects: Effects, folder: Path) -> tuple[str, ...]:
     """Write `model.xml` with the effects that MJCF can express, and return the names of the files.
 
-    Effects on commands and readings are not part of a model, and friction that MuJoCo's joints lack is not part of
-    MJCF: a comment names those that are left out.
+    Effects on commands and readings are not part of a model, but for what MuJoCo itself can do of them, and friction
+    that MuJoCo's joints lack is not part of MJCF: a comment names those that are left out.
 
     Raises:
         ResultError: If what was written moves otherwise than the edited model.
@@ -62,14 +64,20 @@ def write_model(models: Models, effects: Effects, folder: Path) -> tuple[str, ..
         except ValueError as error:
             raise ResultError(f"{MODEL}: the corrected numbers can't be written: {error}") from None
         _copy_contacts(spec, model)
+        written = tuple(e for e in effects if is_written(e))
+        for effect in written:
+            effect.edit_written(spec)
         text = spec.to_xml()
-    left = [e.full_name for e in effects if e not in inside]
+    left = [e.full_name for e in effects if e not in inside and e not in written]
+    late = [a for a in spec.actuators if a.delay > 0.0]
+    if written and late:
+        text = f"<!-- {_of_delays(late)} -->\n" + text
     if left:
         text = f"<!-- Not expressed here: {', '.join(left)}. -->\n" + text
     path = folder / MODEL
     write_text(path, text)
     assets = _copy_assets(spec, models.folder, folder)
-    _check(models, inside, path)
+    _check(models, inside, written, path)
     return (MODEL, *assets)
 
 
@@ -83,6 +91,20 @@ def expressible(models: Models, effect: AbstractEffect) -> bool:
     cls = type(effect)
     return issubclass(cls, MechanismEffect) and (
         cls.edit_model is not MechanismEffect.edit_model or cls.edit_spec is not MechanismEffect.edit_spec
+    )
+
+
+def is_written(effect: AbstractEffect) -> TypeGuard[MechanismEffect]:
+    """Whether an effect acts outside the engine here, and MuJoCo has an attribute that does the same."""
+    return isinstance(effect, MechanismEffect) and type(effect).edit_written is not MechanismEffect.edit_written
+
+
+def _of_delays(late: Sequence[mujoco.MjsActuator]) -> str:
+    """Return what has to be known of actuators that are late."""
+    told = ", ".join(f"'{a.name}' {a.delay:g} s" for a in late)
+    return (
+        f"Commands come late: {told}. Until then those from before the first step count, which are 0 unless "
+        "mj_initCtrlHistory sets them; a shorter timestep needs more nsample."
     )
 
 
@@ -106,7 +128,7 @@ def _copy_assets(spec: mujoco.MjSpec, source: Path, folder: Path) -> tuple[str, 
     return tuple(dict.fromkeys(out))
 
 
-def _check(models: Models, effects: Effects, path: Path) -> None:
+def _check(models: Models, effects: Effects, delays: Sequence[MechanismEffect], path: Path) -> None:
     """Simulate both, plainly, from the reference position, driven by sines, and compare the motion."""
     try:
         with quiet():
@@ -114,21 +136,28 @@ def _check(models: Models, effects: Effects, path: Path) -> None:
     except ValueError as error:
         raise ResultError(f"{MODEL}: does not compile: {error}") from None
     edited = models.edited(effects)
-    name = _moves_otherwise(written, edited)
+    late = (*models.believed_delays, *delays)
+    name = _moves_otherwise(written, edited, late)
     if name is not None and _touches(edited):
         # links that are inside each other at the reference position burst apart, and the sixth digit decides how:
         # contact is compared by its numbers, and motion without it
         free = [copy.copy(written), copy.copy(edited)]
         for model in free:
             model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-        name = _moves_otherwise(*free) if _same_contact(written, edited) else name
+        name = _moves_otherwise(free[0], free[1], late) if _same_contact(written, edited) else name
     if name is not None:
         raise ResultError(f"{MODEL}: joint '{name}' does not move as it does in the simulation.")
 
 
-def _moves_otherwise(written: mujoco.MjModel, edited: mujoco.MjModel) -> str | None:
-    """Return the first joint whose motion differs by more than rounding explains; None: there is none."""
-    one, other = _moved(written), _moved(edited)
+def _moves_otherwise(written: mujoco.MjModel, edited: mujoco.MjModel, late: Sequence[MechanismEffect]) -> str | None:
+    """Return the first joint whose motion differs by more than rounding explains; None: there is none.
+
+    `late` are effects on commands that the written model has in it, and the edited one has not.
+    """
+    command = Command(edited.opt.timestep, sent := _sines(edited), dict.fromkeys(sent, 0.0))
+    for effect in late:
+        command = effect.edit_command(command)
+    one, other = _moved(written, sent), _moved(edited, command.columns)
     for name, motion in other.items():
         size = np.abs(motion).max() + 1.0
         if name not in one or np.abs(one[name] - motion).max() > 1e2 * DIGITS * size:
@@ -153,18 +182,26 @@ def _same_contact(written: mujoco.MjModel, edited: mujoco.MjModel) -> bool:
     )
 
 
-def _moved(model: mujoco.MjModel) -> dict[str, FloatArray]:
+def _sines(model: mujoco.MjModel) -> dict[str, FloatArray]:
+    """Return commands to every actuator of the model's owner, by name, (n,) each."""
+    t_s = model.opt.timestep * np.arange(max(1, round(LOOK_S / model.opt.timestep)))
+    out = {}
+    for a in range(model.nu):
+        limit = model.actuator_forcerange[a, 1] if model.actuator_forcelimited[a] else 1.0
+        out[model.actuator(a).name] = 0.1 * min(limit, 1.0) * np.sin(2 * np.pi * DRIVE_HZ * t_s + a)
+    return {name: command for name, command in out.items() if not name.startswith(OWN)}
+
+
+def _moved(model: mujoco.MjModel, commands: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Return the positions of every joint in a plain simulation, by name, (n, ...)."""
     data = mujoco.MjData(model)
-    steps = max(1, round(LOOK_S / model.opt.timestep))
     names = [model.joint(j).name for j in range(model.njnt)]
     out: dict[str, list[FloatArray]] = {name: [] for name in names}
-    own = [a for a in range(model.nu) if not model.actuator(a).name.startswith(OWN)]
+    numbers = [model.actuator(name).id for name in commands]
+    sent = np.column_stack(list(commands.values())) if commands else np.zeros((round(LOOK_S / model.opt.timestep), 0))
     with quiet():
-        for _ in range(steps):
-            for a in own:
-                limit = model.actuator_forcerange[a, 1] if model.actuator_forcelimited[a] else 1.0
-                data.ctrl[a] = 0.1 * min(limit, 1.0) * np.sin(2 * np.pi * DRIVE_HZ * data.time + a)
+        for command in sent:
+            data.ctrl[numbers] = command
             mujoco.mj_step(model, data)
             for name in names:
                 out[name].append(np.array(data.joint(name).qpos))

@@ -23,6 +23,7 @@ import mujoco
 import numpy as np
 
 from runner.effects.base import Effects
+from runner.effects.mechanism import ActuatorDelay
 from runner.effects.mechanism.base import MechanismEffect
 from runner.numerics.arrays import FloatArray
 from runner.physics import joint_law
@@ -102,6 +103,12 @@ class Models:
         joint_law.install()
         midpoint.install()
         self._believed = recording.spec()
+        step_s = self._believed.option.timestep
+        self.believed_delays = tuple(
+            ActuatorDelay(a.name, min(a.delay, a.nsample * step_s))  # too few samples shorten it
+            for a in self._believed.actuators
+            if a.delay > 0.0 and a.nsample > 0
+        )
         self.folder = recording.model_path.parent
         self._compiled: dict[Effects, Compiled] = {}
         self._models: dict[tuple[Effects, float], mujoco.MjModel] = {}
@@ -117,6 +124,9 @@ class Models:
         """Return the believed MJCF with the elements of structural effects, and with what is only needed here."""
         spec = self._believed.copy()
         if instrumented:
+            for actuator in spec.actuators:
+                # commands are delayed before they are sent, as a stretch may begin in the middle of an episode
+                actuator.delay, actuator.nsample = 0.0, 0
             joint_law.reserve(spec)
             midpoint.reserve(spec)
             for body in spec.bodies[1:]:

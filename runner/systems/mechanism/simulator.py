@@ -98,7 +98,8 @@ class MechanismSimulator(AbstractSimulator):
         self.threads = min(threads or models.threads, models.threads)
         self._pool = rollout.Rollout(nthread=self.threads if self.threads > 1 else 0)
         self._spans = tuple(Span(i, 0, len(e)) for i, e in enumerate(recording.episodes))
-        self._commands, self._readings = Commands(recording, models.compiled(()).model), Readings(recording, models)
+        self._commands = Commands(recording, models.compiled(()).model, models.believed_delays)
+        self._readings = Readings(recording, models)
 
     def surveying(self) -> MechanismSimulator:
         """See the base class."""
