@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -100,6 +101,8 @@ def test_what_all_share_is_one_effect(arm: MechanismSystem) -> None:
     assert Explanation((shared,)).names == ("servo_gain[*]",)
     phrase = words.phrase(arm, "servo_gain[*]", {"ratio": 0.8}, {"ratio": 0.01})
     assert phrase.what.endswith("and so it is with elbow")
+    assert phrase.amount == "kp is 0.800 ± 0.010 times the believed 10.0"
+    assert phrase.remedy == 'Set <position name="shoulder" kp="8"/>. The same for elbow.'
     assert words.title(["servo_gain[*]"]) == "servo gain of all"
     # what is believed to differ from joint to joint has no one value
     assert "mass[*]" not in arm.vocabulary.by_name
@@ -123,3 +126,15 @@ def test_what_one_of_a_kind_does_beside_all_is_told_around_what_all_have(arm: Me
     known = sensitivities(fitter, fit, [step, small])
     one, tenth = np.concatenate(known.columns).T
     np.testing.assert_allclose(tenth, one, atol=0.02 * np.abs(one).max())
+
+
+def test_a_shared_ratio_says_what_was_believed_of_each(tmp_path: Path) -> None:
+    """Of servos that are believed unlike, the first one's kp and kv are not said of the others."""
+    unlike = written(10.0, 0.4).replace('joint="elbow"/></act', 'joint="elbow" kp="25" kv="1"/></act')
+    arm = system_of(write_case(tmp_path, unlike, [recorded(unlike, 0, samples=101, step_s=1e-3)], NOMINAL))
+    for name, gain, of in (("servo_gain", "kp", (8.0, 20.0)), ("servo_damping", "kv", (0.32, 0.8))):
+        phrase = words.phrase(arm, f"{name}[*]", {"ratio": 0.8}, {"ratio": 0.01})
+        assert phrase.amount == f"{gain} is 0.800 ± 0.010 times the believed one of each"
+        assert phrase.remedy == " ".join(
+            f'Set <position name="{j}" {gain}="{v:g}"/>.' for j, v in zip(JOINTS, of, strict=True)
+        )

@@ -60,12 +60,14 @@ class Phrase:
         amount: By how much, with standard errors; empty: there is nothing to add.
         remedy: What to change in a simulator, a sentence.
         check: How to confirm it without a simulator, a sentence.
+        amount_of_all: By how much, where all targets have it and not the same is believed of each; empty: `amount`.
     """
 
     what: str
     amount: str
     remedy: str
     check: str
+    amount_of_all: str = ""
 
 
 @dataclass(frozen=True)

@@ -51,17 +51,28 @@ def phrase(system: AbstractSystem, effect: str, values: Numbers, errors: Numbers
     variants = system.vocabulary.by_name[effect]
     known = [{f.name for f in fields(v.effect)} for v in variants]  # type: ignore[arg-type]
     candidate = next(v for v, names in zip(variants, known, strict=True) if set(values) <= names)
-    of_first = candidate.effect.phrase(Values(values, errors), system.beliefs, candidate.target)
+    told = [candidate.effect.phrase(Values(values, errors), system.beliefs, c.target) for c in candidate.each]
+    of_first = told[0]
     if _placed_nowhere(values, errors):
         of_first = replace(of_first, amount="where and how much can't be told")
     if not candidate.targets:
         return of_first
     others = listed(candidate.targets[1:])
+    alike = len({p.amount for p in told}) == 1
+    # what is to be set may hang on what is believed of each: then each has a sentence of its own
+    remedies = [_nameless(p.remedy, t) for p, t in zip(told, candidate.targets, strict=True)]
+    same = f"{of_first.remedy} The same for {others}." if of_first.remedy else ""
     return replace(
         of_first,
         what=f"{of_first.what}, and so it is with {others}",
-        remedy=f"{of_first.remedy} The same for {others}." if of_first.remedy else "",
+        amount=of_first.amount if alike else of_first.amount_of_all or of_first.amount,
+        remedy=same if len(set(remedies)) == 1 else " ".join(p.remedy for p in told),
     )
+
+
+def _nameless(text: str, target: str) -> str:
+    """Return text without the name of its target where that stands in quotes."""
+    return text.replace(f"'{target}", "'").replace(f'"{target}', '"')
 
 
 def phrases(system: AbstractSystem, ranked: Ranked) -> list[Phrase]:

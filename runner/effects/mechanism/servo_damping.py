@@ -64,4 +64,5 @@ class ServoDamping(MechanismEffect):
             f"kv is {of.show('ratio')} times the believed {number(believed)}",
             f'Set <position name="{target}" kv="{attribute(of["ratio"] * believed)}"/>.',
             f"Read the D gain of '{target}' from its controller.",
+            f"kv is {of.show('ratio')} times the believed one of each",
         )

@@ -64,4 +64,5 @@ class ServoGain(MechanismEffect):
             f"kp is {of.show('ratio')} times the believed {number(believed)}",
             f'Set <position name="{target}" kp="{attribute(of["ratio"] * believed)}"/>.',
             f"Hold '{target}' at a target, load it, and measure how far it gives.",
+            f"kp is {of.show('ratio')} times the believed one of each",
         )
