@@ -60,6 +60,15 @@ def test_page_says_over_how_long_models_were_replayed(found: Any, page: str) -> 
     assert "s at a time, each with a start of its own" in text
 
 
+def test_page_says_that_starts_are_fitted(found: Any, page: str) -> None:
+    """A model that begins beside what was measured does so because that suits it best."""
+    fitted = "Positions and speeds at the start are fitted to all of {}, in each simulator so that it misses least"
+    assert fitted.format("the episode") in said(page)
+    first = found.stretches[0]
+    halves = (Span(first.episode, 0, 50), Span(first.episode, 50, first.end), *found.stretches[1:])
+    assert fitted.format("such a part") in said(html.render(changed(found, stretches=halves)))
+
+
 def test_page_of_none_corrects_nothing(found: Any) -> None:
     """Where the model will do there is no after, nothing in orange, and what is missed is told as it is."""
     nothing = ranked(("none",), 0.97, gap_closed=0.0)
