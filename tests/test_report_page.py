@@ -88,6 +88,15 @@ def test_page_of_none_corrects_nothing(found: Any) -> None:
     assert "var(--corrected)" not in "".join(re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL))
 
 
+def test_commands_of_the_page_run_where_the_diagnosis_ran(found: Any, page: str, tmp_path: Path) -> None:
+    """They name the folder of results, in quotes where a shell would part it."""
+    written = write_html(found, tmp_path / "my results/report.html")
+    text = said(written.read_text(encoding="utf-8"))
+    assert "model=FOLDER" in said(page)
+    assert "model=FOLDER" not in text
+    assert text.count(f"runner gap NEW model='{tmp_path / 'my results'}'") == 2
+
+
 def test_page_is_self_contained(page: str) -> None:
     """No script, and no address that a browser would fetch."""
     assert "<script" not in page

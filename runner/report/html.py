@@ -42,13 +42,18 @@ def write_html(diagnosis: Diagnosis, path: str | Path) -> Path:
     path = Path(path)
     path = path / FILE if path.is_dir() else path
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_text(path, render(diagnosis))
+    write_text(path, render(diagnosis, path.parent))
     return path
 
 
-def render(diagnosis: Diagnosis) -> str:
-    """Return the report as HTML."""
-    return page_template("runner.report", TEMPLATE).render(_content(diagnosis))
+def render(diagnosis: Diagnosis, folder: Path | None = None) -> str:
+    """Return the report as HTML.
+
+    Args:
+        diagnosis: What was found.
+        folder: Where that is written to, as commands on the page name it; None: nobody knows.
+    """
+    return page_template("runner.report", TEMPLATE).render(_content(diagnosis, folder))
 
 
 def page_template(package: str, name: str) -> jinja2.Template:
@@ -64,7 +69,7 @@ def page_template(package: str, name: str) -> jinja2.Template:
     return environment.get_template(name)
 
 
-def _content(diagnosis: Diagnosis) -> dict[str, Any]:
+def _content(diagnosis: Diagnosis, folder: Path | None) -> dict[str, Any]:
     paths, said, verdict = replay(diagnosis), state(diagnosis), words.verdict(diagnosis)
     return {
         "case": diagnosis.case,
@@ -73,7 +78,8 @@ def _content(diagnosis: Diagnosis) -> dict[str, Any]:
         "verdict": verdict,
         "long": len(verdict) > LONG,
         "confounded": words.confounded(diagnosis),
-        "steps": [_with_code(step) for step in words.next_steps(diagnosis)],
+        "steps": [_with_code(step) for step in words.next_steps(diagnosis, folder)],
+        "replaying": words.replaying(folder),
         "facts": facts(diagnosis, said),
         "first": sections.first_figure(diagnosis, paths),
         "ranking": ranking(diagnosis, said),

@@ -8,8 +8,10 @@ that all of a report is made of (`runner.report.statement`).
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runner.effects.base import Phrase
@@ -256,8 +258,21 @@ def equals(ranked: Ranked) -> list[tuple[str, ...]]:
     return [e for e in ranked.equivalent if e and e != (NONE,)]
 
 
-def next_steps(diagnosis: Diagnosis) -> list[str]:
-    """Return what to do next, most useful first, one or two sentences each."""
+def replaying(folder: Path | None) -> str:
+    """Return the command that replays another recording with the corrected model of this folder, None: wherever it is.
+
+    It is run where the diagnosis was, not in that folder.
+    """
+    return f"runner gap NEW model={'FOLDER' if folder is None else shlex.quote(str(folder))}"
+
+
+def next_steps(diagnosis: Diagnosis, folder: Path | None = None) -> list[str]:
+    """Return what to do next, most useful first, one or two sentences each.
+
+    Args:
+        diagnosis: What was found.
+        folder: Where that is written to; None: nobody knows.
+    """
     said = state(diagnosis)
     if said.kind is Kind.NONE:
         steps = [
@@ -279,7 +294,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     if said.settled:
         steps.append(
             "Record again, other commands than before, and let the corrected model predict them: "
-            f"`runner gap recording=NEW model=corrected.yaml` {_to_be_expected(said)}"
+            f"`{replaying(folder)}` {_to_be_expected(said)}"
         )
     return steps
 

@@ -198,7 +198,7 @@ class Diagnosis(Scenario):
 
         with (
             patch("runner.diagnosis.pipeline.diagnose", again),
-            patch("runner.report.html.render", lambda _: pages[-1]),
+            patch("runner.report.html.render", lambda *_: pages[-1]),
         ):
             yield
 
