@@ -19,11 +19,13 @@ from runner.noise.measured import measure
 from runner.recording import Span
 from runner.settings import SETTINGS
 from runner.simulate.shooting import windows_of
+from runner.systems.channels import Signals
 from runner.systems.planar_box import commands
 from runner.systems.planar_box import windows as simulated
 from runner.systems.planar_box.initial import PlanarStart
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.planar_box.windows import Effects
+from runner.systems.windows import Labels, Windows
 
 PATCH = FrictionPatch(0.5, 0.8, 0.3, 0.5)
 
@@ -123,6 +125,23 @@ def test_shares_of_a_factor_add_up(patch: Where) -> None:
     assert cells["share"].to_numpy()[channels].sum() == pytest.approx(1.0)
     p, q = cells["p"].to_numpy(), cells["q"].to_numpy()
     assert np.all((p >= 0) & (p <= q + 1e-12) & (q <= 1))
+
+
+def test_the_one_cell_of_a_factor_stands_out_from_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What moves when anything moves is known before: of one joint, all of the gap and no discovery."""
+    label = PlanarBox.label
+
+    def of_one_joint(system: PlanarBox, signals: Signals, windows: Windows) -> Labels:
+        labels = label(system, signals, windows)
+        moving = [None if regime == "at rest" else "'slide'" for regime in labels.table["regime"]]
+        return replace(labels, table=labels.table.assign(push=moving))
+
+    monkeypatch.setattr(PlanarBox, "label", of_one_joint)
+    found = where((Wind(1.2, 2.0),), episodes=3).cells
+    (only,) = [row for row in found.to_dict("records") if row["factor"] == "push"]
+    assert only["n"] < sum(row["n"] for row in found.to_dict("records") if row["factor"] == "regime")
+    assert only["share"] > 0.9
+    assert only["q"] == 1.0
 
 
 def test_same_recording_same_answer() -> None:

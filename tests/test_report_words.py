@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import io
 import math
 import re
@@ -187,6 +188,16 @@ def test_terminal_summary(found: Any) -> None:
     assert "The floor is more slippery than believed" in text
     assert re.search(r"friction +0\.98 +friction 0\.2704 ± 0\.0012 instead of 0\.300 +87 %", text)
     assert re.search(r"position x \[mm\] +4\.5 +0\.55 +0\.50", text)
+
+
+def test_nothing_is_said_of_commands_where_there_are_none(found: Any) -> None:
+    """What is tossed is recorded again in another motion."""
+    tossed = copy.copy(found.system)
+    tossed.commanded = False
+    unsure = changed(found, ranked=(ranked(("friction",), 0.85, parameters={"friction": {"mu": 0.27}}),))
+    for system, said_of in ((found.system, True), (tossed, False)):
+        assert any("command" in step for step in words.next_steps(changed(unsure, system=system))) is said_of
+        assert ("The same commands" in said(html.render(changed(found, system=system)))) is said_of
 
 
 def test_what_can_hardly_be_told_apart_is_one_sentence(found: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import mujoco
@@ -31,7 +32,9 @@ from runner.systems.case import open_case
 from runner.systems.mechanism import MechanismSystem
 from runner.systems.mechanism.box_form import free_box
 from runner.systems.mechanism.flights import into_impacts
+from runner.systems.mechanism.scope import raw_signals
 from runner.systems.simulator import Run
+from runner.systems.windows import Windows
 
 G = 9.81
 SIDES = (0.06, 0.04, 0.03)  # half, of a box that tumbles: three moments of inertia
@@ -170,6 +173,26 @@ def test_an_episode_without_a_flight_is_taken_from_its_beginning(tmp_path: Path)
     spans = into_impacts(recording, flying, 0.1)
     assert [(s.episode, s.begin) for s in spans] == [(e, 2 if e else 0) for e in range(len(episodes))]
     assert spans[0].end == min(round(0.1 / episodes[0].step_s), len(episodes[0]))
+
+
+def test_where_a_tossed_body_is_missed_is_told_of_the_body(tmp_path: Path):
+    """By its height and the axis along which it moves, of forces on it, and of no joint nor command."""
+    system = open_case(toss_case(tmp_path, world(), tosses=2))
+    assert isinstance(system, MechanismSystem)
+    windows = Windows(np.array([0, 0, 0]), np.array([0, 20, 40]), 21)
+    table = system.label(raw_signals(system.recording), windows).table
+    assert set(table["moving joint"]) == {"'box'"}
+    place = system.values()[0][:, :3]
+    ways = [
+        ("up" if z > 0 else "down") if abs(z) > max(abs(x), abs(y)) else ""
+        for x, y, z in place[[16, 36, 56]] - place[[4, 24, 44]]
+    ]
+    for text, way in zip(table["direction"].tolist(), ways, strict=True):
+        assert re.fullmatch(f"'box' moves {way or '(along|against) [xy]'}", text)
+    assert all(re.fullmatch(r"'box' at a height of [\d.]+ to [\d.]+ m", p) for p in table["position"].tolist())
+    assert system.disturbance.labels[0] == "force on 'box' along x [N]"
+    assert system.disturbance.labels[5] == "torque on 'box' about its own z [N m]"
+    assert not system.commanded
 
 
 def test_velocities_count_where_their_noise_is_stated(tmp_path: Path):

@@ -87,6 +87,7 @@ def _content(diagnosis: Diagnosis, folder: Path | None) -> dict[str, Any]:
         "left": unknown.left(diagnosis),
         "looks": unknown.looks(diagnosis),
         "corrected": said.corrected,
+        "commanded": diagnosis.system.commanded,
         "trajectories": sections.trajectories(diagnosis, paths),
         "stretch_s": longest_part_s(diagnosis.recording, diagnosis.stretches),
         "closure": sections.closure(diagnosis),

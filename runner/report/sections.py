@@ -209,9 +209,10 @@ def where(diagnosis: Diagnosis, said: Statement, paths: list[Paths]) -> dict[str
         else None,
         "over_time": _over_time(diagnosis, found, alike, _shown(diagnosis, paths)[:1]),
         "factors": [
-            _factor(diagnosis, found.cells, name)
-            for name in dict.fromkeys(found.cells["factor"])
-            if found.exceeds and name != "place"
+            _factor(diagnosis, found.cells, str(name))
+            for name, cells in found.cells["factor"].value_counts(sort=False).items()
+            # all of it in one cell says nothing
+            if found.exceeds and name != "place" and cells > 1
         ],
     }
 

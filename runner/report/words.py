@@ -286,14 +286,16 @@ def next_steps(diagnosis: Diagnosis, folder: Path | None = None) -> list[str]:
     if diagnosis.next_push:
         text = diagnosis.next_push.strip()
         steps.append(f"Next {diagnosis.system.experiment}: {text}" + ("" if text.endswith((".", "!")) else "."))
+    commanded = diagnosis.system.commanded
     if said.top.probability < SURE:
+        varied = "with stronger and more varied commands" if commanded else "that differ more from each other"
         steps.append(
-            "The answer is likely, not certain: record more episodes, with stronger and more varied commands, "
-            "and diagnose all of them together."
+            f"The answer is likely, not certain: record more episodes, {varied}, and diagnose all of them together."
         )
     if said.settled:
+        others = "other commands" if commanded else "other motions"
         steps.append(
-            "Record again, other commands than before, and let the corrected model predict them: "
+            f"Record again, {others} than before, and let the corrected model predict them: "
             f"`{replaying(folder)}` {_to_be_expected(said)}"
         )
     return steps

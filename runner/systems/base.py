@@ -78,6 +78,7 @@ class AbstractSystem(ABC):
             fitted in such pieces: where it leaves a smaller share in them than over longer times.
         episodes_differ: Whether single stretches may go elsewhere than any model says, so that each has a dispersion of
             its own: an impact that a hair's breadth turns.
+        commanded: Whether anything is commanded at all: nothing is of what is tossed.
         dates_disturbances: Whether what pushed once, beyond all that was commanded, is looked for.
         screening_level: At which of them effects are screened; the mismatch must not take what an effect could explain.
         plan_view: Positions in `channels` of two lengths that make a map, or None.
@@ -108,6 +109,7 @@ class AbstractSystem(ABC):
     searched_s: float = 30.0
     cut_from: float = 4.0
     episodes_differ: bool = False
+    commanded: bool = True
     dates_disturbances: bool = True
     plan_view: tuple[int, int] | None = None
     force_views: Mapping[str, str] = MappingProxyType({})

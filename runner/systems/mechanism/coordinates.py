@@ -18,12 +18,16 @@ VELOCITIES = {FREE: 6, BALL: 3, HINGE: 1, SLIDE: 1}
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint: where its numbers stand among the positions (`q`) and the velocities (`v`) of a model."""
+    """A joint: where its numbers stand among the positions (`q`) and the velocities (`v`) of a model.
+
+    `called` is what a reader knows it by: a free joint has no parts that could be pointed at, its body has.
+    """
 
     name: str
     kind: int
     q: slice
     v: slice
+    called: str
 
 
 class Coordinates:
@@ -35,7 +39,8 @@ class Coordinates:
         for i in range(model.njnt):
             kind, q, v = int(model.jnt_type[i]), int(model.jnt_qposadr[i]), int(model.jnt_dofadr[i])
             name = model.joint(i).name
-            joints.append(Joint(name, kind, slice(q, q + POSITIONS[kind]), slice(v, v + VELOCITIES[kind])))
+            called = (model.body(int(model.jnt_bodyid[i])).name or name) if kind == FREE else name
+            joints.append(Joint(name, kind, slice(q, q + POSITIONS[kind]), slice(v, v + VELOCITIES[kind]), called))
         self.joints = tuple(joints)
         self.by_name = {joint.name: joint for joint in joints}
         simple = [j for j in joints if j.kind in (HINGE, SLIDE)]
@@ -68,8 +73,9 @@ class Coordinates:
         """Return a name for each degree of freedom, (nv,): of a table's column, its unit, and in words."""
         out = []
         for joint in self.joints:
-            turns = [(f"tau_{joint.name}{a}", "N m", f"torque at '{joint.name}'{w}") for a, w in _axes(joint, "own")]
-            pushes = [(f"f_{joint.name}{a}", "N", f"force at '{joint.name}'{w}") for a, w in _axes(joint, "world")]
+            at = f"{'on' if joint.kind == FREE else 'at'} '{joint.called}'"
+            turns = [(f"tau_{joint.name}{a}", "N m", f"torque {at}{w}") for a, w in _axes(joint, "own")]
+            pushes = [(f"f_{joint.name}{a}", "N", f"force {at}{w}") for a, w in _axes(joint, "world")]
             out += {FREE: pushes + turns, BALL: turns, HINGE: turns, SLIDE: pushes}[joint.kind]
         return tuple(out)
 
@@ -77,6 +83,4 @@ class Coordinates:
 def _axes(joint: Joint, frame: str) -> list[tuple[str, str]]:
     if joint.kind in (HINGE, SLIDE):
         return [("", "")]
-    return [
-        (f"_{axis}", f" about {axis} of its {frame} axes" if frame == "own" else f" along {axis}") for axis in "xyz"
-    ]
+    return [(f"_{axis}", f" about its own {axis}" if frame == "own" else f" along {axis}") for axis in "xyz"]

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
 
 from runner.effects.mechanism import Scope
+from runner.effects.wording import DEGREES
 from runner.numerics.arrays import FloatArray
 from runner.recording import Span
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import AT_JOINT, is_servo
 from runner.settings import SETTINGS
 from runner.systems.channels import Signals
-from runner.systems.mechanism.coordinates import FREE, HINGE, SLIDE
+from runner.systems.mechanism.coordinates import BALL, FREE, HINGE, SLIDE
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.models import Models
 from runner.systems.mechanism.settings import MECHANISM
@@ -54,16 +56,28 @@ FACTORS = {
     "episode": "in {}",
 }
 THIRDS = ("low", "middle", "high")
+# along x, y and z, forth and back
+WAYS = (("along x", "against x"), ("along y", "against y"), ("up", "down"))
+# where a joint is, from here to there
+AT = {HINGE: "at {} to {}°", SLIDE: "at {} to {} m", BALL: "turned by {} to {}°", FREE: "at a height of {} to {} m"}
 
 
 @dataclass(frozen=True)
 class _Motion:
-    """All joints at the begin, middle and end of each window: positions and speeds, (W, 3, J)."""
+    """All joints at the begin, middle and end of each window: positions and speeds, (W, 3, J).
+
+    For a reader each has a name, `called`, a place in his unit, (W, 3, J), as it is said by `at`, and the way on which
+    it is in the middle of a window, (W, J): of a body in space how high it is, and along which axis it moves.
+    """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     position: FloatArray
     speed: FloatArray
+    called: tuple[str, ...]
+    at: tuple[str, ...]
+    place: FloatArray
+    way: np.ndarray
 
 
 def label(
@@ -112,7 +126,6 @@ def label(
     lengths = np.array([len(recording.episodes[e]) for e in windows.episode])
     quarter = np.minimum(4 * middle / lengths, 3).astype(int)
     moves = np.logical_not(rest)
-    position, speed = motion.position[rows, 1, most], motion.speed[rows, 1, most]
     table = pd.DataFrame(
         {
             "episode": [f"episode {recording.episodes[e].index}" for e in windows.episode],
@@ -121,12 +134,11 @@ def label(
                 for e, m in zip(windows.episode, middle, strict=True)
             ],
             "regime": regime,
-            "moving joint": _where(moves, [f"'{motion.names[j]}'" for j in most]),
+            "moving joint": _where(moves, [f"'{motion.called[j]}'" for j in most]),
             "direction": _where(
-                moves,
-                [f"'{motion.names[j]}' moves {'up' if v > 0 else 'down'}" for j, v in zip(most, speed, strict=True)],
+                moves, [way[j] and f"'{motion.called[j]}' {way[j]}" for way, j in zip(motion.way, most, strict=True)]
             ),
-            "position": _thirds(motion, most, position, moves),
+            "position": _thirds(motion, most, moves),
             "speed": _quarters(np.abs(share[rows, 1, most]), moves),
             "load": load,
             "time": np.array([f"the {q} quarter" for q in ("first", "second", "third", "last")])[quarter],
@@ -152,7 +164,7 @@ def _touching(flights: Sequence[Sequence[Span]], windows: Windows) -> np.ndarray
     return out
 
 
-def _where(moves: np.ndarray, names: list[str]) -> np.ndarray:
+def _where(moves: np.ndarray, names: Sequence[str | None]) -> np.ndarray:
     return np.array([n if m else None for n, m in zip(names, moves, strict=True)], dtype=object)
 
 
@@ -167,21 +179,38 @@ def _motion(initial: MechanismStart, signals: Signals, windows: Windows, qpos0: 
         axis=1,
     )
     away, rates = states[..., : coordinates.nv], states[..., coordinates.nv :]
-    position, speed = [], []
+    position, speed, place, way = [], [], [], []
     for joint in coordinates.joints:
+        first = slice(joint.v.start, joint.v.start + 3)
         if joint.kind in (HINGE, SLIDE):
             position.append(qpos0[joint.q.start] + away[..., joint.v.start])
             speed.append(rates[..., joint.v.start])
+            way.append(["moves up" if v > 0 else "moves down" for v in speed[-1][:, 1]])
         else:
-            first = slice(joint.v.start, joint.v.start + 3)
             position.append(np.linalg.norm(away[..., first], axis=-1))
             speed.append(np.linalg.norm(rates[..., first], axis=-1))
+            way.append([_way(v) if joint.kind == FREE else None for v in rates[:, 1, first]])
+        if joint.kind == FREE:
+            place.append(qpos0[joint.q.start + 2] + away[..., joint.v.start + 2])
+        else:
+            place.append((1.0 if joint.kind == SLIDE else DEGREES) * position[-1])
     return _Motion(
         tuple(j.name for j in coordinates.joints),
         tuple("m" if j.kind in (SLIDE, FREE) else "rad" for j in coordinates.joints),
         np.stack(position, axis=-1),
         np.stack(speed, axis=-1),
+        tuple(j.called for j in coordinates.joints),
+        tuple(AT[j.kind] for j in coordinates.joints),
+        np.stack(place, axis=-1),
+        np.array(way, dtype=object).T,
     )
+
+
+def _way(velocity: FloatArray) -> str:
+    """Return along which axis a body in space moves most, in words."""
+    axis = int(np.argmax(np.abs(velocity)))
+    forth, back = WAYS[axis]
+    return f"moves {forth if velocity[axis] > 0 else back}"
 
 
 def _after_change(recording: MechanismRecording, scope: Scope, windows: Windows) -> np.ndarray:
@@ -259,17 +288,18 @@ def _actuation(
     return saturated, idle, named
 
 
-def _thirds(motion: _Motion, most: np.ndarray, position: FloatArray, moves: np.ndarray) -> np.ndarray:
+def _thirds(motion: _Motion, most: np.ndarray, moves: np.ndarray) -> np.ndarray:
     """Return in which third of its range the joint that moves most is, (W,)."""
     out = np.full(len(most), None, dtype=object)
-    for j, (name, unit) in enumerate(zip(motion.names, motion.units, strict=True)):
+    for j, (name, at) in enumerate(zip(motion.called, motion.at, strict=True)):
         here = moves & (most == j)
         if not here.any():
             continue
-        low, high = motion.position[..., j].min(), motion.position[..., j].max()
-        edges = np.linspace(low, high, 4)
-        third = np.clip(np.searchsorted(edges, position[here], side="right") - 1, 0, 2)
-        out[here] = [f"'{name}' at {edges[i]:.3g} to {edges[i + 1]:.3g} {unit}" for i in third]
+        place = motion.place[..., j]
+        edges = np.linspace(place.min(), place.max(), 4)
+        third = np.clip(np.searchsorted(edges, place[here, 1], side="right") - 1, 0, 2)
+        said = [f"'{name}' {at.format(f'{a:.3g}', f'{b:.3g}')}" for a, b in pairwise(edges)]
+        out[here] = [said[i] for i in third]
     return out
 
 
@@ -279,5 +309,5 @@ def _quarters(share: FloatArray, moves: np.ndarray) -> np.ndarray:
     if moves.sum() >= 6:
         edges = np.quantile(share[moves], [0, 1 / 3, 2 / 3, 1])
         third = np.clip(np.searchsorted(edges, share[moves], side="right") - 1, 0, 2)
-        out[moves] = [f"{THIRDS[i]} speed ({edges[i]:.2g} to {edges[i + 1]:.2g} of the usual)" for i in third]
+        out[moves] = [f"{THIRDS[i]} speed ({edges[i]:.2g} to {edges[i + 1]:.2g} times the usual speed)" for i in third]
     return out

@@ -69,6 +69,7 @@ class MechanismSystem(AbstractSystem):
         self.recording = recording
         self.channels = tuple(_channel(s) for s in recording.mapping.sources)
         self.rate_hz = 1.0 / recording.step_s
+        self.commanded = bool(recording.mapping.commands or recording.mapping.forces)
         if hard_friction is None:
             hard_friction = not any(joint.frictionloss > 0 for joint in recording.spec().joints)
         self._models = Models(recording, cores(), hard_friction=hard_friction)
