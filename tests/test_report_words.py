@@ -140,7 +140,7 @@ def test_what_cannot_be_told_apart_is_said(found: Any) -> None:
     )  # fmt: skip
     both = changed(found, ranked=(twin,), next_push="Add a known weight.")
     for text in (said(html.render(both)), " ".join(printed(both).split())):
-        assert "These data would fit actuator gain just as well" in text
+        assert "These data would fit actuator gain just as well as friction: nothing in the recording tells" in text
         assert "Add a known weight." in text
     assert any("Weigh the object." in step for step in words.next_steps(both))
     assert "can't be told from actuator gain" in printed(both, width=80)  # in one line
@@ -216,6 +216,8 @@ def test_every_note_is_a_sentence_and_stands_once(found: Any) -> None:
     note = "'x' is not measured (NaN) in 3 of 90 rows"
     noted = changed(found, notes=(note, "A caveat."), recording=replace(found.recording, notes=(note,)))
     assert caveats(noted) == (f"{note}.", "A caveat.")
+    assert f"Note: {note}." in printed(noted)
+    assert "\nWarning: it jumps." in printed(changed(found, notes=("warning: it jumps",)))
 
 
 def test_lost_samples_are_no_outliers(found: Any) -> None:

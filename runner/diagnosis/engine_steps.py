@@ -47,5 +47,6 @@ def said_of_engine_steps(
     return (
         f"MuJoCo alone, in the model's steps of {1000 * step_s:g} ms, is {noises[worst]:.2g} noises of "
         f"'{system.channels[worst].name}' off the motion that the model stands for, much as if it were half a step "
-        "ahead and its dampers had inertia. What it writes in such steps shows that too, and shorter ones do not.",
+        "ahead and its dampers had inertia. A recording that MuJoCo made in such steps shows that too, one that it "
+        "made in shorter steps does not.",
     )

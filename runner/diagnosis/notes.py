@@ -68,7 +68,8 @@ def notes(
     if measured.scatter is not None and top.fit.explanation.candidates:
         out.append(
             "Of what hits something standard errors are too small: they hold the noise, and little of what any contact "
-            "model lacks. On tosses made by another engine numbers were several of them off."
+            "model lacks. In a test on tosses that another engine simulated, numbers were off the truth by several "
+            "standard errors."
         )
     if turned:
         out.append(

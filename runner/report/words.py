@@ -239,8 +239,8 @@ def confounded(diagnosis: Diagnosis) -> str:
     if others:
         names = listed([title(e) for e in others], "or")
         parts.append(
-            f"These data would fit {names} just as well: nothing in the recording tells it from "
-            f"{title(said.top.effects)}."
+            f"These data would fit {names} just as well as {title(said.top.effects)}: nothing in the recording tells "
+            "which of them it is."
         )
     known = {n for e in others for n in e}
     rivals: dict[str, list[str]] = {}
