@@ -40,6 +40,7 @@ from runner.systems.planar_box.system import PlanarBox, vocabulary
 from runner.systems.planar_box.windows import Effects
 from runner.systems.simulator import Run
 from runner.systems.windows import Windows
+from tests.mechanism_cases import slide_case
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "cases"
 
@@ -260,6 +261,15 @@ def test_a_table_by_any_name_is_a_recording(tmp_path: Path, capsys: pytest.Captu
     out = capsys.readouterr().out
     assert "nothing is pushed: 'fx', 'fy' are zero in every row" in out
     assert "over the whole episode the model misses" in " ".join(out.split())
+
+
+def test_parts_of_one_episode_are_not_called_episodes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A log in one piece is cut in two: it was imported as one episode."""
+    slide_case(tmp_path / "case", friction=0.5, command=lambda t: 6 * np.sin(4 * t))
+    assert main(["gap", str(tmp_path / "case"), f"out={tmp_path / 'out'}", "horizons_s=[0.5]"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "over the 2 parts of the one episode the model misses" in out
+    assert "2 episodes" not in out
 
 
 def test_command_takes_a_folder_of_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

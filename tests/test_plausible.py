@@ -191,7 +191,7 @@ def test_it_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         write_case(made(episodes=2, seconds=3.0)[0], tmp_path / "cases" / name)
     edited(tmp_path / "cases/a", scaled(-1, "fx", "fy"))
     assert main(["gap", str(tmp_path / "cases/a"), "horizons_s=[0.5]", f"out={tmp_path}/one"]) == 0
-    assert "Note: warning: the body accelerates against the forces" in capsys.readouterr().out
+    assert "\nWarning: the body accelerates against the forces" in capsys.readouterr().out
     assert main(["gap", str(tmp_path / "cases"), "horizons_s=[0.5]", f"out={tmp_path}/many"]) == 0
     out = capsys.readouterr().out
     assert "a: warning: the body accelerates against the forces" in out

@@ -140,7 +140,7 @@ def test_what_cannot_be_told_apart_is_said(found: Any) -> None:
     )  # fmt: skip
     both = changed(found, ranked=(twin,), next_push="Add a known weight.")
     for text in (said(html.render(both)), " ".join(printed(both).split())):
-        assert "These data would fit actuator gain just as well as friction: nothing in the recording tells" in text
+        assert "These data would fit actuator gain just as well as mass: nothing in the recording tells" in text
         assert "Add a known weight." in text
     assert any("Weigh the object." in step for step in words.next_steps(both))
     assert "can't be told from actuator gain" in printed(both, width=80)  # in one line

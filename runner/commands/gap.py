@@ -33,11 +33,12 @@ from runner.errors import ConfigError, check_range
 from runner.progress import progress
 from runner.recording import find_cases
 from runner.recording.case import content_hash
-from runner.recording.data import warnings
+from runner.recording.data import introduced, warnings
 from runner.simulate.gap import HORIZONS_S, WHOLE_EPISODE, Gap
 from runner.storage.provenance import digest, files_digest
 from runner.storage.writing import write_parquet
 from runner.systems.base import AbstractSystem
+from runner.systems.recorded import Recorded, in_parts
 
 EPISODES_FILE = "gap_episodes.parquet"
 # so that a reader sees 5 numbers and no zeros: mm, mrad
@@ -105,9 +106,9 @@ def _case_first(table: pd.DataFrame) -> pd.DataFrame:
 def _print(system: AbstractSystem, found: Gap, console: Console) -> None:
     """Print what the model misses: in a sentence, then in a table, then what the table's words mean."""
     recording = system.recording
-    console.print(Text(f"{recording.path}: {_in_short(found, len(recording.episodes))}", style="bold"))
+    console.print(Text(f"{recording.path}: {_in_short(found, recording)}", style="bold"))
     for note in recording.notes:
-        console.print(Text(f"Note: {note}."), soft_wrap=True)
+        console.print(Text(f"{introduced(note)}."), soft_wrap=True)
     table = _table(system, found, " = ")
     if console.measure(table, options=console.options.update(max_width=1000)).maximum > console.width:
         table = _table(system, found, "=")  # narrower by what is not needed
@@ -157,11 +158,14 @@ def _print_whole(table: Table, console: Console) -> None:
     Console(width=max(console.width, needed)).print(table, soft_wrap=True)
 
 
-def _in_short(found: Gap, episodes: int) -> str:
+def _in_short(found: Gap, recording: Recorded) -> str:
     """Say in a sentence which channels stand out over whole episodes."""
     rows = found.table.loc[lambda t: (t["starts"] == "fitted") & (t["horizon"] == WHOLE_EPISODE)].to_dict("records")
     over = sorted((r for r in rows if r["noises"] > AT_NOISE), key=lambda r: -r["noises"])
-    where = "over the whole episode" if episodes == 1 else f"over all {episodes} episodes"
+    count = len(recording.episodes)
+    where = "over the whole episode" if count == 1 else f"over all {count} episodes"
+    if in_parts(recording):
+        where = f"over the {count} parts of the one episode"
     if not over:
         return f"{where} the model misses nothing but the noise."
     named = [f"{r['channel']} by {number(r['noises'])} times the noise" for r in over]

@@ -31,6 +31,7 @@ from runner.importing.map_file import FILE
 from runner.importing.readers import read_log
 from runner.importing.signals import ReadOptions
 from runner.importing.target import target_of
+from runner.recording.data import introduced
 from runner.storage.writing import write_text
 
 
@@ -82,7 +83,7 @@ def _propose(config: ImportConfig, console: Console) -> None:
         held.append(counted(len(log.parts), "part"))
     print_table(console, f"{log.format}: {', '.join(held)}", (heading, rows))
     for line in (*log.notes, *proposal.notes):
-        _say(console, f"Note: {line}.")
+        _say(console, f"{introduced(line)}.")
     for line in proposal.missing:
         _say(console, f"Missing: {line}.")
     write_text(config.propose, proposal.text)
@@ -116,7 +117,7 @@ def _import(config: ImportConfig, map_file: Path, console: Console) -> None:
     ]
     print_table(console, "Columns", (("column", "signal", "unit"), conversions))
     for note in (*built.notes, *read):
-        _say(console, f"Note: {note}.")
+        _say(console, f"{introduced(note)}.")
     episodes = counted(len(built.table["episode"].unique()), "episode")
     _say(console, f"{episodes}, {counted(len(built.table), 'row')}: {config.out}")
     _say_whole(console, f"  runner gap {config.out}")

@@ -270,6 +270,11 @@ def warnings(notes: Iterable[str]) -> list[str]:
     return [note for note in notes if note.startswith(WARNING)]
 
 
+def introduced(note: str) -> str:
+    """Return a note as it is printed in a line of its own, with a word before it that says what it is."""
+    return note[0].upper() + note[1:] if note.startswith(WARNING) else f"Note: {note}"
+
+
 def frozen_array(values: ArrayLike) -> FloatArray:
     """Return a private copy that can't be written to."""
     copy = np.array(values, dtype=np.float64)

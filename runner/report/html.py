@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 import jinja2
 from markupsafe import Markup
 
-from runner.effects.wording import listed, number, percent, percent_between, plus_minus, probability
+from runner.effects.wording import counted, listed, number, percent, percent_between, plus_minus, probability
 from runner.report import sections, unknown, words
 from runner.report.before_after import headline_miss
 from runner.report.motions import replay
 from runner.report.statement import NONE, Statement, caveats, state
 from runner.storage.writing import write_text
 from runner.systems.base import AbstractSystem
-from runner.systems.recorded import longest_part_s
+from runner.systems.recorded import in_parts, longest_part_s
 
 if TYPE_CHECKING:
     from runner.diagnosis.result import Diagnosis, Ranked
@@ -167,13 +167,18 @@ def _believed(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     episodes = diagnosis.recording.episodes
     duration_s = sum(float(e.t_s[-1] - e.t_s[0]) for e in episodes)
     held = listed([str(episodes[e].index) for e in diagnosis.held_out])
+    count = counted(len(episodes), "episode")
+    if in_parts(diagnosis.recording):
+        count = f"1 episode in {len(episodes)} parts"
     return [
         (
             "recording",
-            f"{len(episodes)} episodes, {number(duration_s)} s in all, {number(diagnosis.system.rate_hz)} samples a "
-            "second",
+            f"{count}, {number(duration_s)} s in all, {number(diagnosis.system.rate_hz)} samples a second",
         ),
-        ("kept from the fit", f"episodes {held}" if held else "none"),
+        (
+            "kept from the fit",
+            f"{'episode' if len(diagnosis.held_out) == 1 else 'episodes'} {held}" if held else "none",
+        ),
         *diagnosis.system.believed(),
     ]
 

@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from runner.effects.wording import listed, number, percent, probability
+from runner.recording.data import introduced
 from runner.report import unknown, words
 from runner.report.before_after import of_whole_episodes
 from runner.report.statement import NONE, caveats, state
@@ -33,7 +34,7 @@ def summary(diagnosis: Diagnosis) -> RenderableType:
         parts.append(Padding(gap, (1, 0, 0, 0)))
     if diagnosis.next_push:
         parts.append(Text(f"Next {diagnosis.system.experiment}: {diagnosis.next_push}"))
-    parts += [Text(f"Note: {note}", style="dim") for note in caveats(diagnosis)]
+    parts += [Text(introduced(note), style="dim") for note in caveats(diagnosis)]
     return Group(*parts)
 
 

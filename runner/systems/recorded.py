@@ -50,6 +50,11 @@ class Recorded(Protocol):
         ...
 
 
+def in_parts(recording: Recorded) -> bool:
+    """Whether what counts as episodes are parts of one run, as a log in one piece is cut for something to check."""
+    return any(getattr(episode, "after", None) is not None for episode in recording.episodes)
+
+
 def longest_part_s(recording: Recorded, spans: Sequence[Span]) -> float | None:
     """Return how long the longest of some parts of episodes is, in seconds; None: they are the episodes, whole."""
     episodes = recording.episodes
