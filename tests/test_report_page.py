@@ -163,6 +163,11 @@ def test_page_in_a_browser(found: Any, tmp_path: Path) -> None:
         assert page.locator("#verdict").text_content() == words.verdict(found)
         wider_by = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
         assert page.evaluate(wider_by) <= 0
+        # on a telephone nothing of a table of three columns has to be scrolled to
+        page.set_viewport_size({"width": 390, "height": 800})
+        assert page.evaluate(wider_by) <= 0
+        narrow = page.locator(".wide", has_text="what went on")
+        assert narrow.evaluate("e => e.scrollWidth - e.clientWidth") <= 0
         browser.close()
     assert len(figures) >= 3
     assert all(box is not None and box["height"] > 100 for box in figures)

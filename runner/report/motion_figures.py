@@ -46,7 +46,7 @@ def _way(system: AbstractSystem, path: Paths, name: str, after: str) -> str:
     ax = figure.add_subplot()
     ax.plot(*path.nominal[:, flat].T, color=GREY, lw=2.2)
     ax.plot(*path.corrected[:, flat].T, color=after, lw=2.2)
-    ax.plot(*path.measured[:, flat].T, color=INK, lw=1.0, ls=(0, (4, 2)))
+    ax.plot(*path.measured[:, flat].T, color=INK, lw=0.9)
     begin = path.measured[np.isfinite(path.measured[:, flat]).all(axis=1)][:1, flat]
     ax.plot(*begin.T, "o", color=INK, ms=5)
     for motion, colour in ((path.nominal, GREY), (path.corrected, after)):
@@ -63,13 +63,15 @@ def _channel(channel: Channel, path: Paths, i: int, sigma: float, name: str, aft
     """Return one channel over time, and below it what is missed, with the noise as a band."""
     figure = new(3.1, 2.5, left=0.55)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1.5, 1])
+    figure.subplots_adjust(hspace=0.22)
     unit = DEGREE_UNITS.get(channel.unit, channel.unit)
     scale = 180 / np.pi if channel.unit in DEGREE_UNITS else 1.0
     upper.plot(path.t_s, scale * path.nominal[:, i], color=GREY, lw=2.0)
     upper.plot(path.t_s, scale * path.corrected[:, i], color=after, lw=2.0)
     upper.plot(path.t_s, scale * path.measured[:, i], color=INK, lw=0.9)
     titled(upper, f"{channel.label} [{unit}]" if unit else channel.label)
-    upper.tick_params(labelbottom=False)
+    # marks between the two would strike through what is written there
+    upper.tick_params(axis="x", length=0, labelbottom=False)
 
     unit, scale = small(channel.unit)
     lower.axhspan(-2 * scale * sigma, 2 * scale * sigma, color=BAND, lw=0)

@@ -31,7 +31,8 @@ def regimes(before: Sequence[Mean], after: Sequence[Mean], titles: dict[str, str
                 continue
             figure = new(3.1, 0.72 + 0.36 * len(order), left=0.12)
             ax = figure.add_subplot()
-            ax.axvline(0, color=INK, lw=0.6)
+            rows = np.arange(len(order))
+            ax.vlines(np.zeros(len(order)), rows - 0.15, rows + 0.35, color=INK, lw=0.6)  # not across their names
             for part, colour, shift in zip(both, (GREY, ORANGE), (0.0, 0.2), strict=True):
                 y = np.array([order.index(m.regime) for m in part]) + shift
                 x, half = np.array([m.value for m in part]), 1.96 * np.array([m.error for m in part])
