@@ -147,3 +147,16 @@ def test_third_differences_leave_nothing_of_a_parabola_by_an_uneven_clock() -> N
     even = np.arange(100) / 64
     np.testing.assert_allclose(third_differences(even, even**4), np.diff(even**4, 3), atol=1e-12)
     assert np.isnan(white_noise([(t[:3], x[:3])]))
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_short_flights_tell_their_noise(stated: bool) -> None:
+    """None lasts half a second; what is stated of slow noise holds, as a cubic follows most of it in so little."""
+    share, memory = (0.6, np.exp(-1 / (0.025 * 200))) if stated else (0.0, 0.5)
+    flights = [0.0012 * noise(n, 3, share, memory, seed) for seed, n in enumerate([36, 37, 45, 33, 42, 30, 48, 41] * 2)]
+    known = np.array([0.0012 if stated else np.nan])
+    assert estimate([flights], 1 / 200, known, doubt=0.5) is None
+    found = estimate([flights], 1 / 200, known, doubt=0.5, shorten=True)
+    assert found is not None
+    np.testing.assert_allclose(found.level, 0.0012, rtol=1e-12 if stated else 0.05)
+    assert found.share * found.memory == pytest.approx(share * memory, abs=0.12)

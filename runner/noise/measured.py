@@ -179,7 +179,14 @@ def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.n
     rounding = _rounding_noise(system.values(), groups)
     stated = system.stated_noise()
     sigma, noise_model = _noise(
-        stretches, _step_s(system), groups, stated, otherwise, rounding, doubt=SETTINGS.noise.stated_log_error
+        stretches,
+        _step_s(system),
+        groups,
+        stated,
+        otherwise,
+        rounding,
+        doubt=SETTINGS.noise.stated_log_error,
+        shorten=True,
     )
     found = without_outliers(replace(measured, sensor=sigma, noise_model=noise_model), residuals)
     return _told_odd(found, residuals) if system.episodes_differ else found
@@ -244,19 +251,24 @@ def _noise(
     rounding: np.ndarray,
     *,
     doubt: float,
+    shorten: bool = False,
 ) -> tuple[np.ndarray, NoiseModel]:
     """Return the noise of each channel, (C,), and its colour.
 
-    `doubt` is that of what is stated, see `estimate`; `otherwise` is taken per group where too little is there, and
-    `rounding` where less was found. Rows of `stretches` in which a group was not measured are passed over: where topics
-    have stamps of their own, each has only its share of the rows.
+    `doubt` is that of what is stated, and `shorten` how short windows may be, see `estimate`; `otherwise` is taken per
+    group where too little is there, and `rounding` where less was found. Rows of `stretches` in which a group was not
+    measured are passed over: where topics have stamps of their own, each has only its share of the rows.
     """
     known = stated[[columns[0] for columns in groups]]
     kinds = [[s[np.isfinite(s[:, c]).all(axis=1)][:, c] for s in stretches] for c in groups]
     counts = np.array([sum(map(len, kind)) for kind in kinds])
     rows, told, showing = sum(map(len, stretches)), int(counts.max(initial=0)), np.flatnonzero(counts)
     each_s = step_s * max(rows, 1) / max(told, 1)
-    found = estimate([kinds[k] for k in showing], each_s, known[showing], doubt=doubt) if len(showing) else None
+    found = (
+        estimate([kinds[k] for k in showing], each_s, known[showing], doubt=doubt, shorten=shorten)
+        if len(showing)
+        else None
+    )
     levels = np.where(np.isfinite(known), known, otherwise)
     if found is None:
         found = Found(levels, 0.0, 0.0)

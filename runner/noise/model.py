@@ -115,8 +115,18 @@ def _with_belief(shown: np.ndarray, freedom: np.ndarray, known: np.ndarray, doub
     return believed * np.exp(off), float(np.sum(off**2)) / (4.0 * doubt**2)
 
 
+def _held(stretches: Sequence[np.ndarray], n: int) -> int:
+    """Return how many values of stretches (T, k) lie in whole windows of n samples."""
+    return sum(len(r) // n * n * r.shape[1] for r in stretches)
+
+
 def estimate(
-    kinds: Sequence[Sequence[np.ndarray]], step_s: float, known: np.ndarray, *, doubt: float = 0.0
+    kinds: Sequence[Sequence[np.ndarray]],
+    step_s: float,
+    known: np.ndarray,
+    *,
+    doubt: float = 0.0,
+    shorten: bool = False,
 ) -> Found | None:
     """Estimate the noise from stretches of what a model leaves, or of rest.
 
@@ -129,6 +139,8 @@ def estimate(
         step_s: Between samples.
         known: Level of each kind where it is known, else NaN, (K,).
         doubt: How well it is known: standard deviation of its logarithm (a log-normal prior); 0: exactly.
+        shorten: Where hardly a stretch is half a second long, as flights that soon end in a hit, windows are as long
+            as half of the stretches are, and what is known of a level holds.
 
     Returns:
         None with too little to tell.
@@ -136,12 +148,15 @@ def estimate(
     limits = SETTINGS.noise
     terms = limits.smooth_degree + 1
     n = min(max(3 * terms, round(limits.window_s / step_s)), limits.max_window_samples)
+    if shorten and not all(_held(stretches, n) >= limits.min_samples for stretches in kinds):
+        n = min(n, max(3 * terms, int(np.median([len(r) for stretches in kinds for r in stretches]))))
+        doubt = 0.0  # of slow noise so little shows in them that the rest would pass for all
     every = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, n), n - 1))[0]
     rough = every[:, terms:]
     spreads, counts = [], []
     for stretches in kinds:
         parts = [r[i : i + n] for r in stretches for i in range(0, len(r) - n + 1, n)]
-        if not parts or n * len(parts) * parts[0].shape[1] < limits.min_samples:
+        if not parts or _held(stretches, n) < limits.min_samples:
             return None
         left = rough.T @ np.concatenate(parts, axis=1)  # (n - 4, windows * k)
         powers = [(some**2).sum(axis=0) for some in (left, left[: limits.slow_terms])]
