@@ -14,7 +14,7 @@ import rerun as rr
 
 from runner.report.record import eye_on_all, write_rrd
 from runner.report.record_gap import window_gaps
-from runner.report.record_layout import FROM
+from runner.report.record_layout import FROM, axis
 from runner.systems.drawing import DrawnBody, Shape
 from tests.report_case import changed, diagnosis, ranked
 
@@ -103,3 +103,19 @@ def test_the_eye_sees_all_of_a_lever_that_turns_about_its_end() -> None:
         # within some 27 degrees of where the eye looks, and not lost in the distance
         assert 0.15 < aside / (eye.distance_m - along) < 0.5
     assert eye_on_all([], size_m=0.1).distance_m > 0
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "most", "ends"),
+    [(-70.0, 65.0, 8, (-100, 100)), (-3.2, 2.8, 4, (-10, 10)), (-3.2, 2.8, 8, None), (0.0, 1.6, 8, None),
+     (0.2, 0.9, 8, (0, 1)), (0.0, 0.0, 8, None)],
+)  # fmt: skip
+def test_axes_end_where_a_viewer_shows_numbers(
+    low: float, high: float, most: int, ends: tuple[float, float] | None
+) -> None:
+    """A little beyond multiples of a power of ten, where between the ends of the curve there are not two to show."""
+    found = axis(low, high, most)
+    assert (found is None) == (ends is None)
+    if found is not None and ends is not None:
+        assert ends[0] - 0.1 * (ends[1] - ends[0]) < found[0] < ends[0]
+        assert ends[1] < found[1] < ends[1] + 0.1 * (ends[1] - ends[0])

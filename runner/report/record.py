@@ -6,7 +6,8 @@ by. Sent as whole columns; the layout is inside the file (`runner.report.record_
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -66,14 +67,14 @@ def write_rrd(diagnosis: Diagnosis, path: str | Path) -> Path:
     paths = sorted(replay(diagnosis), key=lambda p: (not p.held_out, p.episode))
     gaps = window_gaps(diagnosis, paths)
     episodes = [_Episode(diagnosis, p, g) for p, g in zip(paths, gaps, strict=True)]
-    tabs = [Tab(e.root, _name(diagnosis, e.path), e.eye) for e in episodes]
+    tabs = [Tab(e.root, _name(diagnosis, e.path), e.eye, _spans(e.curves)) for e in episodes]
     with written(path, blueprint(diagnosis, tabs), "runner diagnosis") as log:
         log.send_recording_name(diagnosis.case)
         log.send_property("verdict", rr.AnyValues(sentence=words.verdict(diagnosis), gap_closed=diagnosis.gap_closed))
         arrows: list[str] = []
         for episode in episodes:
             episode.send_bodies(log)
-            episode.send_residuals(log)
+            episode.send_curves(log)
             arrows += [*episode.send_commands(log), *episode.send_missing_force(log)]
         texts = {"verdict": _verdict(diagnosis, list(dict.fromkeys(arrows))), "ranking": _ranking(diagnosis)}
         for name, text in texts.items():
@@ -85,6 +86,21 @@ def _name(diagnosis: Diagnosis, path: Paths) -> str:
     return f"episode {diagnosis.recording.episodes[path.episode].index}" + (" (not fitted)" if path.held_out else "")
 
 
+@dataclass(frozen=True)
+class Curve:
+    """Values (T, K) over time (T,), and how their lines look."""
+
+    t_s: np.ndarray
+    values: np.ndarray
+    lines: rr.SeriesLines
+
+
+def _spans(curves: Mapping[str, Curve]) -> dict[str, tuple[float, float]]:
+    """Return the least and the largest value of each curve that has any."""
+    known = {entity: curve.values[np.isfinite(curve.values)] for entity, curve in curves.items()}
+    return {entity: (float(v.min()), float(v.max())) for entity, v in known.items() if len(v)}
+
+
 class _Episode:
     """One episode in the log: its bodies in each model, its residuals, the force that is missing.
 
@@ -94,6 +110,8 @@ class _Episode:
         traced: The body that moves most: its way is drawn. None: nothing is drawn.
         size_m: Typical half extent of a body.
         eye: From where all is seen, wherever it goes.
+        force: The missing force over time; None: nobody asked for it.
+        curves: What is plotted over time, by entity.
     """
 
     def __init__(self, diagnosis: Diagnosis, path: Paths, gap: WindowGap | None) -> None:
@@ -111,6 +129,8 @@ class _Episode:
         self.size_m = max((float(np.mean(s.size_m)) for b in self.bodies for s in b.shapes), default=UNDRAWN_M)
         self.eye = eye_on_all([(self.poses["measured", b.name], b) for b in self.bodies if b.shapes], self.size_m)
         tops = [s.position_m[2] + _height(s) for b in self.bodies for s in b.shapes]
+        self.force = missing_force(diagnosis, diagnosis.where, path.episode)
+        self.curves = dict(self._curves())
         self.lift_m = 0.0 if system.plan_view is None else ABOVE * max(tops, default=0.0)
 
     def _seen_m(self, half_width_m: float) -> float:
@@ -171,8 +191,8 @@ class _Episode:
                 strips, look["colors"] = [p for p, _ in parts], [c for _, c in parts]
             log.log(f"{self.root}/way/{model}", rr.LineStrips3D(strips, **look), static=True)
 
-    def send_residuals(self, log: rr.RecordingStream) -> None:
-        """Send what each simulator misses of each channel, in noise levels, and the share of the gap over time."""
+    def _curves(self) -> Iterator[tuple[str, Curve]]:
+        """Yield what each simulator misses of each channel, in noise levels, the gap's share, and the missing force."""
         path, diagnosis = self.path, self.diagnosis
         names = [m for m in models(diagnosis) if m != "measured"]
         lines = rr.SeriesLines(
@@ -185,12 +205,25 @@ class _Episode:
             if channel not in drawn_channels(diagnosis.system):
                 continue
             missed = [(getattr(path, m) - path.measured)[:, i] / diagnosis.measured.sigma[i] for m in names]
-            entity = f"{self.root}/residual/{channel.name}"
-            log.log(entity, lines, static=True)
-            _send_scalars(log, entity, path.t_s, np.column_stack([*missed, band]))
+            yield f"{self.root}/residual/{channel.name}", Curve(path.t_s, np.column_stack([*missed, band]), lines)
         if self.gap is not None:
-            log.log(f"{self.root}/gap", rr.SeriesLines(colors=[MISSING], names=["gap"], widths=[3.0]), static=True)
-            _send_scalars(log, f"{self.root}/gap", self.gap.t_s, 100 * self.gap.share[:, None])
+            gap = rr.SeriesLines(colors=[MISSING], names=["gap"], widths=[3.0])
+            yield f"{self.root}/gap", Curve(self.gap.t_s, 100 * self.gap.share[:, None], gap)
+        if self.force is not None:
+            lacks = rr.SeriesLines(colors=[MISSING], names=["missing"], widths=[2.0])
+            for i, name in enumerate(self.system.disturbance.names):
+                seen = self.force.seen[:, i]
+                yield (
+                    f"{self.root}/missing_force/{name}",
+                    Curve(self.force.t_s[seen], self.force.value[seen, i : i + 1], lacks),
+                )
+
+    def send_curves(self, log: rr.RecordingStream) -> None:
+        """Send all that is plotted over time."""
+        for entity, curve in self.curves.items():
+            log.log(entity, curve.lines, static=True)
+            if len(curve.t_s):
+                _send_scalars(log, entity, curve.t_s, curve.values)
 
     def send_commands(self, log: rr.RecordingStream) -> tuple[str, ...]:
         """Send what was commanded as arrows, tips where it acts, if the system says so; return what that shows."""
@@ -204,20 +237,14 @@ class _Episode:
         return ("**Green arrow**: the commanded force, its tip where it acts.",)
 
     def send_missing_force(self, log: rr.RecordingStream) -> tuple[str, ...]:
-        """Send the missing force over time, and as an arrow on the first body where it is a force in world axes.
+        """Send the missing force as an arrow on the first body where it is a force in world axes.
 
         Returns what the arrow shows.
         """
-        path, names = self.path, self.system.disturbance.names
-        found = missing_force(self.diagnosis, self.diagnosis.where, path.episode)
+        path, names, found = self.path, self.system.disturbance.names, self.force
         if found is None:
             return ()
         value, seen = found.value, found.seen
-        for i, name in enumerate(names):
-            entity = f"{self.root}/missing_force/{name}"
-            log.log(entity, rr.SeriesLines(colors=[MISSING], names=["missing"], widths=[2.0]), static=True)
-            if seen[:, i].any():
-                _send_scalars(log, entity, found.t_s[seen[:, i]], value[seen[:, i], i : i + 1])
         axes = [names.index(n) for n in WORLD_FORCE if n in names]
         # where friction holds the body no force can be seen: no arrow there
         shown = np.asarray(seen[:, axes].all(axis=1))
@@ -302,11 +329,15 @@ def _verdict(diagnosis: Diagnosis, arrows: Sequence[str]) -> str:
     if confounded := words.confounded(diagnosis):
         lines += [confounded, ""]
     corrected = " **Orange**: corrected." if diagnosis.effects else ""
+    said = "grey as believed" + (", orange corrected" if diagnosis.effects else "")
     lines += [
         f"**Blue**: measured.{corrected} **Grey to purple**: the simulator as believed; the more purple, the more "
         "of the gap comes about just then. So is the way of what was measured.",
         "",
         " ".join(arrows),
+        "",
+        f"Curves of what is missed: {said}; thin lines are twice the noise. Purple: the share of "
+        "the gap, and the force that is missing.",
         "",
         "A tab for each episode; all begin at zero on the time line below.",
     ]

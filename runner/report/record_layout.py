@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,10 @@ COMMAND, MISSING = (40, 190, 120), MUCH
 MOST = 12  # residuals, and
 MOST_FORCES = 6  # components of the missing force that have a plot
 MOST_TABS = 16  # episodes
+WIDE = 39  # letters of a title that a plot has room for beside three others
+NUMBERS, FEW = 8, 4  # that an axis has room for, and one of many rows of plots
+MOST_ROWS = 3  # so many are not many
+ROOM = 0.06  # of an axis beyond its last numbers
 FROM = np.array([0.35, -0.7, 0.62])  # where the eye is from what it looks at, of length 1
 
 
@@ -46,11 +51,33 @@ class Eye:
 
 @dataclass(frozen=True)
 class Tab:
-    """An episode: where its entities lie, what it is called, and from where it is seen."""
+    """An episode: where its entities lie, what it is called, from where it is seen, and from where to where curves go.
+
+    Those are the least and the largest value, by entity.
+    """
 
     root: str
     name: str
     eye: Eye
+    spans: Mapping[str, tuple[float, float]]
+
+
+def axis(low: float, high: float, most: int) -> tuple[float, float] | None:
+    """Return limits of an axis that hold zero and what lies between, where a viewer would not have two numbers to show.
+
+    Its numbers are multiples of a power of ten, so many at most as there is room for: an axis to 70 says "0" alone.
+    None: its own limits will do.
+    """
+    low, high = min(low, 0.0), max(high, 0.0)
+    largest = max(-low, high)
+    if not 0.0 < largest < math.inf:
+        return None
+    step = 10.0 ** math.floor(math.log10(largest))
+    if 1 + math.floor(high / step) - math.ceil(low / step) <= most:
+        return None
+    first, last = 10 * step * math.floor(low / (10 * step)), 10 * step * math.ceil(high / (10 * step))
+    room = ROOM * (last - first)
+    return first - room, last + room
 
 
 def blueprint(diagnosis: Diagnosis, tabs: Sequence[Tab]) -> rrb.Blueprint:
@@ -97,37 +124,58 @@ def _episode(diagnosis: Diagnosis, tab: Tab) -> rrb.Container:
         diagnosis=diagnosis,
     )
     channels = drawn_channels(diagnosis.system)
+    disturbance = diagnosis.system.disturbance
+    lacking = list(zip(disturbance.names, disturbance.labels, strict=True))[:MOST_FORCES]
+    columns = len(channels) if len(channels) <= 2 else 3 if len(channels) <= 6 else 4
+    rows = [-(-len(channels) // columns)] + ([-(-(1 + len(lacking)) // 4)] if diagnosis.where is not None else [])
+    numbers = NUMBERS if sum(rows) <= MOST_ROWS else FEW
+    before = "missing: " if all(len(f"missing: {label}") <= WIDE for _, label in lacking) else ""
+    hidden = rrb.PlotLegend(visible=False)  # it would lie on a curve; the text beside says which is which
     residuals = [
         rrb.TimeSeriesView(
             origin=f"{root}/residual/{channel.name}",
             name=f"missed: {channel.label} [noises]",
             background=paper,
-            plot_legend=rrb.PlotLegend(visible=i == 0, corner=rrb.Corner2D.RightTop),
+            plot_legend=hidden,
+            axis_y=_axis(tab, f"{root}/residual/{channel.name}", numbers),
         )
-        for i, channel in enumerate(channels)
+        for channel in channels
     ]
-    hidden = rrb.PlotLegend(visible=False)
-    disturbance = diagnosis.system.disturbance
     forces = [
         rrb.TimeSeriesView(
-            origin=f"{root}/missing_force/{name}", name=f"missing: {label}", background=paper, plot_legend=hidden
+            origin=f"{root}/missing_force/{name}",
+            name=f"{before}{label}",
+            background=paper,
+            plot_legend=hidden,
+            axis_y=_axis(tab, f"{root}/missing_force/{name}", numbers),
         )
-        for name, label in list(zip(disturbance.names, disturbance.labels, strict=True))[:MOST_FORCES]
+        for name, label in lacking
     ]
-    gap = rrb.TimeSeriesView(origin=f"{root}/gap", name="share of the gap [%]", background=paper, plot_legend=hidden)
+    gap = rrb.TimeSeriesView(
+        origin=f"{root}/gap",
+        name="share of the gap [%]",
+        background=paper,
+        plot_legend=hidden,
+        axis_y=_axis(tab, f"{root}/gap", numbers),
+    )
     below = [gap, *forces] if diagnosis.where is not None else []
-    columns = len(residuals) if len(residuals) <= 2 else 3 if len(residuals) <= 6 else 4
-    rows = -(-len(residuals) // columns)
     plots = [
         rrb.Grid(*residuals, grid_columns=columns),
         *([rrb.Grid(*below, grid_columns=min(len(below), 4))] if below else []),
     ]
     return rrb.Vertical(
         rrb.Horizontal(measured, simulated),
-        rrb.Vertical(*plots, row_shares=[rows, -(-len(below) // 4)] if below else [1]),
-        row_shares=[1, 1],
+        rrb.Vertical(*plots, row_shares=rows),
+        row_shares=[1.0, 1.0 if sum(rows) <= MOST_ROWS else 1.25],
         name=tab.name,
     )
+
+
+def _axis(tab: Tab, entity: str, most: int) -> rrb.ScalarAxis | None:
+    """Return the axis of a plot with at most so many numbers; None: the viewer's own, as where there is no curve."""
+    span = tab.spans.get(entity.removeprefix("/"))
+    limits = None if span is None else axis(*span, most)
+    return None if limits is None else rrb.ScalarAxis(range=limits)  # one without a range would be warned of
 
 
 def _scene(
