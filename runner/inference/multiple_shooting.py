@@ -108,7 +108,8 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
         key = key_of(c.fit.explanation)
         if key in seeds and key not in there:
             seeds[key] = min(carried(whole, seeds[key], episodes, longest_s), seeds[key], key=lambda s: s.total)
-    explained = any(explains(s, whole, episodes) for s in seeds.values())
+    # a flight tells nothing of what shows after a hit alone
+    explained = not flown and any(explains(s, whole, episodes) for s in seeds.values())
     ruled_out = singles(fitter.system.vocabulary) - set(seeds) if explained else frozenset[Key]()
     return Look(Beginning(seeds, ruled_out), late)
 

@@ -278,6 +278,8 @@ class _Rounds:
         promised = self._offers(contender, size)
         if size == 1 and self.pieces:
             return self._likely(promised)
+        if size == 1 and self.hits:
+            return promised  # an amount that was tried with starts of something else promises too little
         if size == 1:
             foreseen = min((s.total for s in self.seeds.values()), default=np.inf) - self.count
             if foreseen < limits.settled_share * left:
