@@ -377,6 +377,17 @@ def test_a_late_command_is_in_the_corrected_model(tmp_path: Path):
     assert np.abs(expected[-1, :2] - without[-1, :2]).max() > 1e-2
 
 
+def test_a_corrected_model_may_have_actuators_without_a_name(tmp_path: Path):
+    """Nothing was sent to them; they are driven all the same where the written model is tried."""
+    system = arm(tmp_path / "case", episodes=1)
+    mjcf = tmp_path / "case" / system.recording.model_path.name
+    mjcf.write_text(mjcf.read_text().replace("</actuator>", '<motor joint="elbow"/><motor joint="elbow"/></actuator>'))
+    (tmp_path / "out").mkdir()
+    late = system_of(tmp_path / "case")
+    assert late.write_model((ActuatorDelay("elbow", 0.0203), Heavier(1.25)), tmp_path / "out") == ("model.xml",)
+    assert mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "model.xml")).nu == 4
+
+
 def test_a_delay_that_the_owner_believes_in_is_simulated(tmp_path: Path):
     """As commands that are sent later, wherever in an episode a stretch begins; one that is found comes on top."""
     plain = arm(tmp_path / "plain", episodes=1)

@@ -303,7 +303,8 @@ def _many_turns(column: str, turns: float) -> str:
 def _undriven(mapping: ModelMapping, model: mujoco.MjModel) -> list[str]:
     """Return a note on actuators that nothing drives."""
     driven = {c.actuator for c in mapping.commands.values()}
-    idle = [repr(model.actuator(a).name) for a in range(model.nu) if model.actuator(a).name not in driven]
+    names = [model.actuator(a).name for a in range(model.nu)]
+    idle = [repr(name) if name else f"number {a}" for a, name in enumerate(names) if name not in driven]
     if not idle:
         return []
     return [f"no command drives {'actuator' if len(idle) == 1 else 'actuators'} {', '.join(idle)}: 0 is sent there"]

@@ -154,10 +154,16 @@ def _moves_otherwise(written: mujoco.MjModel, edited: mujoco.MjModel, late: Sequ
 
     `late` are effects on commands that the written model has in it, and the edited one has not.
     """
-    command = Command(edited.opt.timestep, sent := _sines(edited), dict.fromkeys(sent, 0.0))
+    driven = {_called(edited, a): a for a in range(edited.nu) if not edited.actuator(a).name.startswith(OWN)}
+    sent = {name: _sine(edited, a) for name, a in driven.items()}
+    command = Command(edited.opt.timestep, sent, dict.fromkeys(sent, 0.0))
     for effect in late:
         command = effect.edit_command(command)
-    one, other = _moved(written, sent), _moved(edited, command.columns)
+    # a written model has the same actuators, in the same order
+    one, other = (
+        _moved(model, {a: columns[name] for name, a in driven.items()})
+        for model, columns in ((written, sent), (edited, command.columns))
+    )
     for name, motion in other.items():
         size = np.abs(motion).max() + 1.0
         if name not in one or np.abs(one[name] - motion).max() > 1e2 * DIGITS * size:
@@ -182,26 +188,27 @@ def _same_contact(written: mujoco.MjModel, edited: mujoco.MjModel) -> bool:
     )
 
 
-def _sines(model: mujoco.MjModel) -> dict[str, FloatArray]:
-    """Return commands to every actuator of the model's owner, by name, (n,) each."""
+def _called(model: mujoco.MjModel, actuator: int) -> str:
+    """Return the name of an actuator, or its number where it has none."""
+    return model.actuator(actuator).name or f"{OWN}{actuator}"
+
+
+def _sine(model: mujoco.MjModel, actuator: int) -> FloatArray:
+    """Return a command to an actuator, (n,)."""
     t_s = model.opt.timestep * np.arange(max(1, round(LOOK_S / model.opt.timestep)))
-    out = {}
-    for a in range(model.nu):
-        limit = model.actuator_forcerange[a, 1] if model.actuator_forcelimited[a] else 1.0
-        out[model.actuator(a).name] = 0.1 * min(limit, 1.0) * np.sin(2 * np.pi * DRIVE_HZ * t_s + a)
-    return {name: command for name, command in out.items() if not name.startswith(OWN)}
+    limit = model.actuator_forcerange[actuator, 1] if model.actuator_forcelimited[actuator] else 1.0
+    return 0.1 * min(limit, 1.0) * np.sin(2 * np.pi * DRIVE_HZ * t_s + actuator)
 
 
-def _moved(model: mujoco.MjModel, commands: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Return the positions of every joint in a plain simulation, by name, (n, ...)."""
+def _moved(model: mujoco.MjModel, commands: Mapping[int, FloatArray]) -> dict[str, FloatArray]:
+    """Return the positions of every joint in a plain simulation, by name, (n, ...), under these commands, (n,) each."""
     data = mujoco.MjData(model)
     names = [model.joint(j).name for j in range(model.njnt)]
     out: dict[str, list[FloatArray]] = {name: [] for name in names}
-    numbers = [model.actuator(name).id for name in commands]
     sent = np.column_stack(list(commands.values())) if commands else np.zeros((round(LOOK_S / model.opt.timestep), 0))
     with quiet():
         for command in sent:
-            data.ctrl[numbers] = command
+            data.ctrl[list(commands)] = command
             mujoco.mj_step(model, data)
             for name in names:
                 out[name].append(np.array(data.joint(name).qpos))
