@@ -87,12 +87,15 @@ class Scope:
         return Scope(**{**vars(self), "target": target})
 
 
+JointUnit = Callable[[mujoco.MjModel, str | None], str]  # from a model and the name of a joint to a unit
+
+
 class MechanismEffect(AbstractEffect):
     """A difference between a mechanism and its model; see the module's docstring."""
 
     target_kind: ClassVar[str] = "joint"  # joint | body | actuator | channel | "" for what has no target
     # numbers whose unit hangs on whether the joint turns, each with what tells it
-    of_joint: ClassVar[Mapping[str, Callable[[mujoco.MjModel, str | None], str]]] = {}
+    of_joint: ClassVar[Mapping[str, JointUnit]] = {}
 
     @property
     def follows(self) -> Mapping[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from runner.effects.mechanism.base import Scope
+from runner.effects.mechanism.base import JointUnit, Scope
 from runner.physics.joint_law import JointLaw
 
 DRIVE, COUPLING = "~drive", "~coupling"  # what the joint behind a joint, and what couples the two, add to its name
@@ -39,34 +39,13 @@ def is_hinge(model: mujoco.MjModel, name: str | None) -> bool:
     return int(model.jnt_type[joint_of(model, name)]) == HINGE
 
 
-def force_unit(model: mujoco.MjModel, name: str | None) -> str:
-    """Return the unit of what moves a joint."""
-    return "N m" if is_hinge(model, name) else "N"
+def _unit(of_hinge: str, of_slide: str) -> JointUnit:
+    """Return what tells the unit of a number of a joint, by its name."""
+    return lambda model, name: of_hinge if is_hinge(model, name) else of_slide
 
 
-def position_unit(model: mujoco.MjModel, name: str | None) -> str:
-    """Return the unit of a joint's position."""
-    return "rad" if is_hinge(model, name) else "m"
-
-
-def inertia_unit(model: mujoco.MjModel, name: str | None) -> str:
-    """Return the unit of a joint's inertia."""
-    return "kg m²" if is_hinge(model, name) else "kg"
-
-
-def speed_unit(model: mujoco.MjModel, name: str | None) -> str:
-    """Return the unit of a joint's speed."""
-    return "rad/s" if is_hinge(model, name) else "m/s"
-
-
-def damping_unit(model: mujoco.MjModel, name: str | None) -> str:
-    """Return the unit of a joint's viscous friction."""
-    return "N m s/rad" if is_hinge(model, name) else "N s/m"
-
-
-def stiffness_unit(model: mujoco.MjModel, name: str | None) -> str:
-    """Return the unit of the stiffness of a spring at a joint."""
-    return "N m/rad" if is_hinge(model, name) else "N/m"
+position_unit, speed_unit, force_unit = _unit("rad", "m"), _unit("rad/s", "m/s"), _unit("N m", "N")
+inertia_unit, damping_unit, stiffness_unit = _unit("kg m²", "kg"), _unit("N m s/rad", "N s/m"), _unit("N m/rad", "N/m")
 
 
 def actuators_on(model: mujoco.MjModel, joint: str | None) -> list[int]:
