@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import mujoco
 import numpy as np
@@ -30,10 +32,10 @@ from runner.effects.planar_box import (
 )
 from runner.effects.wording import unit_of
 from runner.errors import ConfigError, RecordingError, ResultError
-from runner.noise.measured import measure
+from runner.noise.measured import Measured, measure
 from runner.recording import write_case
 from runner.simulate.gap import WHOLE_EPISODE, measure_gap
-from runner.simulate.shooting import windows_of
+from runner.simulate.shooting import fit_starts, fit_starts_growing, windows_of
 from runner.systems.planar_box.model_file import MODEL
 from runner.systems.planar_box.simulator import OBJECT, Simulator
 from runner.systems.planar_box.system import PlanarBox, vocabulary
@@ -303,3 +305,18 @@ def test_command_refuses_bad_settings(
     case = [] if setting.startswith("recording") else [str(EXAMPLES / "nothing_differs")]
     assert main(["gap", *case, setting, f"out={tmp_path / 'out'}"]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_start_that_the_motion_amplifies_is_found_over_longer_and_longer_parts() -> None:
+    """The descent over all of sin(x t) at once ends in another valley; from the valley of a short time it does not."""
+    t_s = np.linspace(0.0, 40.0, 400)
+    signals = cast("Measured", SimpleNamespace(sigma=np.array([0.01]), noise_model=SimpleNamespace(whiten=lambda r: r)))
+    values = np.sin(1.0 * t_s)[None, :, None]
+
+    def predict(starts: np.ndarray) -> np.ndarray:
+        return np.sin(starts * t_s)[..., None]  # (W, K, 1) by (n,)
+
+    problem = (predict, values, np.ones_like(values, bool), signals, np.array([[1.3]]))
+    steps, scale = np.array([1e-6]), np.array([0.2])
+    assert abs(fit_starts(*problem, steps, scale, iterations=20).starts[0, 0] - 1.0) > 0.1
+    assert fit_starts_growing(*problem, steps, scale).starts[0, 0] == pytest.approx(1.0, abs=1e-3)

@@ -34,7 +34,7 @@ from runner.progress import progress
 from runner.recording import find_cases
 from runner.recording.case import content_hash
 from runner.recording.data import introduced, warnings
-from runner.simulate.gap import HORIZONS_S, WHOLE_EPISODE, Gap
+from runner.simulate.gap import AMPLIFIES, HORIZONS_S, WHOLE_EPISODE, Gap
 from runner.storage.provenance import digest, files_digest
 from runner.storage.writing import write_parquet
 from runner.systems.base import AbstractSystem
@@ -46,6 +46,10 @@ LEGEND = (
     ("starts fitted", "from the start states that suit the model best; 1 is a perfect model"),
     ("starts measured", "from the measured start states, whose noise spreads"),
     ("noise alone", "what that noise makes of a perfect model; compare starts measured with it"),
+)
+LEGEND_AMPLIFIES = (
+    "Over whole episodes one noise of the start grows to {} noises: what is missed there says little, shorter times "
+    "say more."
 )
 AT_NOISE = 1.1  # times the noise: up to here, what a model that is right leaves too
 SHOWN = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "m/s": ("mm/s", 1e3), "rad/s": ("mrad/s", 1e3)}
@@ -115,6 +119,9 @@ def _print(system: AbstractSystem, found: Gap, console: Console) -> None:
     _print_whole(table, console)
     for term, meaning in LEGEND:
         console.print(Padding(Text.assemble((term, "italic"), f": {meaning}"), (0, 0, 0, 1)))
+    whole = found.table.loc[found.table["horizon"] == WHOLE_EPISODE, "noises_expected"].max()
+    if whole > AMPLIFIES:
+        console.print(Padding(Text(LEGEND_AMPLIFIES.format(number(whole))), (0, 0, 0, 1)))
     if not found.table["stated"].to_numpy().all():
         said = "~: not stated but estimated; what is in noises rests on it."
         console.print(Padding(Text(said), (0, 0, 0, 1)))

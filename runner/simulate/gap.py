@@ -19,13 +19,14 @@ import pandas as pd
 from runner.effects.base import Effects
 from runner.errors import RecordingError
 from runner.noise.measured import Measured
-from runner.simulate.shooting import WINDOWS_AT_ONCE, Predict, fit_starts, windows_of
+from runner.simulate.shooting import WINDOWS_AT_ONCE, Predict, fit_starts, fit_starts_growing, whiten, windows_of
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import Run
 from runner.systems.windows import Windows
 
 HORIZONS_S = (0.1, 0.5, 1.0)
 WHOLE_EPISODE = "episode"
+AMPLIFIES = 10.0  # noises that one noise of the start makes: from here on a descent of starts needs shorter parts first
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ def measure_gap(
             true = [simulator.seen_start(effects, s) for s in states[0]]
             return simulator.predict(e, [Run(effects, s) for s in true])[None]
 
-        one = _sums(system, predict, windows, signals, iterations=8)
+        one = _sums(system, predict, windows, signals, iterations=8, grow=True)
         kept.append(one)
         starts[e] = simulator.seen_start(effects, one.starts[0])
         number = system.recording.episodes[e].index
@@ -148,7 +149,18 @@ class _Sums:
     starts: np.ndarray  # (W, S)
 
 
-def _sums(system: AbstractSystem, predict: Predict, windows: Windows, signals: Measured, *, iterations: int) -> _Sums:
+def _sums(
+    system: AbstractSystem,
+    predict: Predict,
+    windows: Windows,
+    signals: Measured,
+    *,
+    iterations: int,
+    grow: bool = False,
+) -> _Sums:
+    """Return the sums of windows, which are simulated by `predict` from start states as they are shown.
+
+    `grow`: there is one window, and where its motion amplifies the start, that is sought over shorter parts first."""
     values, valid = windows.of(signals.values), windows.of(signals.valid)
     steps, scale = system.initial.steps, system.initial.scale(signals.sigma)
     measured = system.initial.guess_windows(signals, windows, smooth=False)
@@ -163,12 +175,17 @@ def _sums(system: AbstractSystem, predict: Predict, windows: Windows, signals: M
     if sound.any():
         # a start without all of its measurements says nothing of what measured starts are worth
         counts[~sound] = False
-    fitted = fit_starts(predict, values, valid, signals, measured, steps, scale, iterations=iterations)
+    expected = np.where(counts, spread + signals.sigma**2, 0.0).sum(axis=(0, 1))
+    problem = (predict, values, valid, signals, measured, steps, scale)
+    fitted = fit_starts(*problem, iterations=iterations)
+    if grow and (expected > AMPLIFIES**2 * signals.sigma**2 * counts.sum(axis=(0, 1))).any():
+        fits = (fitted, fit_starts_growing(*problem, iterations=iterations))
+        fitted = min(fits, key=lambda f: float(np.sum(whiten(f.residual, valid, signals) ** 2)))
     return _Sums(
         len(windows),
         np.where(counts, residual**2, 0.0).sum(axis=(0, 1)),
         counts.sum(axis=(0, 1)),
-        np.where(counts, spread + signals.sigma**2, 0.0).sum(axis=(0, 1)),
+        expected,
         np.where(valid, fitted.residual**2, 0.0).sum(axis=(0, 1)),
         fitted.freedom(valid).sum(axis=0),
         fitted.starts,

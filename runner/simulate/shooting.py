@@ -6,6 +6,7 @@ by side.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from runner.noise.measured import Measured
 from runner.numerics.levenberg_marquardt import Schedule, Trial, damped, descend
+from runner.settings import SETTINGS
 from runner.systems.windows import Windows
 
 PRIOR_SIGMAS = 10.0  # a fitted start state may lie some such distances from the measured one, and hardly more
@@ -80,6 +82,7 @@ def fit_starts(
     steps: np.ndarray,
     scale: np.ndarray,
     *,
+    begin: np.ndarray | None = None,
     iterations: int = 4,
     tolerance: float = 0.1,
 ) -> Fitted:
@@ -92,15 +95,41 @@ def fit_starts(
         values: What was measured, (W, n, C).
         valid: What of it counts, (W, n, C).
         signals: The noise.
-        first: Start states to begin with, (W, S).
+        first: Start states as they were measured, (W, S).
         steps: Of the start states, for differences, (S,).
-        scale: How far they may be from the first ones, (S,).
+        scale: How far they may be from the measured ones, (S,).
+        begin: Start states to begin with, (W, S); None: the measured ones.
         iterations: At most so many steps.
         tolerance: Ends when no window expects to gain more than this in its sum of squares.
     """
     problem = _Problem(predict, values, valid, signals, first, steps, scale, tolerance)
-    begin = problem.linearise(first)
-    return descend(problem.attempt, begin, DAMPING, iterations=iterations, blocks=len(values)).fitted
+    point = problem.linearise(first if begin is None else begin)
+    return descend(problem.attempt, point, DAMPING, iterations=iterations, blocks=len(values)).fitted
+
+
+def fit_starts_growing(
+    predict: Predict,
+    values: np.ndarray,
+    valid: np.ndarray,
+    signals: Measured,
+    first: np.ndarray,
+    steps: np.ndarray,
+    scale: np.ndarray,
+    *,
+    iterations: int = 4,
+) -> Fitted:
+    """Fit start states to longer and longer parts of their windows, each from where the one before ended.
+
+    A motion that amplifies its start has many local minima over a long time, and one valley over a short one. The
+    arguments are those of `fit_starts`.
+    """
+    begin, samples = first, values.shape[1]
+    for share in SETTINGS.held_out.growing_shares:
+        seen = valid.copy()
+        seen[:, math.ceil(share * samples) :] = False
+        fitted = fit_starts(predict, values, seen, signals, first, steps, scale, begin=begin, iterations=iterations)
+        begin = fitted.starts
+    return fitted
 
 
 @dataclass(frozen=True)
