@@ -21,6 +21,7 @@ from runner.effects.wording import percent_between, plus_minus
 from runner.localise.likeness import Likeness
 from runner.recording.data import BelievedPin
 from runner.report import html, words
+from runner.report.sections import _place
 from runner.report.statement import caveats
 from runner.report.terminal import summary
 from runner.systems.planar_box.system import PlanarBox
@@ -247,3 +248,16 @@ def test_lost_samples_are_no_outliers(found: Any) -> None:
 def test_ends_of_an_interval_differ(share: float, low: float, high: float, text: str) -> None:
     """As many decimals as that takes, alike in all three figures."""
     assert percent_between(share, low, high) == text
+
+
+def test_cells_come_joint_by_joint_in_the_order_of_their_numbers() -> None:
+    """The digits of a joint's name are no place, and the places of two joints are not mixed."""
+    cells = [
+        "'joint_9' at 0.2 to 0.8 rad",
+        "'joint_1' at 1.5 to 2.0 rad",
+        "'joint_9' at -1.0 to 0.2 rad",
+        "'joint_1' at -0.5 to 1.5 rad",
+    ]
+    assert sorted(cells, key=lambda c: _place(c, ())) == [cells[i] for i in (3, 1, 2, 0)]
+    speeds = ["high speed (1.4 to 2.3 of the usual)", "low speed (0.003 to 0.63 of the usual)"]
+    assert sorted(speeds, key=lambda c: _place(c, ())) == speeds[::-1]

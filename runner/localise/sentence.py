@@ -23,7 +23,11 @@ def sentence_of(system: AbstractSystem, cells: pd.DataFrame, p: float) -> str:
         these = [r for r in found if (r["factor"] in system.activities) is regime]
         if these:
             best = min(these, key=lambda r: (r["p"], -r["share"]))
-            parts.append(f"{system.phrase(best['factor'], best['cell'])} ({best['share']:+.0%} of the excess)")
+            # how much more than by chance that is, a share alone does not tell
+            much = (
+                f"{100 * best['share']:.0f} % of the excess in {100 * best['share'] / best['lift']:.0f} % of the time"
+            )
+            parts.append(f"{system.phrase(best['factor'], best['cell'])} ({much})")
     if len(parts) == 1:
         return f"{parts[0]}, wherever and whenever the {system.noun} moves"
     return ", ".join(parts)

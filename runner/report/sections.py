@@ -243,12 +243,17 @@ def _labels(diagnosis: Diagnosis) -> dict[str, str]:
     return {c.name: c.label for c in diagnosis.system.channels}
 
 
-def _place(cell: str, order: Sequence[str]) -> tuple[float, str]:
-    """Return what puts cells into their natural order: channels and regimes, numbers by size, the rest by name."""
+def _place(cell: str, order: Sequence[str]) -> tuple[str, float, str]:
+    """Return what puts cells into their natural order.
+
+    Channels and regimes come as they are listed, joints each with all of its cells, numbers by size, the rest by name.
+    """
     if cell in order:
-        return order.index(cell), cell
-    found = re.search(r"-?\d+(\.\d+)?", cell)
-    return (float(found.group()) if found else math.inf), cell
+        return "", order.index(cell), cell
+    # a number in the name of a joint is none of its places
+    quoted, place = re.fullmatch(r"('.*' )?(.*)", cell, re.DOTALL).groups()  # type: ignore[union-attr]
+    found = re.search(r"-?\d+(\.\d+)?", place)
+    return quoted or "", (float(found.group()) if found else math.inf), cell
 
 
 def _factor(diagnosis: Diagnosis, cells: pd.DataFrame, factor: str) -> dict[str, Any]:
