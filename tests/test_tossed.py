@@ -25,7 +25,7 @@ from runner.inference import multiple_shooting
 from runner.inference.contender import contend
 from runner.inference.evidence import directions, sensitivities
 from runner.inference.held_out import errors_off
-from runner.inference.least_squares import NONE, Fit, Fitter
+from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 from runner.inference.start_draws import tried_from_the_air
 from runner.noise.measured import measure
 from runner.recording import Span, read_case
@@ -279,6 +279,15 @@ def test_a_flight_rules_out_nothing_that_shows_after_a_hit(tmp_path: Path, monke
     assert seen is not None
     assert seen.beginning.seeds
     assert not seen.beginning.ruled_out
+
+
+def test_a_derivative_through_a_hit_outlasts_the_step_in_which_it_falls(tmp_path: Path):
+    """A box believed a twelfth too large: differences of a tenth of a prior width end its fit where it begins."""
+    fitter, nominal = begun(tmp_path, world(half_m=0.046))
+    size = Explanation((offered(fitter, "body_size[box]"),))
+    found = fitter.fit(size, nominal.episodes, near=nominal)
+    assert math.exp(found.x[0]) == pytest.approx(0.92, abs=0.01)
+    assert found.total < 0.1 * nominal.total
 
 
 def test_a_switch_is_offered_as_a_whole(tmp_path: Path):

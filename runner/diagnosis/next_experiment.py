@@ -51,7 +51,7 @@ def best_experiment(
         return None
     simulator, context = planned.simulator(threads=threads), system.context
     (one, x), (other, y) = first, second
-    steps, by_start = difference_steps(other.parameters(context), y), system.initial.steps
+    steps, by_start = difference_steps(other.parameters(context), y, system.difference_share), system.initial.steps
     moved = [other.make(y + d, context) for d in np.diag(steps)] if len(y) else []
     runs = [Run(one.make(x, context), start), Run(other.make(y, context), start)]
     runs += [Run(effects, start) for effects in moved]

@@ -68,7 +68,7 @@ def directions(system: AbstractSystem) -> list[Direction]:
         # the amplitude of what is shown by an amount is still in units of `scale`
         sizes = candidate.sizes(system.context)
         out += [Direction(candidate, size, size[0] / parameters[0].scale, 0.0, whole=True) for size in sizes]
-        steps = difference_steps(parameters, np.zeros(len(parameters)))
+        steps = difference_steps(parameters, np.zeros(len(parameters)), system.difference_share)
         for i, parameter in enumerate(parameters):
             vector = np.eye(len(parameters))[i] * steps[i]
             # what all of a kind share is a sum of directions that have their mismatch already

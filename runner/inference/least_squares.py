@@ -380,9 +380,7 @@ class Fitter:
         self, explanation: Explanation, x: np.ndarray, starts: np.ndarray, episodes: Sequence[int], basis: Basis | None
     ) -> FitPoint:
         parameters = explanation.parameters(self.context)
-        limits = SETTINGS.fit
-        hits = self.measured.scatter is not None
-        steps = difference_steps(parameters, x, limits.hit_difference_share if hits else limits.difference_share)
+        steps = difference_steps(parameters, x, self.system.difference_share)
         effects = [explanation.make(x + d, self.context) for d in (np.zeros(len(x)), *np.diag(steps))]
         residual, jacobian, qs, rs = [], [], [], []
         for k, e in enumerate(episodes):

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from runner.effects.base import Parameter
-from runner.settings import SETTINGS
 
 
 def bounds(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
@@ -27,10 +26,8 @@ def is_out_of_range(parameters: Sequence[Parameter], x: np.ndarray) -> bool:
     return bool((on_bound(parameters, x) & ~np.array([p.may_rest for p in parameters], dtype=bool)).any())
 
 
-def difference_steps(
-    parameters: Sequence[Parameter], x: np.ndarray, share: float = SETTINGS.fit.difference_share
-) -> np.ndarray:
-    """Return steps for one-sided differences that stay inside the bounds, (p,)."""
+def difference_steps(parameters: Sequence[Parameter], x: np.ndarray, share: float) -> np.ndarray:
+    """Return steps of a share of each prior width for one-sided differences that stay inside the bounds, (p,)."""
     _, high = bounds(parameters)
     steps = np.array([p.scale * share for p in parameters])
     return np.where(x + steps > high, -steps, steps) if len(steps) else steps

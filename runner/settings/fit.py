@@ -135,9 +135,10 @@ class FitSettings:
         "Where not all episodes can go as far, each start takes one of these; a damped step would be as short for all.",
     )
     hit_difference_share: float = setting(
-        0.1,
+        1.0,
         "prior widths",
-        "Through a hit smaller differences tell which corner chatters, and not where the body goes.",
+        "A hit falls into a step of the physics: smaller differences tell into which, and what that does to the "
+        "rebound, and not where the body goes.",
     )
     drawn_starts: int = setting(
         40,

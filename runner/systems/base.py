@@ -30,6 +30,7 @@ from runner.effects.base import Effects
 from runner.effects.vocabulary import Vocabulary
 from runner.numerics.arrays import FloatArray
 from runner.recording import Span
+from runner.settings import SETTINGS
 from runner.systems.channels import Channel, Scatter, Signals
 from runner.systems.disturbance import Disturbance
 from runner.systems.drawing import DrawnBody
@@ -78,6 +79,7 @@ class AbstractSystem(ABC):
             fitted in such pieces: where it leaves a smaller share in them than over longer times.
         episodes_differ: Whether single stretches may go elsewhere than any model says, so that each has a dispersion of
             its own: an impact that a hair's breadth turns.
+        difference_share: How many prior widths of a parameter a difference takes that tells a derivative.
         commanded: Whether anything is commanded at all: nothing is of what is tossed.
         dates_disturbances: Whether what pushed once, beyond all that was commanded, is looked for.
         screening_level: At which of them effects are screened; the mismatch must not take what an effect could explain.
@@ -109,6 +111,7 @@ class AbstractSystem(ABC):
     searched_s: float = 30.0
     cut_from: float = 4.0
     episodes_differ: bool = False
+    difference_share: float = SETTINGS.fit.difference_share
     commanded: bool = True
     dates_disturbances: bool = True
     plan_view: tuple[int, int] | None = None

@@ -88,6 +88,7 @@ class MechanismSystem(AbstractSystem):
             of, self.episodes_differ = MECHANISM.effort, True
             self.worth_another, self.unknown_share = of.impact_worth_another, of.impact_unknown_share
             self.searched_s = of.impact_searched_s
+            self.difference_share = SETTINGS.fit.hit_difference_share
             # what is smaller than that tells which corner chatters, and not where the body goes
             step, size = MECHANISM.start.difference_of_size, size_m(self.context.model)
             coarse = np.array([step * (size if c.unit == "m" else 1.0) for c in self.channels])
