@@ -410,13 +410,12 @@ class _Rounds:
         leaders = _likeliest_first([c for c in self.contenders if np.isfinite(c.log_posterior)])
         leaders = leaders[: SETTINGS.held_out.max_leaders]
         starts = np.stack([c.fit.starts for c in leaders], axis=1)
-        for i, c in enumerate(leaders):
-            found = begun_elsewhere(self.fitter, c.fit, starts, thoroughly=i < SETTINGS.search.beam_width)
-            if found is None:
+        for c in leaders:
+            begin = begun_elsewhere(self.fitter, c.fit, starts)
+            if begin is None:
                 continue
-            x, begin = found
             steps = SETTINGS.fit.final_steps
-            fit = self.fitter.fit(c.fit.explanation, self.episodes, x=x, starts=begin, iterations=steps)
+            fit = self.fitter.fit(c.fit.explanation, self.episodes, x=c.fit.x, starts=begin, iterations=steps)
             if fit.explanation.candidates:
                 again = self._worthy(fit, self._around(fit))
             else:

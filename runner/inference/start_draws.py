@@ -16,8 +16,7 @@ from runner.effects.base import Scope
 from runner.effects.vocabulary import Candidate
 from runner.inference.contender import Offer
 from runner.inference.evidence import clip, joined
-from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
-from runner.inference.parameters import bounds
+from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.warm_start import WarmStart
 from runner.numerics.arrays import FloatArray
 from runner.settings import SETTINGS
@@ -100,51 +99,18 @@ def _flown(held: Fitter, episodes: list[int], starts: FloatArray) -> tuple[list[
     return at, held.parts(spans).fit(NONE, range(len(spans)), starts=starts[at], iterations=steps)
 
 
-def begun_elsewhere(
-    fitter: Fitter, fit: Fit, starts: FloatArray, *, thoroughly: bool
-) -> tuple[FloatArray, FloatArray] | None:
-    """Return parameters, (p,), and start states, (E, S), from which a fit leaves less; None: there are none.
+def begun_elsewhere(fitter: Fitter, fit: Fit, starts: FloatArray) -> FloatArray | None:
+    """Return start states, (E, S), from which a fit leaves less at its parameters; None: there are none.
 
     Args:
         fitter: Of the fit.
         fit: It.
         starts: Where others begin, (E, K, S); what a flight tells is tried besides.
-        thoroughly: Whether what hits something is tried with other parameters, too.
     """
     held = replace(fitter, held=fit.explanation.make(fit.x, fitter.context))
-    x, begin = fit.x, improved_starts(held, fit.episodes, held.best_starts((), starts, fit.episodes)[0])
-    if thoroughly and fitter.until_hit(fit.episodes):
-        x, begin = _searched(fitter, fit.explanation, x, begin, fit.episodes)
-    left = fitter.loss(fit.explanation, x, begin, fit.episodes)
-    return None if left > fit.total - SETTINGS.held_out.stuck_loss else (x, begin)
-
-
-def _searched(
-    fitter: Fitter, explanation: Explanation, x: FloatArray, starts: FloatArray, episodes: Sequence[int]
-) -> tuple[FloatArray, FloatArray]:
-    """Return parameters, (p,), and start states, (E, S), that leave least of what is tried one parameter at a time.
-
-    A pattern search (Hooke and Jeeves 1961), the starts drawn anew at each try: through a hit the derivatives that a
-    descent follows are those of one side, and end where the next begins.
-    """
-    parameters = explanation.parameters(fitter.context)
-    low, high = bounds(parameters)
-    steps = SETTINGS.fit.hit_difference_share * np.diag([p.scale for p in parameters])
-
-    def left(at: FloatArray) -> tuple[float, FloatArray]:
-        held = replace(fitter, held=explanation.make(at, fitter.context))
-        found = improved_starts(held, episodes, starts)
-        return held.loss(NONE, np.empty(0), found, episodes), found
-
-    least, starts = left(x)
-    for way in (*steps, *-steps):
-        while True:
-            at = np.clip(x + way, low, high)
-            less, found = left(at)
-            if not less < least - SETTINGS.held_out.stuck_loss:
-                break
-            x, least, starts = at, less, found
-    return x, starts
+    begin = improved_starts(held, fit.episodes, held.best_starts((), starts, fit.episodes)[0])
+    left = fitter.loss(fit.explanation, fit.x, begin, fit.episodes)
+    return None if left > fit.total - SETTINGS.held_out.stuck_loss else begin
 
 
 def _invertible(triangle: FloatArray) -> FloatArray:
