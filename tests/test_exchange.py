@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from runner.inference.contender import contend
+from runner.effects.planar_box import Friction, Stribeck
+from runner.effects.planar_box.stribeck import StribeckFromRest
+from runner.inference.contender import Contender, contend
 from runner.inference.evidence import directions, sensitivities
-from runner.inference.exchange import one_for_two
+from runner.inference.exchange import one_for_two, other_variants
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.warm_start import key_of
 from runner.noise.measured import measure
+from runner.systems.planar_box.system import PlanarBox
+from tests.cases import made
 from tests.mechanism_cases import MOTOR, SLIDE, joint_channels, system_of, write_case
 
 MASS_KG, BELIEVED_KG, DAMPING = 2.0, 1.4, 3.0
@@ -55,3 +61,20 @@ def test_a_mass_is_found_behind_a_gain_and_a_damping(tmp_path: Path) -> None:
     assert BELIEVED_KG * np.exp(found[key_of(mass)].x[0]) == pytest.approx(MASS_KG, rel=2e-3)
     # what has been fitted is not fitted again
     assert key_of(mass) not in {key_of(f.explanation) for f in one_for_two(fitter, whole, {key_of(mass)})}
+
+
+def test_friction_that_is_right_at_rest_is_found_behind_less_of_it_that_rises_towards_rest() -> None:
+    """One variant of an effect that has a place, in the stead of the other and a friction."""
+    recording, _ = made((StribeckFromRest(-0.3, 0.3, 1.0),), episodes=3, seconds=3.0)
+    system = PlanarBox(recording)
+    fitter = Fitter(system, system.simulator(threads=1), measure(system))
+    by_effect = {c.effect: c for c in system.vocabulary}
+    two = Explanation((by_effect[Friction], by_effect[Stribeck]))
+    start = fitter.fit(NONE, range(3))
+    fit = fitter.fit(two, range(3), x=np.array([0.1, -0.2, np.log(1.5), 0.0]), near=start, iterations=20)
+    whole = cast("Contender", SimpleNamespace(fit=fit))
+    (found,) = other_variants(fitter, whole, set())
+    assert found.explanation.candidates == (by_effect[StribeckFromRest],)
+    assert found.total < fit.total + 10.0  # one number less
+    assert found.total < start.total - 100.0
+    assert other_variants(fitter, whole, {key_of(found.explanation)}) == []

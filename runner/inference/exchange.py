@@ -8,7 +8,8 @@ promise to make up for most of what is lost are fitted (sequential replacement; 
 from __future__ import annotations
 
 from collections.abc import Iterator, Set
-from itertools import combinations
+from itertools import combinations, permutations
+from typing import Any
 
 import numpy as np
 
@@ -37,10 +38,43 @@ def one_for_two(fitter: Fitter, whole: Contender, seen: Set[Key]) -> list[Fit]:
         if len(fits) == SETTINGS.search.most_promising:
             break
         x = np.clip(x, *bounds(explanation.parameters(fitter.context)))
-        steps, patience = SETTINGS.fit.refit_steps, SETTINGS.fit.patience_steps
-        how = {"target": whole.fit.total, "patience": patience, "iterations": steps}
-        fits[key] = fitter.fit(explanation, whole.fit.episodes, x=x, near=whole.fit, **how)
+        fits[key] = fitter.fit(explanation, whole.fit.episodes, x=x, near=whole.fit, **_how(whole.fit))
     return list(fits.values())
+
+
+def other_variants(fitter: Fitter, whole: Contender, seen: Set[Key]) -> list[Fit]:
+    """Return fits with the other variant of an effect that has a place in the stead of it and of one effect more.
+
+    Friction that is as believed at rest and falls with speed looks like less friction that rises towards rest. No
+    linear model says so, but the variant's numbers are about those of the other.
+
+    Args:
+        fitter: Of the explanation.
+        whole: It.
+        seen: What has been fitted, and is not fitted again.
+    """
+    fit, fits, done = whole.fit, list[Fit](), set(seen)
+    parts = dict(fit.explanation.parts(fitter.context))
+    for one, other in permutations(parts, 2):
+        if not one.is_placed(fitter.context):
+            continue
+        rest = fit.explanation.without(one).without(other)
+        for variant in fitter.system.vocabulary.by_name[one.name]:
+            explanation = rest + Explanation((variant,))
+            alike = len(variant.parameters(fitter.context)) == len(one.parameters(fitter.context))
+            if variant == one or not alike or not variant.may_join(rest.candidates) or key_of(explanation) in done:
+                continue
+            done.add(key_of(explanation))
+            x = np.concatenate([fit.x[parts[c]] for c in (*rest.candidates, one)])
+            x = np.clip(x, *bounds(explanation.parameters(fitter.context)))
+            fits.append(fitter.fit(explanation, fit.episodes, x=x, near=fit, **_how(fit)))
+    return fits
+
+
+def _how(fit: Fit) -> dict[str, Any]:
+    """Return how long what may take the place of a fit is given to come near it."""
+    limits = SETTINGS.fit
+    return {"target": fit.total, "patience": limits.patience_steps, "iterations": limits.refit_steps}
 
 
 def _promised(fitter: Fitter, whole: Contender, seen: Set[Key]) -> Iterator[tuple[float, Explanation, FloatArray]]:

@@ -21,7 +21,7 @@ from runner.inference.evidence import (
     joined,
     sensitivities,
 )
-from runner.inference.exchange import one_for_two
+from runner.inference.exchange import one_for_two, other_variants
 from runner.inference.leap import leap
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter, are_near
 from runner.inference.probability import not_none, shares, unknown_by_excess
@@ -395,7 +395,7 @@ class _Rounds:
 
     def _and_with_one_for_two(self, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
         """Add what the likeliest is with one effect in the place of two."""
-        fits = one_for_two(self.fitter, new[0], self.seen)
+        fits = one_for_two(self.fitter, new[0], self.seen) + other_variants(self.fitter, new[0], self.seen)
         self.seen |= {key_of(f.explanation) for f in fits}
         fewer = [self._worthy(fit, around_best) for fit in fits]
         self.contenders += fewer
