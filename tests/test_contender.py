@@ -10,12 +10,13 @@ import pytest
 from scipy.signal import lfilter
 
 from runner.effects.mechanism import ActuatorDelay, Gravity, ObservationDelay
-from runner.effects.planar_box import BodySize
+from runner.effects.planar_box import ActuatorLag, BodySize
 from runner.effects.vocabulary import Candidate
-from runner.inference.contender import are_confounded, dispersion_of, memory
-from runner.inference.evidence import directions
-from runner.inference.least_squares import Explanation
+from runner.inference.contender import are_confounded, contend, dispersion_of, memory
+from runner.inference.evidence import directions, sensitivities
+from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.variable_projection import Spread
+from runner.noise.measured import measure
 from runner.recording import Nominal, Recording
 from runner.systems.planar_box.simulator import Simulator
 from runner.systems.planar_box.system import PlanarBox
@@ -98,3 +99,12 @@ def test_a_command_that_comes_late_is_one_with_a_measurement_that_is_late(sole: 
     assert late.may_join([Candidate(ObservationDelay)]) != alike
     assert Candidate(ObservationDelay).may_join([late]) != alike
     assert late.may_join([Candidate(Gravity)])
+
+
+def test_a_lag_longer_than_a_command_lasts_promises_most() -> None:
+    """It takes most of a push, as a weaker one would; its derivative at nothing only tells that a push comes late."""
+    system = PlanarBox(made((ActuatorLag(0.5),), episodes=2, seconds=3.0)[0])
+    fitter = Fitter(system, system.simulator(threads=1), measure(system))
+    nominal = fitter.fit(NONE, [0, 1])
+    around = contend(fitter, nominal, sensitivities(fitter, nominal, directions(system)))
+    assert max(around.gains, key=lambda c: float(around.gains[c][0])).effect is ActuatorLag

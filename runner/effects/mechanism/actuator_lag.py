@@ -45,6 +45,13 @@ class ActuatorLag(MechanismEffect):
         return (Parameter("time_constant_s", "s", 0.03, 0.0, min(2.0, context.length_s)),)
 
     @classmethod
+    def sizes(cls, context: Scope) -> np.ndarray:
+        # what is longer than a command lasts takes most of it, and a small amount merely makes it late
+        (constant,) = cls.parameters(context)
+        longer = constant.scale * np.array([4.0, 16.0])
+        return longer[longer < constant.upper, None]
+
+    @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:
         return cls(str(context.target), max(float(x[0]), 0.0))
 

@@ -42,6 +42,13 @@ class ActuatorLag(PlanarEffect):
         return (Parameter("time_constant_s", "s", 0.08, 0.0, 2.0),)
 
     @classmethod
+    def sizes(cls, context: Context) -> np.ndarray:
+        # what is longer than a command lasts takes most of it, and a small amount merely makes it late
+        (constant,) = cls.parameters(context)
+        longer = constant.scale * np.array([4.0, 16.0])
+        return longer[longer < constant.upper, None]
+
+    @classmethod
     def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(max(x[0], 0.0))
 
