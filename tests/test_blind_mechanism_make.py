@@ -153,6 +153,21 @@ def test_turned_zeros_and_shifted_targets_are_one_effect() -> None:
     np.testing.assert_allclose(shown, true, atol=1e-9)
 
 
+@pytest.mark.parametrize("system", ["pendulum", "arm2"])
+def test_late_measurements_and_late_commands_of_all_drives_are_one_effect(system: str) -> None:
+    case, delay_s = drawn(system, 0, 1, Needs(motor=True)), 0.013
+    late = VOCABULARY["observation_delay"].draw(case, np.random.default_rng(0))
+    assert late is not None
+    drives = case.names.actuators
+    assert full("actuator_delay", drives[0] if system == "pendulum" else "*") in late.accept
+    world = case.world
+    for i in range(len(drives)):
+        world = world.with_actuator(i, delay_s=delay_s)
+    planned = case.episodes[0]
+    read, driven = (simulate(w, planned) for w in (late.edit(case.world, delay_s), world))
+    np.testing.assert_allclose(read, driven, atol=1e-3 * np.abs(read).max())
+
+
 def test_no_episode_hangs_on_a_hair() -> None:
     """All are calm, as drawn, whatever drives them."""
     g = np.random.default_rng(0)

@@ -12,6 +12,7 @@ from runner.blind.mechanism.case import Unplanted
 from runner.blind.mechanism.draw import Needs
 from runner.blind.mechanism.physics import World
 from runner.blind.mechanism.plants.plant import Kind, Plant, full, pick
+from runner.effects.vocabulary import ALL
 
 HINGED = ("pendulum", "arm2")
 
@@ -263,10 +264,11 @@ def _clock_scale(c: Unplanted, g: np.random.Generator) -> Plant:
 
 
 def _observation_delay(c: Unplanted, g: np.random.Generator) -> Plant:
-    alike = (full("actuator_delay", c.names.actuators[0]),) if c.count == 1 else ()
+    # every joint is driven, so that all of the motion comes later where all commands do
+    commands = full("actuator_delay", c.names.actuators[0] if c.count == 1 else ALL)
     return Plant(
         "observation_delay", None, 0.1, lambda w, size: replace(w, observation_delay_s=size),
-        lambda w, size: {"delay_s": size}, alike,
+        lambda w, size: {"delay_s": size}, (commands,),
     )  # fmt: skip
 
 
