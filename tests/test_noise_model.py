@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.linalg import cholesky, solve_triangular, toeplitz
 
-from runner.noise.measured import Measured, without_outliers
+from runner.noise.measured import Measured, refine, without_outliers
 from runner.noise.model import NoiseModel, estimate
 from runner.numerics.differences import third_differences, white_noise
 from runner.recording import Span
@@ -160,3 +163,22 @@ def test_short_flights_tell_their_noise(stated: bool) -> None:
     assert found is not None
     np.testing.assert_allclose(found.level, 0.0012, rtol=1e-12 if stated else 0.05)
     assert found.share * found.memory == pytest.approx(share * memory, abs=0.12)
+
+
+@pytest.mark.parametrize("owner", [True, False])
+def test_a_rough_level_that_nobody_stated_does_not_hold_in_short_flights(*, owner: bool) -> None:
+    """That of an orientation, before a model leaves anything in which its noise shows."""
+    rough, residuals = 0.7, {e: noise(40, 3, 0.0, 0.5, e) for e in range(16)}
+    values, valid = tuple(residuals.values()), tuple(np.ones((40, 3), bool) for _ in residuals)
+    spans = tuple(Span(e, 0, 40) for e in residuals)
+    known = Measured(spans, values, np.full(3, rough), NoiseModel.white(3), valid, np.full(3, rough))
+    system: Any = SimpleNamespace(
+        episodes_differ=False,
+        values=lambda: values,
+        stated_noise=lambda: np.full(3, rough),
+        owner_states_noise=lambda: np.full(3, owner),
+        channels=(SimpleNamespace(group="turn"),) * 3,
+        rate_hz=100.0,
+        recording=SimpleNamespace(episodes=[SimpleNamespace(step_s=0.005) for _ in values]),
+    )
+    np.testing.assert_allclose(refine(known, system, residuals).sensor, rough if owner else 1.0, rtol=0.05)

@@ -177,7 +177,8 @@ def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.n
     groups = _groups(system)
     otherwise = measured.sensor[[columns[0] for columns in groups]]
     rounding = _rounding_noise(system.values(), groups)
-    stated = system.stated_noise()
+    # what the system made up for where nobody stated anything is no belief: in what a model leaves the noise shows
+    stated = np.where(system.owner_states_noise(), system.stated_noise(), np.nan)
     sigma, noise_model = _noise(
         stretches,
         _step_s(system),
