@@ -34,8 +34,9 @@ from runner.effects.wording import unit_of
 from runner.errors import ConfigError, RecordingError, ResultError
 from runner.noise.measured import Measured, measure
 from runner.recording import write_case
+from runner.settings import SETTINGS
 from runner.simulate.gap import WHOLE_EPISODE, measure_gap
-from runner.simulate.shooting import fit_starts, fit_starts_growing, windows_of
+from runner.simulate.shooting import fit_starts, windows_of
 from runner.systems.planar_box.model_file import MODEL
 from runner.systems.planar_box.simulator import OBJECT, Simulator
 from runner.systems.planar_box.system import PlanarBox, vocabulary
@@ -319,4 +320,6 @@ def test_a_start_that_the_motion_amplifies_is_found_over_longer_and_longer_parts
     problem = (predict, values, np.ones_like(values, bool), signals, np.array([[1.3]]))
     steps, scale = np.array([1e-6]), np.array([0.2])
     assert abs(fit_starts(*problem, steps, scale, iterations=20).starts[0, 0] - 1.0) > 0.1
-    assert fit_starts_growing(*problem, steps, scale).starts[0, 0] == pytest.approx(1.0, abs=1e-3)
+    assert fit_starts(*problem, steps, scale, shares=SETTINGS.held_out.growing_shares).starts[0, 0] == pytest.approx(
+        1.0, abs=1e-3
+    )

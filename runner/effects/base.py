@@ -51,6 +51,15 @@ class Parameter:
     may_rest: bool = False
 
 
+def longer_than_commands(constant: Parameter) -> np.ndarray:
+    """Return time constants of a lag at which is looked what one does, (k, 1).
+
+    What is longer than a command lasts takes most of it, where a small amount merely makes it late.
+    """
+    longer = constant.scale * np.array([4.0, 16.0])
+    return longer[longer < constant.upper, None]
+
+
 @dataclass(frozen=True)
 class Phrase:
     """An effect in words.

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Set
 from itertools import combinations, permutations
-from typing import Any
 
 import numpy as np
 
@@ -37,8 +36,7 @@ def one_for_two(fitter: Fitter, whole: Contender, seen: Set[Key]) -> list[Fit]:
             continue
         if len(fits) == SETTINGS.search.most_promising:
             break
-        x = np.clip(x, *bounds(explanation.parameters(fitter.context)))
-        fits[key] = fitter.fit(explanation, whole.fit.episodes, x=x, near=whole.fit, **_how(whole.fit))
+        fits[key] = _instead(fitter, whole.fit, explanation, x)
     return list(fits.values())
 
 
@@ -66,15 +64,21 @@ def other_variants(fitter: Fitter, whole: Contender, seen: Set[Key]) -> list[Fit
                 continue
             done.add(key_of(explanation))
             x = np.concatenate([fit.x[parts[c]] for c in (*rest.candidates, one)])
-            x = np.clip(x, *bounds(explanation.parameters(fitter.context)))
-            fits.append(fitter.fit(explanation, fit.episodes, x=x, near=fit, **_how(fit)))
+            fits.append(_instead(fitter, fit, explanation, x))
     return fits
 
 
-def _how(fit: Fit) -> dict[str, Any]:
-    """Return how long what may take the place of a fit is given to come near it."""
-    limits = SETTINGS.fit
-    return {"target": fit.total, "patience": limits.patience_steps, "iterations": limits.refit_steps}
+def _instead(fitter: Fitter, fit: Fit, explanation: Explanation, x: FloatArray) -> Fit:
+    """Fit what may take the place of a fit, from x, (p,); it is given up where it will not come near that."""
+    return fitter.fit(
+        explanation,
+        fit.episodes,
+        x=np.clip(x, *bounds(explanation.parameters(fitter.context))),
+        near=fit,
+        target=fit.total,
+        patience=SETTINGS.fit.patience_steps,
+        iterations=SETTINGS.fit.refit_steps,
+    )
 
 
 def _promised(fitter: Fitter, whole: Contender, seen: Set[Key]) -> Iterator[tuple[float, Explanation, FloatArray]]:

@@ -19,7 +19,8 @@ import pandas as pd
 from runner.effects.base import Effects
 from runner.errors import RecordingError
 from runner.noise.measured import Measured
-from runner.simulate.shooting import WINDOWS_AT_ONCE, Predict, fit_starts, fit_starts_growing, whiten, windows_of
+from runner.settings import SETTINGS
+from runner.simulate.shooting import WINDOWS_AT_ONCE, Predict, fit_starts, whiten, windows_of
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import Run
 from runner.systems.windows import Windows
@@ -160,7 +161,8 @@ def _sums(
 ) -> _Sums:
     """Return the sums of windows, which are simulated by `predict` from start states as they are shown.
 
-    `grow`: there is one window, and where its motion amplifies the start, that is sought over shorter parts first."""
+    `grow`: there is one window, and where its motion amplifies the start, that is sought over shorter parts first.
+    """
     values, valid = windows.of(signals.values), windows.of(signals.valid)
     steps, scale = system.initial.steps, system.initial.scale(signals.sigma)
     measured = system.initial.guess_windows(signals, windows, smooth=False)
@@ -179,7 +181,7 @@ def _sums(
     problem = (predict, values, valid, signals, measured, steps, scale)
     fitted = fit_starts(*problem, iterations=iterations)
     if grow and (expected > AMPLIFIES**2 * signals.sigma**2 * counts.sum(axis=(0, 1))).any():
-        fits = (fitted, fit_starts_growing(*problem, iterations=iterations))
+        fits = (fitted, fit_starts(*problem, shares=SETTINGS.held_out.growing_shares, iterations=iterations))
         fitted = min(fits, key=lambda f: float(np.sum(whiten(f.residual, valid, signals) ** 2)))
     return _Sums(
         len(windows),

@@ -14,7 +14,6 @@ import numpy as np
 
 from runner.noise.measured import Measured
 from runner.numerics.levenberg_marquardt import Schedule, Trial, damped, descend
-from runner.settings import SETTINGS
 from runner.systems.windows import Windows
 
 PRIOR_SIGMAS = 10.0  # a fitted start state may lie some such distances from the measured one, and hardly more
@@ -82,13 +81,14 @@ def fit_starts(
     steps: np.ndarray,
     scale: np.ndarray,
     *,
-    begin: np.ndarray | None = None,
+    shares: Sequence[float] = (1.0,),
     iterations: int = 4,
     tolerance: float = 0.1,
 ) -> Fitted:
     """Fit the start state of each window by Levenberg-Marquardt steps, all windows side by side.
 
-    A window keeps a step only if it lowers its loss.
+    A window keeps a step only if it lowers its loss. A motion that amplifies its start has many local minima over a
+    long time, and one valley over a short one: then starts are fitted to longer and longer parts of the windows.
 
     Args:
         predict: From start states (W, K, S) to predictions (W, K, n, C).
@@ -98,36 +98,16 @@ def fit_starts(
         first: Start states as they were measured, (W, S).
         steps: Of the start states, for differences, (S,).
         scale: How far they may be from the measured ones, (S,).
-        begin: Start states to begin with, (W, S); None: the measured ones.
-        iterations: At most so many steps.
+        shares: Of each window, one after the other: each fit begins where the one before ended.
+        iterations: At most so many steps, of each share.
         tolerance: Ends when no window expects to gain more than this in its sum of squares.
     """
-    problem = _Problem(predict, values, valid, signals, first, steps, scale, tolerance)
-    point = problem.linearise(first if begin is None else begin)
-    return descend(problem.attempt, point, DAMPING, iterations=iterations, blocks=len(values)).fitted
-
-
-def fit_starts_growing(
-    predict: Predict,
-    values: np.ndarray,
-    valid: np.ndarray,
-    signals: Measured,
-    first: np.ndarray,
-    steps: np.ndarray,
-    scale: np.ndarray,
-    *,
-    iterations: int = 4,
-) -> Fitted:
-    """Fit start states to longer and longer parts of their windows, each from where the one before ended.
-
-    A motion that amplifies its start has many local minima over a long time, and one valley over a short one. The
-    arguments are those of `fit_starts`.
-    """
     begin, samples = first, values.shape[1]
-    for share in SETTINGS.held_out.growing_shares:
-        seen = valid.copy()
-        seen[:, math.ceil(share * samples) :] = False
-        fitted = fit_starts(predict, values, seen, signals, first, steps, scale, begin=begin, iterations=iterations)
+    for share in shares:
+        seen = valid & (np.arange(samples) < math.ceil(share * samples))[:, None]
+        problem = _Problem(predict, values, seen, signals, first, steps, scale, tolerance)
+        point = problem.linearise(begin)
+        fitted = descend(problem.attempt, point, DAMPING, iterations=iterations, blocks=len(values)).fitted
         begin = fitted.starts
     return fitted
 

@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import Parameter, Phrase, Vector
+from runner.effects.base import Parameter, Phrase, Vector, longer_than_commands
 from runner.effects.planar_box.base import Beliefs, Context, PlanarEffect, effect
 from runner.effects.wording import Values, number
 from runner.errors import check_range
@@ -43,10 +43,7 @@ class ActuatorLag(PlanarEffect):
 
     @classmethod
     def sizes(cls, context: Context) -> np.ndarray:
-        # what is longer than a command lasts takes most of it, and a small amount merely makes it late
-        (constant,) = cls.parameters(context)
-        longer = constant.scale * np.array([4.0, 16.0])
-        return longer[longer < constant.upper, None]
+        return longer_than_commands(*cls.parameters(context))
 
     @classmethod
     def from_vector(cls, x: Vector, context: Context) -> Self:
