@@ -13,6 +13,7 @@ from runner.effects.mechanism import Compliance
 from runner.inference.contender import contend
 from runner.inference.held_out import _unstuck
 from runner.inference.least_squares import NONE, Explanation, Fitter
+from runner.inference.start_draws import begun_elsewhere
 from runner.inference.warm_start import where_to_begin
 from runner.noise.measured import measure
 from runner.settings import SETTINGS
@@ -89,3 +90,16 @@ def test_a_start_that_is_stuck_is_sought_anew_where_another_explanation_leaves_l
     assert found[id(aside)].loss[0] == pytest.approx(best.loss[0], abs=0.5)
     np.testing.assert_array_equal(found[id(aside)].starts[1], aside.starts[1])
     assert found[id(best)] is best
+
+
+def test_starts_that_take_off_too_little_to_turn_an_order_are_left_alone(elastic: MechanismSystem) -> None:
+    """Another explanation's starts are taken where they leave less by as much as is of use, and not by less."""
+    fitter = Fitter(elastic, elastic.simulator(threads=1), measure(elastic))
+    right = {"explanation": Explanation(elastic.vocabulary.by_name["compliance[slide]"]), "episodes": range(2)}
+    best = fitter.fit(x=np.array([1.0 / STIFFNESS]), **right)
+    aside = fitter.fit(x=best.x, starts=best.starts + np.array([[0.0, 8e-6], [0.0, 0.0]]), iterations=0, **right)
+    gain, offered = aside.total - best.total, np.stack([aside.starts, best.starts], axis=1)
+    begin = begun_elsewhere(fitter, aside, offered, 0.9 * gain)
+    assert begin is not None
+    np.testing.assert_array_equal(begin, best.starts)
+    assert begun_elsewhere(fitter, aside, offered, 1.1 * gain) is None

@@ -411,11 +411,14 @@ class _Rounds:
         leaders = leaders[: SETTINGS.held_out.max_leaders]
         starts = np.stack([c.fit.starts for c in leaders], axis=1)
         for c in leaders:
-            begin = begun_elsewhere(self.fitter, c.fit, starts)
+            # what a start takes off at once, a descent from it may go on to take off a few times
+            enough = 2.0 * (leaders[0].log_posterior - c.log_posterior) / SETTINGS.fit.promise_factor
+            begin = begun_elsewhere(self.fitter, c.fit, starts, enough)
             if begin is None:
                 continue
             steps = SETTINGS.fit.final_steps
-            fit = self.fitter.fit(c.fit.explanation, self.episodes, x=c.fit.x, starts=begin, iterations=steps)
+            goal = {"target": leaders[0].fit.total, "patience": SETTINGS.fit.patience_steps}
+            fit = self.fitter.fit(c.fit.explanation, self.episodes, x=c.fit.x, starts=begin, iterations=steps, **goal)
             if fit.explanation.candidates:
                 again = self._worthy(fit, self._around(fit))
             else:

@@ -99,18 +99,19 @@ def _flown(held: Fitter, episodes: list[int], starts: FloatArray) -> tuple[list[
     return at, held.parts(spans).fit(NONE, range(len(spans)), starts=starts[at], iterations=steps)
 
 
-def begun_elsewhere(fitter: Fitter, fit: Fit, starts: FloatArray) -> FloatArray | None:
+def begun_elsewhere(fitter: Fitter, fit: Fit, starts: FloatArray, enough: float) -> FloatArray | None:
     """Return start states, (E, S), from which a fit leaves less at its parameters; None: there are none.
 
     Args:
         fitter: Of the fit.
         fit: It.
         starts: Where others begin, (E, K, S); what a flight tells is tried besides.
+        enough: So much they have to take off the loss to be of use.
     """
     held = replace(fitter, held=fit.explanation.make(fit.x, fitter.context))
     begin = improved_starts(held, fit.episodes, held.best_starts((), starts, fit.episodes)[0])
     left = fitter.loss(fit.explanation, fit.x, begin, fit.episodes)
-    return None if left > fit.total - SETTINGS.held_out.stuck_loss else begin
+    return None if left > fit.total - max(enough, SETTINGS.held_out.stuck_loss) else begin
 
 
 def _invertible(triangle: FloatArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -71,12 +72,14 @@ def _scanned(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit,
     """
     place = _size_of_last(explanation, fitter)
 
-    def left(size: float) -> float:
-        return fitter.loss(explanation, _with(x, place, size), near.starts, near.episodes)
+    def best(some: Sequence[float] | np.ndarray) -> int:
+        models = [explanation.make(_with(x, place, size), fitter.context) for size in some]
+        return int(np.argmin(fitter.losses(models, near.starts, near.episodes)))
 
-    i = int(np.argmin([left(s) for s in sizes]))
+    i = best(sizes)
     finer = np.linspace(sizes[max(i - 1, 0)], sizes[min(i + 1, len(sizes) - 1)], SETTINGS.fit.scanned_sizes)
-    return _with(x, place, min((x[place], *finer), key=left))
+    among = np.array([x[place], *finer])
+    return _with(x, place, float(among[best(among)]))
 
 
 def _size_of_last(explanation: Explanation, fitter: Fitter) -> int:
