@@ -9,47 +9,50 @@ import mujoco
 import numpy as np
 
 from runner.effects.base import Parameter, Phrase, Vector
-from runner.effects.mechanism import contacts, parts
+from runner.effects.mechanism import contacts
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
 from runner.effects.wording import Values
 from runner.errors import check_range
 
-LEAST_SPEED = 0.1  # m/s, for the size of a drag that one would not be surprised to meet
+AIR = "~air"  # what the body that the air acts on adds to the name of the one that it is part of
+THIN = 1e-6  # kg/m3, where no medium is believed: so thin that nothing else notices
+LIGHT_KG = 1e-9  # MuJoCo's media pass over what has no mass
+RADIUS_M = 0.001  # the medium that a sphere carries along grows with its volume: of this it weighs next to nothing
 
 
 @effect
 @dataclass(frozen=True)
 class AirDrag(MechanismEffect):
-    """The air resists a free body with `coefficient_n_s2_per_m2` times its speed squared.
+    """The air resists the motion of a free body: a force of `coefficient_n_s2_per_m2` |v| v against it.
 
-    MuJoCo's own model of a fluid: the density of the medium acts on the box of the body's inertia, along each of its
-    axes with that face, and on its turning. So the drag of a body depends on how it is turned, and the coefficient is
-    the mean over all directions of motion, as a tumbling body shows it. The medium is one for all bodies; so it is told
-    of a body that moves alone.
+    v is that of the believed centre of mass, where the force acts: it does not turn the body. MuJoCo's own media do
+    that to a sphere whose blunt and slender drag are alike, with nothing else in its ellipsoid model, so one is added
+    that touches nothing and weighs next to nothing.
     """
 
     name: ClassVar[str] = "air_drag"
     label: ClassVar[str] = "drag of the air"
     target_kind: ClassVar[str] = "body"
     commonness: ClassVar[int] = 2
+    structural: ClassVar[bool] = True
     target: str
     coefficient_n_s2_per_m2: float
 
     def __post_init__(self) -> None:
         check_range("air_drag.coefficient_n_s2_per_m2", self.coefficient_n_s2_per_m2, 0.0, 1e6, unit="N s2/m2")
+        object.__setattr__(self, "structural", self.coefficient_n_s2_per_m2 > 0.0)
 
-    def edit_model(self, model: mujoco.MjModel) -> None:
-        model.opt.density += self.coefficient_n_s2_per_m2 / per_density(model, self.target)
+    def edit_spec(self, spec: mujoco.MjSpec) -> None:
+        if self.coefficient_n_s2_per_m2 > 0.0:
+            _add_sphere(spec, self.target, self.coefficient_n_s2_per_m2)
 
     @classmethod
     def applies(cls, scope: Scope) -> bool:
-        model = scope.model
-        moving = [b for b in range(1, model.nbody) if int(model.body_weldid[b]) != 0]
-        return contacts.is_free(model, scope.target) and moving == [model.body(scope.target).id]
+        return contacts.is_free(scope.model, scope.target)
 
     @classmethod
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
-        usual = per_density(context.model, context.target)  # of something as light as water is heavy: 1 kg/m3 is air
+        usual = of_air(context.model, context.target)
         return (Parameter("coefficient_n_s2_per_m2", "N s2/m2", 3.0 * usual, 0.0, 1000.0 * usual),)
 
     @classmethod
@@ -58,22 +61,43 @@ class AirDrag(MechanismEffect):
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
-        density = of["coefficient_n_s2_per_m2"] / per_density(beliefs.model, str(target))
         return Phrase(
             f"the air slows body '{target}' down",
             of.show("coefficient_n_s2_per_m2", "N s²/m²"),
-            f'Set <option density="{parts.attribute(density + beliefs.model.opt.density)}"/>.',
+            f"Give '{target}' the sphere that model.xml has, \"{target}{AIR}\", whose `fluidcoef` is its drag in the "
+            "thin medium of `<option density>`.",
             f"Throw '{target}' fast and far, and compare the two halves of its flight.",
         )
 
 
-def per_density(model: mujoco.MjModel, body: str | None) -> float:
-    """Return the mean drag of a body over all directions for a medium of 1 kg/m3, N s2/m2.
+def of_air(model: mujoco.MjModel, body: str | None) -> float:
+    """Return a mean drag of a body in a medium of 1 kg/m3, about that of air, N s2/m2.
 
-    Along each axis i of its inertia's box it is 2 r_j r_k v_i^2; of motion along n that resists by the sum of
-    2 r_j r_k |n_i|^3, and the mean of |n_i|^3 over the sphere is 1/4.
+    Of the box that has its inertia, as MuJoCo's media see it: along each axis i it is 2 r_j r_k v_i^2; of motion along
+    n that resists by the sum of 2 r_j r_k |n_i|^3, and the mean of |n_i|^3 over the sphere is 1/4.
     """
     body_ = model.body(body).id
     inertia, mass = np.array(model.body_inertia[body_]), float(model.body_mass[body_])
     half = 0.5 * np.sqrt(np.maximum(inertia.sum() - 2 * inertia, 1e-12) * 6.0 / mass)
     return float(0.25 * 2.0 * np.sum([half[1] * half[2], half[0] * half[2], half[0] * half[1]]))
+
+
+def _add_sphere(spec: mujoco.MjSpec, name: str, coefficient: float) -> None:
+    """Add the sphere that the medium acts on, at a body's centre of mass."""
+    centre = np.array(spec.copy().compile().body(name).ipos)
+    if spec.option.density == 0.0:
+        spec.option.density = THIN
+    part = spec.body(name).add_body(name=name + AIR, pos=centre, mass=LIGHT_KG, explicitinertial=1)
+    part.inertia = [LIGHT_KG * RADIUS_M**2] * 3
+    drag = coefficient / (spec.option.density * np.pi * RADIUS_M**2)
+    part.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[RADIUS_M, 0.0, 0.0],
+        mass=0.0,
+        contype=0,
+        conaffinity=0,
+        group=5,
+        rgba=[0.0, 0.0, 0.0, 0.0],
+        fluid_ellipsoid=1,
+        fluid_coefs=[drag, drag, 0.0, 0.0, 0.0],
+    )

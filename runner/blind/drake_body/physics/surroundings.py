@@ -17,7 +17,6 @@ class Surroundings:
     def __init__(self, world: World) -> None:
         self._world = world
         self._corners = points_of(world)[0]
-        self._edge_m = 2.0 * float(np.mean(world.half_size))
 
     @property
     def empty(self) -> bool:
@@ -41,8 +40,6 @@ class Surroundings:
         force, torque = np.zeros(3), -w.rotational_damping * spin
         if w.air_drag > 0.0:
             force -= w.air_drag * np.linalg.norm(of_centre) * of_centre
-            # what the faces of a cube meet when it turns, by the drag that they have when it moves
-            torque -= w.air_drag * self._edge_m**3 / 16.0 * np.linalg.norm(spin) * spin
         if s.magnus_kg != 0.0:
             force += s.magnus_kg * np.cross(spin, of_centre)
         if s.fan_n > 0.0:

@@ -56,7 +56,7 @@ class World:
         com: m, body axes.
         lean: rad, of gravity against the normal of the table, towards x and y.
         tilt: rad, of the tracking frame's vertical, which gravity and the table's normal have both, towards x and y.
-        air_drag: N s2/m2, of the motion; what turns is resisted alike.
+        air_drag: N s2/m2, of the motion of the centre of mass.
         rotational_damping: N m s.
         clock: Recorded seconds in a true one.
         raised_m: By which the tracker shows the body too high.
