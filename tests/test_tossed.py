@@ -154,6 +154,20 @@ def test_drag_of_the_air_is_the_coefficient_s():
     assert slower[1] - slower[0] == pytest.approx(0.01 * 9.0 / 1.0, rel=1e-6)
 
 
+def test_drag_and_hard_contacts_are_in_the_corrected_model(tmp_path: Path):
+    """In plain MuJoCo: the step is as short as hard contacts ask for, and what falls has its coefficient of drag."""
+    system = open_case(toss_case(tmp_path / "case", world(), tosses=2))
+    assert system.write_model((m.AirDrag("box", 0.02), m.ContactStiffness("box", 100.0)), tmp_path) == ("model.xml",)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
+    believed = world()
+    assert model.opt.timestep < believed.opt.timestep
+    data = mujoco.MjData(model)
+    data.qpos[2], data.qvel[:3] = 5.0, (2.0, 0.0, -1.0)
+    mujoco.mj_forward(model, data)
+    drag = -0.02 / 0.5 * np.sqrt(5.0) * np.array([2.0, 0.0, -1.0])
+    np.testing.assert_allclose(data.qacc[:3], drag + [0.0, 0.0, -9.81], rtol=1e-5, atol=1e-6)
+
+
 def test_replay_begins_in_flight(tmp_path: Path):
     """Stretches begin before the first touch and end soon after it; every toss has one."""
     system = open_case(toss_case(tmp_path, world(), tosses=4))

@@ -87,13 +87,11 @@ def _add_sphere(spec: mujoco.MjSpec, name: str, coefficient: float) -> None:
     centre = np.array(spec.copy().compile().body(name).ipos)
     if spec.option.density == 0.0:
         spec.option.density = THIN
-    part = spec.body(name).add_body(name=name + AIR, pos=centre, mass=LIGHT_KG, explicitinertial=1)
-    part.inertia = [LIGHT_KG * RADIUS_M**2] * 3
     drag = coefficient / (spec.option.density * np.pi * RADIUS_M**2)
-    part.add_geom(
+    spec.body(name).add_body(name=name + AIR, pos=centre).add_geom(
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
         size=[RADIUS_M, 0.0, 0.0],
-        mass=0.0,
+        mass=LIGHT_KG,
         contype=0,
         conaffinity=0,
         group=5,
