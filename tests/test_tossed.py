@@ -22,6 +22,7 @@ from runner.effects.mechanism import contacts
 from runner.effects.vocabulary import Candidate
 from runner.errors import RecordingError
 from runner.inference import multiple_shooting
+from runner.inference.confounding import are_one
 from runner.inference.contender import contend
 from runner.inference.evidence import directions, sensitivities
 from runner.inference.held_out import errors_off
@@ -29,6 +30,7 @@ from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 from runner.inference.start_draws import tried_from_the_air
 from runner.noise.measured import measure
 from runner.recording import Span, read_case
+from runner.settings import SETTINGS
 from runner.systems.case import open_case
 from runner.systems.mechanism import MechanismSystem
 from runner.systems.mechanism.box_form import free_box
@@ -165,7 +167,37 @@ def test_drag_and_hard_contacts_are_in_the_corrected_model(tmp_path: Path):
     data.qpos[2], data.qvel[:3] = 5.0, (2.0, 0.0, -1.0)
     mujoco.mj_forward(model, data)
     drag = -0.02 / 0.5 * np.sqrt(5.0) * np.array([2.0, 0.0, -1.0])
-    np.testing.assert_allclose(data.qacc[:3], drag + [0.0, 0.0, -9.81], rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(data.qacc[:3], drag + np.array([0.0, 0.0, -9.81]), rtol=1e-5, atol=1e-6)
+
+
+def test_a_tilted_camera_and_a_tilted_pull_are_one_motion_of_what_flies(tmp_path: Path):
+    """In the air, with free starts; the air's drag, fitted to the same, is another one."""
+    tilted = world(gravity=(G * math.sin(0.03), 0.0, -G * math.cos(0.03)))
+    system = open_case(toss_case(tmp_path, tilted, tosses=4, length_s=0.12))
+    fitter = Fitter(system, system.simulator(threads=1), measure(system))
+    nominal = fitter.fit(NONE, range(4))
+    variants = {len(c.parameters(system.context)): c for c in system.vocabulary if c.effect.name == "gravity"}
+    tried = [system.vocabulary.by_name["frame_tilt"][0], variants[2], system.vocabulary.by_name["air_drag[box]"][0]]
+    tilt, pull, drag = (fitter.fit(Explanation((c,)), range(4), near=nominal) for c in tried)
+    assert are_one(tilt, pull, nominal)
+    assert are_one(pull, tilt, nominal)
+    assert not are_one(tilt, drag, nominal)
+
+
+def test_a_law_that_engines_do_not_share_is_known_to_its_form(tmp_path: Path):
+    """A rebound has the uncertainty of the law of contacts beside that of the data; a size has not."""
+    system = open_case(toss_case(tmp_path, world(half_m=0.052), tosses=3))
+    fitter = Fitter(system, system.simulator(threads=1), measure(system))
+    nominal, share = fitter.fit(NONE, range(3)), SETTINGS.odds.rough_form_share
+    around = sensitivities(fitter, nominal, directions(system))
+    by_name = system.vocabulary.by_name
+    rebound, size = (
+        contend(fitter, fitter.fit(Explanation(by_name[name]), range(3), near=nominal, iterations=3), around)
+        for name in ("restitution[box]", "body_size[box]")
+    )
+    (scale,) = (p.scale for p in by_name["restitution[box]"][0].parameters(system.context))
+    assert np.sqrt(rebound.evidence.covariance[0, 0]) > share * scale
+    assert np.sqrt(size.evidence.covariance[0, 0]) < 0.02
 
 
 def test_replay_begins_in_flight(tmp_path: Path):

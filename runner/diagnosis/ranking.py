@@ -7,6 +7,7 @@ from scipy.special import expit, softmax
 
 from runner.diagnosis.result import Ranked
 from runner.effects.base import Scope
+from runner.inference.confounding import are_one
 from runner.inference.contender import Contender, are_confounded
 from runner.inference.held_out import Confirmed
 from runner.inference.least_squares import Fit, Fitter
@@ -47,9 +48,13 @@ def rank(found: Search, system: AbstractSystem, unknown: float) -> tuple[Ranked,
     unknown = min(1.0 - (1.0 - unknown) * known, SETTINGS.probability.max_unknown)
     contenders = [c for c in contenders if not is_outside(c, system.vocabulary)]
     share = shares(contenders)
+
+    def alike(a: Fit, b: Fit) -> bool:
+        return bool(a.x.size and b.x.size) and (are_confounded(a, b) or are_one(a, b, found.nominal))
+
     groups: list[list[int]] = []
     for i, contender in enumerate(contenders):
-        same = [g for g in groups if contender.fit.x.size and are_confounded(contenders[g[0]].fit, contender.fit)]
+        same = [g for g in groups if alike(contenders[g[0]].fit, contender.fit)]
         if same:
             same[0].append(i)
         else:

@@ -107,6 +107,7 @@ class AbstractEffect(ABC):
     detection_limit: ClassVar[float] = 0.0
     discontinuous: ClassVar[bool] = False  # at some values of its first parameter the motion jumps: a push fails
     switch: ClassVar[bool] = False  # is there or is not: no part of it means anything
+    rough_form: ClassVar[bool] = False  # engines have other laws for it, none of which is the true one
     shared: ClassVar[bool] = False  # may be one thing on all targets of a kind, by the same numbers
     commonness: ClassVar[int] = 1  # among effects that can't be told apart the least of these stands for the rest
     confounded: ClassVar[tuple[Confounded, ...]] = ()

@@ -45,6 +45,20 @@ class Rival:
         return self.log_odds < SETTINGS.odds.told_apart_log_odds
 
 
+def are_one(a: Fit, b: Fit, nominal: Fit) -> bool:
+    """Whether two fitted explanations are two words for one motion of what was recorded.
+
+    What they predict differs by so little that no recording like this one tells them apart, and by next to nothing of
+    what they do: two causes that only look alike part by more, however small they are. All three are of the same
+    episodes with the same noise.
+    """
+    apart, done = (
+        sum(float(((p - q) ** 2).sum()) for p, q in zip(a.residual, of.residual, strict=True)) for of in (b, nominal)
+    )
+    odds = SETTINGS.odds
+    return 0.5 * apart < odds.told_apart_log_odds and apart < odds.one_motion_share * done
+
+
 def rivals(around: NormalEquations, evidence: Evidence, fitter: Fitter) -> tuple[Rival, ...]:
     """Return the rivals of every effect of a fit, the most alike first."""
     screened = _screened(around, evidence, fitter.system)

@@ -4,9 +4,9 @@ No model is exact: surfaces have texture, sizes are off by a little. With the no
 of a percent are many standard errors, and a comparison that takes the model for exact will find an "effect" in every
 recording. So every explanation is granted a small share of everything else: along each direction in which any
 effect would move the prediction, a Gaussian amplitude of a standard deviation of `OddsSettings.mismatch_share * level`
-times the effect's usual size, and a texture of the workspace of the same kind. Those amplitudes, and the start states,
-are integrated out (a Gaussian integral; Kennedy & O'Hagan 2001 in the linear case), and so are the explanation's own
-parameters (Laplace).
+times the effect's usual size (`rough_form_share` where engines differ in the law itself), and a texture of the
+workspace of the same kind. Those amplitudes, and the start states, are integrated out (a Gaussian integral; Kennedy &
+O'Hagan 2001 in the linear case), and so are the explanation's own parameters (Laplace).
 """
 
 from __future__ import annotations
@@ -54,6 +54,12 @@ class Direction:
         return self.candidate, self.vector.tobytes()
 
 
+def form_share(candidate: Candidate) -> float:
+    """Return what any simulator has wrong in the direction of an effect, as a share of its usual size."""
+    odds = SETTINGS.odds
+    return odds.rough_form_share if candidate.effect.rough_form else odds.mismatch_share
+
+
 def directions(system: AbstractSystem) -> list[Direction]:
     """Return the directions of all effects of a system, amplitudes in units of each parameter's `scale`."""
     out = []
@@ -72,7 +78,7 @@ def directions(system: AbstractSystem) -> list[Direction]:
         for i, parameter in enumerate(parameters):
             vector = np.eye(len(parameters))[i] * steps[i]
             # what all of a kind share is a sum of directions that have their mismatch already
-            mismatch = 0.0 if candidate.targets else SETTINGS.odds.mismatch_share
+            mismatch = 0.0 if candidate.targets else form_share(candidate)
             per, asked = float(steps[i] / parameter.scale), candidate not in system.vocabulary.uncertain
             out.append(Direction(candidate, vector, per, mismatch, asked=asked))
     return out
@@ -197,7 +203,8 @@ class Evidence:
             with beforehand.
         covariance: Of the parameters as they were fitted, by plain least squares, (p, p): the mismatch has moved them
             by what it looks like to them, so that it counts in full (the "sandwich" of White 1982); so do episodes that
-            differ. Zero along what the data do not tell: nothing moves it.
+            differ. Zero along what the data do not tell: nothing moves it. Of an effect whose law is only roughly the
+            true one that is added.
         by_prior: What the width of the prior adds to that, (p, p): all there is of what the data do not tell.
         dispersion: How many times as uncertain as noise residuals were taken for.
     """
@@ -284,7 +291,7 @@ def evidence(
     scores = h_oo + moved @ moved.T
     if system.episodes_differ:
         scores += _between_episodes(around.gram[:, free, -1] / dispersion)
-    covariance[np.ix_(free, free)] = inverse @ scores @ inverse
+    covariance[np.ix_(free, free)] = inverse @ scores @ inverse + np.diag(_own_form(fit.explanation, context)[free])
     by_prior[np.ix_(free, free)] = inverse @ width @ inverse
     return Evidence(
         float(np.logaddexp.reduce(logs) - np.log(len(levels))),
@@ -294,6 +301,16 @@ def evidence(
         by_prior,
         dispersion,
     )
+
+
+def _own_form(explanation: Explanation, context: Scope) -> np.ndarray:
+    """Return the variance that a parameter has as its law is not the true one, (p,): the data are of another law."""
+    out = [
+        (form_share(candidate) * p.scale) ** 2 if candidate.effect.rough_form else 0.0
+        for candidate, _ in explanation.parts(context)
+        for p in candidate.parameters(context)
+    ]
+    return np.array(out)
 
 
 def _between_episodes(slopes: np.ndarray) -> np.ndarray:

@@ -18,6 +18,12 @@ class OddsSettings:
         "What is known by a ruler, a scale or a protractor is off by a per cent; how many of them a system's simulator"
         " is off is estimated.",
     )
+    rough_form_share: float = setting(
+        0.25,
+        "of an effect's usual size",
+        "No ruler tells how a hit goes on, and engines have other laws for it (springs, dashpots, impulses): the same "
+        "number in two of them does the same to about a quarter.",
+    )
     texture_share: float = setting(
         0.02,
         "of a patch's amplitude",
@@ -88,6 +94,13 @@ class OddsSettings:
     )
     told_apart_log_odds: float = setting(
         5.0, "log odds", "150 to 1: strong evidence on every scale of it (Jeffreys 1961)."
+    )
+
+    one_motion_share: float = setting(
+        1e-3,
+        "of the squares of what they do",
+        "Two words for one motion agree to what descents leave; two causes that are merely alike differ by some per "
+        "cent of what they do, which is thousandths of its squares.",
     )
 
     @property

@@ -26,6 +26,7 @@ class ContactStiffness(MechanismEffect):
     name: ClassVar[str] = "contact_stiffness"
     label: ClassVar[str] = "a different stiffness of contact"
     target_kind: ClassVar[str] = "body"
+    rough_form: ClassVar[bool] = True
     target: str
     ratio: float
 

@@ -30,6 +30,7 @@ class Restitution(MechanismEffect):
     name: ClassVar[str] = "restitution"
     label: ClassVar[str] = "a different rebound"
     target_kind: ClassVar[str] = "body"
+    rough_form: ClassVar[bool] = True
     target: str
     ratio: float
 
