@@ -231,7 +231,7 @@ def test_lost_samples_are_no_outliers(found: Any) -> None:
     assert not any("stick out" in n for n in notes(found.system, lost, top, (1, 2)))  # type: ignore[arg-type]
     valid[0][20, 0] = False
     said = notes(found.system, replace(lost, valid=tuple(valid)), top, (1, 2))  # type: ignore[arg-type]
-    assert "1 value sticks out of its neighbours and was left out." in said
+    assert "1 value sticks out of its neighbours and was left out: position x at 0.33 s of episode 3." in said
 
 
 @pytest.mark.parametrize(

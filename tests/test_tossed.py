@@ -16,6 +16,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from tosses import BELIEVED, COLUMNS, NOISE, toss_case, world, write
 
+from runner.api.case import read
 from runner.diagnosis.pipeline import diagnose
 from runner.effects import mechanism as m
 from runner.effects.mechanism import contacts
@@ -198,6 +199,16 @@ def test_a_law_that_engines_do_not_share_is_known_to_its_form(tmp_path: Path):
     (scale,) = (p.scale for p in by_name["restitution[box]"][0].parameters(system.context))
     assert np.sqrt(rebound.evidence.covariance[0, 0]) > share * scale
     assert np.sqrt(size.evidence.covariance[0, 0]) < 0.02
+
+
+def test_a_reader_is_shown_orientations(tmp_path: Path):
+    """As rotation vectors of the body against the world, not as the zeros that residuals are taken from."""
+    case = read(toss_case(tmp_path, world(), tosses=2))
+    shown = case.data[["quat.x", "quat.y", "quat.z"]].to_numpy()
+    wanted = np.concatenate([e.orientations["quat"] for e in case.system.recording.episodes])
+    apart = Rotation.from_quat(wanted.copy(), scalar_first=True).inv() * Rotation.from_rotvec(shown.copy())
+    assert apart.magnitude().max() < 1e-9
+    assert np.ptp(shown, axis=0).min() > 0.1
 
 
 def test_replay_begins_in_flight(tmp_path: Path):

@@ -48,7 +48,8 @@ class Case:
         """What is measured, a row for each: `channel`, `label`, `unit`, `noise` (as stated, SI; NaN: not known)."""
         rows = [(c.name, c.label, c.unit) for c in self.system.channels]
         table = pd.DataFrame(rows, columns=["channel", "label", "unit"])
-        return table.assign(noise=self.system.stated_noise())
+        system = self.system
+        return table.assign(noise=np.where(system.owner_states_noise(), system.stated_noise(), np.nan))
 
     @property
     def episodes(self) -> pd.DataFrame:
@@ -58,9 +59,12 @@ class Case:
 
     @property
     def data(self) -> pd.DataFrame:
-        """What was measured, a row for each sample: `episode`, `t` (s), every channel in SI units."""
+        """What was measured, a row for each sample: `episode`, `t` (s), every channel in SI units.
+
+        An orientation is the rotation vector of the body against the world, rad.
+        """
         episodes: Sequence[Any] = self.system.recording.episodes
-        table = pd.DataFrame(np.concatenate(self.system.values()), columns=[c.name for c in self.system.channels])
+        table = pd.DataFrame(np.concatenate(self.system.readable()), columns=[c.name for c in self.system.channels])
         table.insert(0, "t", np.concatenate([e.t_s for e in episodes]))
         table.insert(0, "episode", np.repeat([e.index for e in episodes], [len(e) for e in episodes]))
         return table

@@ -80,11 +80,12 @@ def written(table: pd.DataFrame, style: Format) -> str:
     """Return a table as text; CSV keeps every digit."""
     if style is Format.csv:
         return table.to_csv(index=False).rstrip("\n")
-    cells = table.map(_cell)
+    digits = 6 if style is Format.markdown else 4
+    cells = table.map(lambda value: _cell(value, digits))
     if style is Format.markdown:
         rows = [list(cells.columns), ["---"] * cells.shape[1], *cells.to_numpy().tolist()]
         return "\n".join("| " + " | ".join(str(c).replace("|", "\\|") for c in row) + " |" for row in rows)
-    width = max(80, shutil.get_terminal_size((160, 24)).columns)
+    width = max(80, shutil.get_terminal_size().columns)
     if len(cells) < FEW:
         room = (width - max(map(len, map(str, cells.columns)))) // max(len(cells), 1) - 2  # pandas parts columns by two
         return cells.map(lambda cell: _short(cell, room)).T.to_string(header=False)
@@ -98,9 +99,9 @@ def _short(cell: object, room: int) -> str:
     return text if len(text) <= room else f"{text[: room - 1]}…"
 
 
-def _cell(value: object) -> str:
+def _cell(value: object, digits: int) -> str:
     if isinstance(value, float):
-        return "" if value != value else f"{value:.6g}"
+        return "" if value != value else f"{value:.{digits}g}"
     return "" if value is None or value is pd.NA else str(value)
 
 

@@ -6,12 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from runner.effects.wording import listed
 from runner.inference.contender import Contender
 from runner.noise.measured import Measured, off_from_stated
 from runner.recording import Span
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 from runner.systems.recorded import Recorded
+
+MOST_PLACES = 3  # values that are told one by one
 
 
 def notes(
@@ -44,7 +47,8 @@ def notes(
     if off := off_from_stated(measured, system):
         each = ", ".join(f"{times:.2g} times in {channels}" for channels, times in off.items())
         out.append(f"The noise is not what is stated, by what the recording shows, but {each}.")
-    if (hidden := measured.is_scatter()).any():
+    hit = measured.scatter is not None and measured.scatter.hit
+    if hit and (hidden := measured.is_scatter()).any():
         channels = ", ".join(c.name for c, hides in zip(system.channels, hidden, strict=True) if hides)
         out.append(
             f"After an impact equally good models differ by more than the noise of the sensors in {channels}: that "
@@ -58,14 +62,11 @@ def notes(
         )
     if measured.noise_model.lag_one.any():
         out.append("The noise is correlated from sample to sample; this was taken into account.")
-    dropped = sum(int((np.isfinite(x) & ~v).sum()) for x, v in zip(measured.values, measured.valid, strict=True))
-    if dropped == 1:
-        out.append("1 value sticks out of its neighbours and was left out.")
-    elif dropped:
-        out.append(f"{dropped} values stick out of their neighbours and were left out.")
+    if dropped := _left_out(measured, system):
+        out.append(dropped)
     if not top.fit.converged:
         out.append("The fit of the best explanation had not fully come to rest; its errors may be too small.")
-    if measured.scatter is not None and top.fit.explanation.candidates:
+    if hit and top.fit.explanation.candidates:
         out.append(
             "Of what hits something standard errors are too small: they hold the noise, and little of what any contact "
             "model lacks. In a test on tosses that another engine simulated, numbers were off the truth by several "
@@ -90,3 +91,26 @@ def notes(
             "times what the model lacks piles up or grows out of proportion."
         )
     return tuple(out)
+
+
+def _left_out(measured: Measured, system: AbstractSystem) -> str:
+    """Say how many values stick out of their neighbours, and which where they are few; empty: none does."""
+    out = [np.argwhere(np.isfinite(x) & ~v) for x, v in zip(measured.values, measured.valid, strict=True)]
+    places = [(e, int(sample), int(c)) for e, found in enumerate(out) for sample, c in found]
+    if not places:
+        return ""
+    said = (
+        "1 value sticks out of its neighbours and was"
+        if len(places) == 1
+        else (f"{len(places)} values stick out of their neighbours and were")
+    )
+    if len(places) > MOST_PLACES:
+        return f"{said} left out."
+    episodes = system.recording.episodes
+    each = listed(
+        [
+            f"{system.channels[c].label} at {episodes[e].t_s[i]:.2f} s of episode {episodes[e].index}"
+            for e, i, c in places
+        ]
+    )
+    return f"{said} left out: {each}."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
+from runner.effects.wording import listed
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 
@@ -15,8 +16,10 @@ def sentence_of(system: AbstractSystem, cells: pd.DataFrame, p: float) -> str:
         return "nothing exceeds chance"
     rows = cells.to_dict("records")
     channels = [r for r in rows if r["factor"] == "channel" and r["q"] < level and r["share"] > 0]
-    channel = max(channels, key=lambda r: r["share"]) if channels else None
-    parts = [f"{channel['cell']}" if channel else "all channels"]
+    largest = max((r["share"] for r in channels), default=0.0)
+    # of several that miss about as much none is the place
+    most = {r["cell"] for r in channels if r["share"] > SETTINGS.where.as_much_share * largest}
+    parts = [listed([c.name for c in system.channels if c.name in most]) if most else "all channels"]
     found = [r for r in rows if r["factor"] != "channel" and r["q"] < level and r["lift"] > 1]
     # what is rarer by chance comes first, and of equals what has more of the excess
     for regime in (True, False):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Sequence
@@ -154,23 +155,19 @@ def whiteness(diagnosis: Diagnosis, said: Statement, paths: list[Paths]) -> dict
     before, after = (whitened(diagnosis, paths, which) for which in ("nominal", "corrected"))
     step_s = diagnosis.recording.episodes[0].step_s
     channels = diagnosis.system.channels
-    structured, extra = [], [0.0]
+    structured = []
     for i, channel in enumerate(channels):
         lags = min(LAGS, after.shape[2] // 4)
         r, count = autocorrelation(after[i], lags)
         q = count * (count + 2) * float(np.sum(r**2 / (count - np.arange(1, lags + 1))))
         if chdtrc(lags, q) < WHITE_AT / len(channels):
             structured.append(channel.label)
-            extra.append(float(np.nanmean(after[i] ** 2)) - 1.0)
     bold, tail = words.left_at_large(said)
     return {
         "bold": bold,
         "tail": tail,
         "structured": listed(structured),
-        "extra": percent(max(extra)),
         "lags": LAGS,
-        "size": number(float(np.sqrt(np.nanmean(after**2))), 3),
-        "before": number(float(np.sqrt(np.nanmean(before**2))), 3),
         "panels": _marked(
             motion_figures.whiteness(channels, before, after, step_s, "white", colour=_colour(diagnosis))
         ),
@@ -234,9 +231,12 @@ def _over_time(
 
 
 def spelt(diagnosis: Diagnosis, sentence: str) -> str:
-    """Return the sentence of where the gap is with the channel in words."""
-    first, comma, rest = sentence.partition(",")
-    return _labels(diagnosis).get(first, first) + comma + rest
+    """Return the sentence of where the gap is with its channels, which come first, in words."""
+    labels, words = _labels(diagnosis), re.split("(, | and )", sentence)
+    names = itertools.takewhile(lambda word: word in labels, words[::2])
+    for i, name in enumerate(list(names)):
+        words[2 * i] = labels[name]
+    return "".join(words)
 
 
 def _labels(diagnosis: Diagnosis) -> dict[str, str]:

@@ -28,6 +28,9 @@ class WhereSettings:
         "probability",
         "Of the cells that are said to stand out one in twenty may do so by chance (Benjamini & Hochberg).",
     )
+    as_much_share: float = setting(
+        0.5, "of the largest share", "A channel that misses half as much as another is no better than that one."
+    )
     noise_variance_share: float = setting(
         0.06,
         "of the noise's variance",

@@ -121,6 +121,10 @@ class AbstractSystem(ABC):
     def values(self) -> tuple[FloatArray, ...]:
         """Return the measured channels of each episode, (T, C), NaN where not measured."""
 
+    def readable(self) -> tuple[FloatArray, ...]:
+        """Return the same as a reader expects them: an orientation, whose values are 0, as a rotation vector."""
+        return self.values()
+
     @abstractmethod
     def stated_noise(self) -> FloatArray:
         """Return the standard deviation that the owner states for each channel, NaN where there is none, (C,)."""

@@ -61,6 +61,11 @@ class Scatter:
         """Return that of parts of the episodes, each with a start of its own."""
         return Scatter(self.level, tuple(self.calm[s.episode][s.begin : s.end] for s in spans))
 
+    @property
+    def hit(self) -> bool:
+        """Whether anything is hit in any episode."""
+        return not all(calm.all() for calm in self.calm)
+
     def begun(self, episode: int) -> np.ndarray:
         """Return where an episode is beyond its first hit, (T,)."""
         return np.logical_or.accumulate(~self.calm[episode])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -47,11 +47,26 @@ def raw_signals(recording: MechanismRecording) -> RawSignals:
 
 def _with_turns(recording: MechanismRecording, episode: MechanismEpisode) -> FloatArray:
     """Return the channels of an episode with orientations as turns from the first, (T, C)."""
+
+    def turns(column: str) -> FloatArray:
+        return turns_from(first_orientation(episode, column), episode.orientations[column])
+
+    return _with_orientations(recording, episode, turns)
+
+
+def with_rotation_vectors(recording: MechanismRecording, episode: MechanismEpisode) -> FloatArray:
+    """Return the channels of an episode with orientations as rotation vectors, (T, C); NaN where not measured."""
+    level = np.array([1.0, 0.0, 0.0, 0.0])
+    return _with_orientations(recording, episode, lambda column: turns_from(level, episode.orientations[column]))
+
+
+def _with_orientations(
+    recording: MechanismRecording, episode: MechanismEpisode, turns: Callable[[str], FloatArray]
+) -> FloatArray:
     out = np.array(episode.values)
     for k, source in enumerate(recording.mapping.sources):
         if source.quantity == "orientation" and source.index == 0:
-            measured = episode.orientations[source.column]
-            out[:, k : k + 3] = turns_from(first_orientation(episode, source.column), measured)
+            out[:, k : k + 3] = turns(source.column)
     return out
 
 

@@ -30,7 +30,13 @@ from runner.systems.mechanism.models import Models, has_soft_friction
 from runner.systems.mechanism.proposals import trials, unmeasured
 from runner.systems.mechanism.rests import resting
 from runner.systems.mechanism.scatter import scatter
-from runner.systems.mechanism.scope import RawSignals, raw_signals, scope_of, vocabulary_of
+from runner.systems.mechanism.scope import (
+    RawSignals,
+    raw_signals,
+    scope_of,
+    vocabulary_of,
+    with_rotation_vectors,
+)
 from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.mechanism.shapes import force_shapes
 from runner.systems.mechanism.simulator import MechanismSimulator, cores
@@ -124,6 +130,10 @@ class MechanismSystem(AbstractSystem):
     def values(self) -> tuple[FloatArray, ...]:
         """See `AbstractSystem`."""
         return tuple(e.values for e in self.recording.episodes)
+
+    def readable(self) -> tuple[FloatArray, ...]:
+        """See `AbstractSystem`; rotation vectors are of the body against the world, rad."""
+        return tuple(with_rotation_vectors(self.recording, e) for e in self.recording.episodes)
 
     def stated_noise(self) -> FloatArray:
         """Return what the owner states; of an orientation otherwise a rough level, as its channels show none."""
