@@ -49,7 +49,7 @@ def test_file_ending_chooses_the_format(sweep: Path, name: str, capsys: pytest.C
     if file.suffix == ".parquet":
         assert len(pd.read_parquet(file)) == 3
     else:
-        mark = {".csv": "a|b,", ".md": "| a\\|b |", ".txt": "0.333333"}[file.suffix]
+        mark = {".csv": "a|b,", ".md": "| a\\|b |", ".txt": "0.3333"}[file.suffix]
         assert mark in file.read_text()
 
 
