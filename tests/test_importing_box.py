@@ -10,7 +10,12 @@ import pytest
 import yaml
 
 from runner.__main__ import main
+from runner.importing.entries import Entry, Role
+from runner.importing.episodes import Series
 from runner.importing.guess.box import column_of
+from runner.importing.map_file import Between
+from runner.importing.rows import _means
+from runner.importing.signals import Signal
 from runner.importing.told import Told
 from runner.recording import read_case
 
@@ -96,7 +101,13 @@ def test_lost_forces_stand_between_their_neighbours(tmp_path: Path, capsys: pyte
     said = " ".join(capsys.readouterr().out.split())
     assert "Note: 'fx', 'fy': 6 samples were lost; the line between those around them is taken" in said
     assert "'vx'" not in said  # nobody has asked for velocities
-    force = np.concatenate([e.force_n for e in read_case(tmp_path / "case").episodes])[:, 0]
+    text = (tmp_path / "map.yaml").read_text().replace(", between: line", "")  # means say less of single rows
+    (tmp_path / "held.yaml").write_text(text)
+    log_file, box = tmp_path / "pushes.csv", tmp_path / "box.yaml"
+    assert (
+        main(["import", str(log_file), f"model={box}", f"map={tmp_path / 'held.yaml'}", f"out={tmp_path / 'h'}"]) == 0
+    )
+    force = np.concatenate([e.force_n for e in read_case(tmp_path / "h").episodes])[:, 0]
     lost = np.isin(np.arange(len(whole)), [*gone, *empty])
     np.testing.assert_array_equal(force[~lost], whole["push_x_N"][~lost])
     # a line over three steps is off by the second derivative, 20 N/s2 at most, times the step squared
@@ -112,6 +123,51 @@ def test_every_row_has_the_force_of_its_own_sample(rate_hz: float, tmp_path: Pat
     imported(log, tmp_path)
     force = np.concatenate([e.force_n for e in read_case(tmp_path / "case").episodes])[:, 0]
     np.testing.assert_array_equal(force, log["push_x_N"])
+
+
+@pytest.mark.parametrize(("name", "between"), [("push_x_N", "line"), ("cmd_push_x_N", None)])
+def test_a_measured_force_is_a_line(name: str, between: str | None, tmp_path: Path) -> None:
+    """A case holds each row's force, so that of a line it is the mean until the next row; what was sent was held."""
+    log = tracker()
+    t = np.tile(np.arange(SAMPLES) / RATE_HZ, PUSHES)
+    log["push_x_N"] = 5.0 * np.sin(3.0 * t)
+    text = yaml.safe_load(imported(log.rename(columns={"push_x_N": name}), tmp_path))
+    assert text["commands"]["fx"].get("between") == between
+    assert "between" not in text["commands"]["fy"]  # it steps
+    for episode in read_case(tmp_path / "case").episodes:
+        force = 5.0 * np.sin(3.0 * np.arange(SAMPLES) / RATE_HZ)
+        line = np.append(0.5 * (force[1:] + force[:-1]), force[-1])
+        np.testing.assert_allclose(episode.force_n[:, 0], line if between else force, atol=1e-9)
+
+
+def test_a_line_pushes_as_much_as_it_does_between_rows(tmp_path: Path) -> None:
+    """Of a force with stamps of its own, several to a row: rows hold the mean of the line, whatever is in them."""
+    g, t_ns = np.random.default_rng(0), np.arange(0, 1_000_000_001, 7_000_000)
+    values, rows_ns = np.cumsum(g.normal(size=len(t_ns))), np.arange(0, 900_000_001, 100_000_000)
+    entry = Entry("commands.fx", "fx", "f", Role.COMMAND, between=Between.LINE)
+    series = Series(entry, Signal("f", "log", values), np.arange(len(t_ns)), t_ns, values)
+    held = _means(series, rows_ns, Told())
+    fine = np.arange(0, 900_000_001, 1000)
+    line = np.interp(fine, t_ns, values)
+    wanted = [np.trapezoid(line[k : k + 100_001], dx=1e-6) / 0.1 for k in range(0, len(fine) - 1, 100_000)]
+    np.testing.assert_allclose(held[:-1], wanted, rtol=1e-9)
+    assert held[-1] == pytest.approx(line[-1])
+
+
+def test_where_a_force_acts_is_told_by_the_only_two_lengths_left(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Along axes u and v of a hook; of names that say nothing what is asked for is said, and what it may be."""
+    log = tracker().rename(columns={"contact_u_mm": "hook_u_mm", "contact_v_mm": "hook_v_mm"})
+    commands = yaml.safe_load(imported(log, tmp_path))["commands"]
+    assert {c: commands[c]["signal"] for c in ("px", "py")} == {"px": "hook_u_mm", "py": "hook_v_mm"}
+    odd = log.rename(columns={"hook_u_mm": "first_mm", "hook_v_mm": "second_mm"})
+    odd.to_csv(tmp_path / "odd.csv", index=False)
+    capsys.readouterr()
+    main(["import", str(tmp_path / "odd.csv"), f"model={tmp_path / 'box.yaml'}", f"propose={tmp_path / 'odd.yaml'}"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "'px' (where the force acts, from the box's middle along its own x axis)" in said
+    assert "not used yet, in such a unit: 'first_mm', 'second_mm'" in said
 
 
 @pytest.mark.parametrize(("count", "said"), [(1, "'x': 1 sample was lost"), (21, "'x': 21 samples were lost")])

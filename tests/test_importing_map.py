@@ -71,7 +71,8 @@ REFUSED: dict[str, tuple[Callable[[dict], object], str]] = {
     "key": (edited("chanels", {}), "unknown key 'chanels'. Valid: "),
     "key below": (
         edited("commands", "u_elbow", "joint", "elbow"),
-        "unknown key 'commands.u_elbow.joint'. Valid: 'actuator', 'clock', 'offset', 'scale', 'signal', 'unit'.",
+        "unknown key 'commands.u_elbow.joint'. "
+        "Valid: 'actuator', 'between', 'clock', 'offset', 'scale', 'signal', 'unit'.",
     ),
     "no channels": (lambda keys: keys.pop("channels"), "missing 'channels'."),
     "column": (

@@ -12,7 +12,7 @@ import mujoco
 
 from runner.errors import RecordingError, nearest
 from runner.importing import units
-from runner.importing.map_file import ChannelKeys, Converted, Map, Order, Up
+from runner.importing.map_file import Between, ChannelKeys, Commanded, Converted, Map, Order, Up
 from runner.numerics.arrays import FloatArray
 from runner.recording.model_form_mapping import ModelMapping, read_mapping
 
@@ -41,6 +41,7 @@ class Entry:
         scale, offset: Applied before, in the log's unit.
         clock: Other than the map's.
         unit, si_unit: For messages.
+        between: What a command does between its samples.
     """
 
     key: str
@@ -53,6 +54,7 @@ class Entry:
     clock: str | None = None
     unit: str = ""
     si_unit: str = ""
+    between: Between = Between.HELD
 
     def si(self, values: FloatArray) -> FloatArray:
         """Return values of the log in SI."""
@@ -151,6 +153,7 @@ def entry_of(key: str, column: str, of: Converted, si_unit: str, role: Role, sig
         clock=of.clock,
         unit=unit,
         si_unit=si_unit,
+        between=of.between if isinstance(of, Commanded) else Between.HELD,
     )
 
 
@@ -201,7 +204,7 @@ def _forces(wanted: Map) -> list[Entry]:
                 out.append(
                     Entry(
                         key, f"{what}{i}_{to}", name, Role.COMMAND, size=sign * size, clock=force.clock,
-                        unit=unit, si_unit=si_unit,
+                        unit=unit, si_unit=si_unit, between=force.between if what == "force" else Between.HELD,
                     )
                 )  # fmt: skip
     return out

@@ -54,6 +54,18 @@ def with_lost(one: Series, told: Told) -> Series:
     )
 
 
+def moves_on(values: FloatArray, t_s: FloatArray | None) -> bool:
+    """Whether what is sampled, (T,), moves on between its samples: its neighbours foretell each, and it is no step.
+
+    Where an episode ends, or samples were lost, by their times, (T,), neighbours are none.
+    """
+    there = np.isfinite(values) if t_s is None else np.isfinite(values) & np.isfinite(t_s)
+    steps = np.ones(max(int(there.sum()) - 1, 0)) if t_s is None else np.diff(t_s[there])
+    apart = np.abs(steps - np.median(steps)) > NEAR_STEPS * np.median(steps) if len(steps) else steps > 0
+    between, held = _errors(values[there], np.where(apart, 2, 1))
+    return between < SMOOTH * held
+
+
 def _lost_steps(t_s: FloatArray) -> np.ndarray:
     """Return how many of the usual steps each step is, (T - 1,), where a clock is even and few are lost; else 1.
 

@@ -12,7 +12,7 @@ channels:                                        # what is measured as in `nomin
   x: {signal: "/pose/position/x", body: object, quantity: position, axis: x, unit: mm}
   quat: {signals: [a, b, c, d], order: xyzw, body: object, quantity: orientation}
 forces:
-  - {body: object, force: [a, b, c], point: [d, e, f], unit: N, point_unit: mm}
+  - {body: object, force: [a, b, c], point: [d, e, f], unit: N, point_unit: mm, between: line}   # or held
 noise: {q_elbow: 0.001}                          # SI
 start: free                                      # or rest
 """
@@ -53,6 +53,17 @@ class Up(Enum):
 
     Y = "y"
     Z = "z"
+
+
+class Between(Enum):
+    """What a command does from one of its samples to the next.
+
+    A case holds what stands in a row until the next one: of a line that is its mean over that time, so that it pushes
+    as much as the line does, and no half row late.
+    """
+
+    HELD = "held"
+    LINE = "line"
 
 
 class Order(Enum):
@@ -148,7 +159,13 @@ class Converted(_Section):
     clock: _Text | None = None
 
 
-class CommandKeys(Converted):
+class Commanded(Converted):
+    """A command of a box; `between` is for what was measured, such as a force."""
+
+    between: Between = Between.HELD
+
+
+class CommandKeys(Commanded):
     """A command: what it drives."""
 
     actuator: _Text
@@ -186,6 +203,7 @@ class ForceKeys(_Section):
     unit: _Unit = "N"
     point_unit: _Unit = "m"
     clock: _Text | None = None
+    between: Between = Between.HELD
 
 
 class AnyMap(_Section):
@@ -211,7 +229,7 @@ class Map(AnyMap):
 class BoxMap(AnyMap):
     """What stands in `map.yaml` of a box that is pushed over a floor: columns of the case, each from its signal."""
 
-    commands: dict[str, Converted] = {}
+    commands: dict[str, Commanded] = {}
     channels: dict[str, Converted]
 
 
@@ -267,7 +285,7 @@ def _refused(error: ValidationError, kind: type[BaseModel]) -> str:
     sections: dict[str, type[BaseModel]] = {
         "log": LogKeys, "clock": ClockKeys, "episodes": EpisodeKeys, "rows": RowKeys, "forces": ForceKeys,
     }  # fmt: skip
-    sections |= {"commands": CommandKeys, "channels": ChannelKeys} if kind is Map else {}
+    sections |= {"commands": CommandKeys, "channels": ChannelKeys} if kind is Map else {"commands": Commanded}
     unknown = [e["loc"] for e in error.errors() if e["type"] == "extra_forbidden"]
     for place in unknown[:1]:
         valid = kind if len(place) == 1 else sections.get(str(place[0]), Converted)

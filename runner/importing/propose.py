@@ -7,7 +7,7 @@ that a proposal gets wrong passes unseen: a map is read by its owner, and checke
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import mujoco
@@ -20,6 +20,7 @@ from runner.importing.guess.box import box_elements, match_box
 from runner.importing.guess.clock import ClockGuess, clock_times, guess_clock
 from runner.importing.guess.counter import guess_episodes
 from runner.importing.guess.elements import Element, elements_of, match, match_followers
+from runner.importing.guess.names import words_of
 from runner.importing.guess.poses import Pose, guess_frame, guess_poses
 from runner.importing.guess.unit import (
     MUCH_M,
@@ -31,14 +32,22 @@ from runner.importing.guess.unit import (
     vector_of,
     with_unit,
 )
-from runner.importing.map_file import ALL, COLUMN, NEAREST, TAKEN, TO_FILL
+from runner.importing.lost import moves_on
+from runner.importing.map_file import ALL, COLUMN, NEAREST, TAKEN, TO_FILL, Between
 from runner.importing.plausible import coarse_step
 from runner.importing.signals import Log, Part, Signal
 from runner.importing.units import UNITS, allowed
 from runner.numerics.arrays import FloatArray
 from runner.recording import Form, Nominal
-from runner.recording.table import REQUIRED
+from runner.recording.table import FORCE, REQUIRED
 
+SENT = frozenset(["cmd", "command", "commanded", "set", "setpoint", "desired", "des", "target", "goal", "ref"])
+MEANING = {
+    "px": "where the force acts, from the box's middle along its own x axis",
+    "py": "where the force acts, from the box's middle along its own y axis",
+    "fx": "the force along the world's x axis",
+    "fy": "the force along the world's y axis",
+}
 SHOWN = 8  # names that are listed of what is not used
 
 
@@ -120,16 +129,41 @@ def propose_box(log: Log, nominal: Nominal, *, rate_hz: float | None = None) -> 
     for element, signal, why in found.pairs:
         _add(draft, element, signal, why, log, _as_the_point(draft, part, element, signal))
     draft.notes += found.notes
+    times = clock_times(part, clock)
+    _lines(draft, part, times)
     named = {*draft.commands, *draft.channels}
     for column in REQUIRED[Form.PLANAR]:
         if column in elements and column not in named and not (nominal.pin is not None and column in COMMANDED):
             group = draft.commands if column in COMMANDED else draft.channels
             group[column] = {"signal": TO_FILL, "unit": TO_FILL}
             draft.why[column] = "nothing was recognised"
-            draft.missing.append(f"the signal of '{column}' and its unit, of what is {elements[column].si_unit} in SI")
-    times = clock_times(part, clock)
+            draft.missing.append(_lacking_of_box(column, elements[column], part, {s.name for s in draft.used}))
     rate = nominal.rate_hz if times is None else rate_of(np.diff(times[np.isfinite(times)]))
     return _finished(draft, log, clock, {"rows": {"at": NEAREST, "rate_hz": float(f"{rate:.6g}")}})
+
+
+def _lacking_of_box(column: str, element: Element, part: Part, used: Collection[str]) -> str:
+    """Return what has to be filled in for a column of a box, and which signals may be it by their unit."""
+    what = f" ({MEANING[column]})" if column in MEANING else ""
+    may_be = [n for n in part.signals if n not in used and unit_by_name(n, element.si_unit) is not None]
+    free = f"; not used yet, in such a unit: {_listed(may_be)}" if may_be else ""
+    return f"the signal of '{column}'{what} and its unit, of what is {element.si_unit} in SI{free}"
+
+
+def _lines(draft: _Draft, part: Part, times_s: FloatArray | None) -> None:
+    """Propose lines between samples of a force that moves on between them, unless its name says that it was sent."""
+    for column in FORCE[:2]:
+        entry = draft.commands.get(column, {})
+        name = entry.get("signal", TO_FILL)
+        if name == TO_FILL or SENT.intersection(words_of(name)):
+            continue
+        values = part.signals[name].values
+        if moves_on(values, times_s if times_s is not None and len(times_s) == len(values) else None):
+            entry["between"] = Between.LINE.value
+            draft.notes.append(
+                f"'{name}' moves on between samples, so the line between them is taken (between: line); a force that "
+                "was commanded and held is `between: held`"
+            )
 
 
 def _finished(draft: _Draft, log: Log, clock: ClockGuess, head: dict[str, object]) -> Proposal:

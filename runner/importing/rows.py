@@ -1,6 +1,7 @@
 """One episode as rows of a table: series put in order, then on common times.
 
-Commands are held until their next sample; where samples are lost see `runner.importing.lost`. Channels keep their own
+Commands are held until their next sample, or are the mean of the line to it; where samples are lost see
+`runner.importing.lost`. Channels keep their own
 samples where rows stand at all times of all series, or go to the nearest of even rows, or are interpolated where the
 map puts rows elsewhere, but not over gaps.
 """
@@ -17,7 +18,7 @@ from runner.importing.clocks import NS
 from runner.importing.entries import Role
 from runner.importing.episodes import Cut, Series
 from runner.importing.lost import with_lost
-from runner.importing.map_file import ALL, EVEN, NEAREST, RowKeys
+from runner.importing.map_file import ALL, EVEN, NEAREST, Between, RowKeys
 from runner.importing.signals import Integers
 from runner.importing.told import Told
 from runner.numerics.arrays import FloatArray
@@ -117,7 +118,8 @@ def rows(episode: Cut, keys: RowKeys, told: Told, *, sparse: bool) -> Rows | Non
     columns = {}
     for one in series:
         if one.entry.role is Role.COMMAND:
-            columns[one.entry.column] = _held(_moved(one, kept) if keys.at == NEAREST else one, kept, told)
+            of = {Between.HELD: _held, Between.LINE: _means}[one.entry.between]
+            columns[one.entry.column] = of(_moved(one, kept) if keys.at == NEAREST else one, kept, told)
         else:
             columns[one.entry.column] = CHANNELS.get(keys.at, _interpolated)(one, kept, told)
     return Rows(episode.number, (kept - kept[0]) / NS, columns)
@@ -173,6 +175,22 @@ def _held(one: Series, times: Integers, told: Told) -> FloatArray:
             column=one.entry.column,
         )
     return one.values[at]
+
+
+def _means(one: Series, times: Integers, told: Told) -> FloatArray:
+    """Return the mean of the line between samples from each row to the next; in the last row the line itself."""
+    held = _held(one, times, told)
+    if len(one.t_ns) < 2 or len(times) < 2:
+        return held
+    t, at = (one.t_ns - times[0]) / NS, (times - times[0]) / NS
+    until = np.concatenate([[0.0], np.cumsum(0.5 * (one.values[1:] + one.values[:-1]) * np.diff(t))])
+    line = np.interp(at, t, one.values)
+    before = np.clip(np.searchsorted(t, at, side="right") - 1, 0, None)
+    area = until[before] + 0.5 * (one.values[before] + line) * (at - t[before])
+    out = np.append(np.diff(area) / np.diff(at), line[-1])
+    told.add("{names}: means of the line between samples, up to {largest} from what would be held", True,
+             float(np.abs(out - held).max()), column=one.entry.column)  # fmt: skip
+    return out
 
 
 def _nearest(one: Series, times: Integers, told: Told) -> FloatArray:

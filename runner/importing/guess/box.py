@@ -24,7 +24,7 @@ from runner.recording.table import UNITS as SI_UNITS
 WIDER = 1.1  # of the box: a force that acts on its skin is measured a little outside of it
 TURNS = 2  # that a box is pushed round at most: what goes further is in degrees
 COMPACT = re.compile(r"(f|v|w|p|pos|force|vel|tip)([xyz])$")
-ONE_OF_TWO = re.compile(r"(.*)([xy])((?:[ _.]*[\[(]?[a-z]+[\])]?)?)$", re.IGNORECASE)
+ONE_OF_TWO = re.compile(r"(.*)([xyuv])((?:[ _.]*[\[(]?[a-z]+[\])]?)?)$", re.IGNORECASE)
 PUSH = frozenset(["push", "load", "thrust", "pull", "pushed", "press"])
 STRONG = frozenset(["f", "force", "forces"])
 PLACE = frozenset(["p", "point", "contact", "at", "application", "applied", "hit", "cop", "lever", "where"])
@@ -101,7 +101,7 @@ def _pairs(signals: Sequence[Signal], further: dict[str, list[Signal]], matches:
     for signal in signals:
         found = ONE_OF_TWO.match(signal.name)
         if found and signal.name not in known and (not found[3] or unit_by_name(signal.name, "m") is not None):
-            by_stem.setdefault((found[1], found[3]), {})[found[2].lower()] = signal
+            by_stem.setdefault((found[1], found[3]), {}).setdefault(BODY_AXES[found[2].lower()], signal)
     both = [axes for axes in by_stem.values() if {*axes} == {"x", "y"}]
     return {a: [axes[a] for axes in both] for a in ("x", "y")}
 
