@@ -11,7 +11,7 @@ from scipy.signal import lfilter, savgol_filter
 from scipy.stats import false_discovery_control
 
 from runner.localise.cells import false_discovery
-from runner.numerics.differences import smooth_derivative
+from runner.numerics.differences import rounding_noise, smooth_derivative
 from runner.numerics.recursive_filter import filtered
 
 
@@ -52,3 +52,11 @@ def test_no_command_waits_for_the_statistics_of_scipy() -> None:
     asked = "import sys, runner.commands.diagnose; print({'scipy.stats', 'scipy.signal'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
+
+
+def test_rounding_is_told_by_what_counts() -> None:
+    """A twelfth of the square of its count; what moves on by much in every sample has none."""
+    t = np.linspace(0.0, 6.0, 400)
+    assert rounding_noise([0.25 * np.round(4.0 * np.sin(t)), np.array([0.5, 0.5])]) == pytest.approx(0.25 / 12**0.5)
+    assert rounding_noise([3.0 * t + np.random.default_rng(0).normal(scale=1e-6, size=len(t))]) == 0.0
+    assert rounding_noise([]) == 0.0

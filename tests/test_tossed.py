@@ -201,6 +201,28 @@ def test_a_law_that_engines_do_not_share_is_known_to_its_form(tmp_path: Path):
     assert np.sqrt(size.evidence.covariance[0, 0]) < 0.02
 
 
+def test_noise_of_an_orientation_is_told_where_it_tumbles(tmp_path: Path):
+    """From samples alone: to within what some hundred of them tell, however fast it turns."""
+    spun, data = world(gravity=(0.0, 0.0, 0.0)), []
+    for e in range(4):
+        motion = mujoco.MjData(spun)
+        motion.qpos[2], motion.qvel[3:] = 1.0, (9.0, -6.0, 4.0 + e)
+        rows = []
+        for _ in range(100):
+            rows.append(np.concatenate([[motion.time], motion.qpos]))
+            mujoco.mj_step(spun, motion, 20)
+        table = np.array(rows)
+        g = np.random.default_rng(e)
+        for row in table:
+            mujoco.mju_quatIntegrate(row[4:], NOISE["yaw"] * g.normal(size=3), 1.0)
+        data.append(pd.DataFrame(table, columns=["t", *COLUMNS]).assign(episode=e))
+    folder = write(tmp_path, pd.concat(data, ignore_index=True), {**BELIEVED, "rate_hz": 100})
+    believed = yaml.safe_load((folder / "nominal.yaml").read_text())
+    (folder / "nominal.yaml").write_text(yaml.safe_dump({k: v for k, v in believed.items() if k != "noise"}))
+    sigma = raw_signals(open_case(folder).recording).sigma
+    np.testing.assert_allclose(sigma[-3:], NOISE["yaw"], rtol=0.1)
+
+
 def test_a_reader_is_shown_orientations(tmp_path: Path):
     """As rotation vectors of the body against the world, not as the zeros that residuals are taken from."""
     case = read(toss_case(tmp_path, world(), tosses=2))

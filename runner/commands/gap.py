@@ -123,7 +123,10 @@ def _print(system: AbstractSystem, found: Gap, console: Console) -> None:
     if whole > AMPLIFIES:
         console.print(Padding(Text(LEGEND_AMPLIFIES.format(number(whole))), (0, 0, 0, 1)))
     if not found.table["stated"].to_numpy().all():
-        said = "~: not stated but estimated; what is in noises rests on it."
+        said = (
+            "~: not stated but estimated from how samples differ; what is in noises rests on it. A diagnosis estimates "
+            "it anew, from what its best model leaves."
+        )
         console.print(Padding(Text(said), (0, 0, 0, 1)))
 
 

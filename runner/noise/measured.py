@@ -14,7 +14,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from runner.noise.model import Found, NoiseModel, estimate
-from runner.numerics.differences import white_noise
+from runner.numerics.differences import rounding_noise, white_noise
 from runner.recording import Span
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
@@ -285,9 +285,7 @@ def _rounding_noise(values: Sequence[np.ndarray], groups: Sequence[Sequence[int]
     """Return what rounding alone leaves of noise in each group, (K,): a sensor that counts may show none at rest."""
     out = np.zeros(len(groups))
     for k, columns in enumerate(groups):
-        moves = np.abs(np.concatenate([np.diff(c[np.isfinite(c)]) for v in values for c in v[:, columns].T]))
-        moves = moves[moves > 0]
-        out[k] = float(moves.min()) / np.sqrt(12.0) if len(moves) else 0.0
+        out[k] = rounding_noise([c[np.isfinite(c)] for v in values for c in v[:, columns].T])
     return out
 
 

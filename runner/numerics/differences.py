@@ -23,6 +23,19 @@ def white_noise(series: Iterable[tuple[FloatArray, FloatArray]]) -> float:
     return float(np.median(np.abs(third))) / 0.6745 / np.sqrt(OF_WHITE) if len(third) else np.nan
 
 
+def rounding_noise(series: Iterable[FloatArray]) -> float:
+    """Return the standard deviation of the rounding of a sensor that counts, by its smallest step; else 0.
+
+    What counts shows one value again where it hardly moves; steps of what never does are those of a motion.
+
+    Args:
+        series: Values of each episode, (T,), NaN where not measured.
+    """
+    moves = np.concatenate([np.empty(0), *(np.abs(np.diff(v)) for v in series)])
+    steps = moves[moves > 0]
+    return float(steps.min()) / math.sqrt(12.0) if len(steps) and (moves == 0).any() else 0.0
+
+
 def third_differences(t_s: FloatArray, values: FloatArray) -> FloatArray:
     """Return what differences that leave nothing of a parabola leave of each four samples in a row.
 

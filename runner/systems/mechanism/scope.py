@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from runner.effects.mechanism import EFFECTS, MechanismEffect, Scope, SensorLag, SensorOffset, SensorScale, contacts
 from runner.effects.vocabulary import Candidate, Vocabulary
 from runner.numerics.arrays import FloatArray
-from runner.numerics.differences import white_noise
+from runner.numerics.differences import rounding_noise, white_noise
 from runner.recording import Span
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
+from runner.systems.mechanism import quaternions
 from runner.systems.mechanism.coordinates import HINGE, SLIDE, Coordinates
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.models import Models
-from runner.systems.mechanism.observer import first_orientation, turns_from
+from runner.systems.mechanism.observer import turns_from
 from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.windows import Windows
 
@@ -46,10 +47,19 @@ def raw_signals(recording: MechanismRecording) -> RawSignals:
 
 
 def _with_turns(recording: MechanismRecording, episode: MechanismEpisode) -> FloatArray:
-    """Return the channels of an episode with orientations as turns from the first, (T, C)."""
+    """Return the channels of an episode with orientations as the way that the body has turned, its axes, (T, C).
+
+    The sum of the turns from each sample to the next, which is smooth where the body tumbles, as a rotation vector from
+    the first sample on is not, and whose noise is that of the samples.
+    """
 
     def turns(column: str) -> FloatArray:
-        return turns_from(first_orientation(episode, column), episode.orientations[column])
+        measured = episode.orientations[column]
+        there = np.isfinite(measured).all(axis=1)
+        out, q = np.full((len(measured), 3), np.nan), measured[there]
+        steps = quaternions.logarithm(quaternions.multiply(quaternions.inverse(q[:-1]), q[1:]))
+        out[there] = np.concatenate([np.zeros((min(len(q), 1), 3)), np.cumsum(steps, axis=0)])
+        return out
 
     return _with_orientations(recording, episode, turns)
 
@@ -74,11 +84,7 @@ def _rough_noise(times: Sequence[FloatArray], values: Sequence[FloatArray]) -> f
     """Return the noise of a channel, (T,) for each episode, if it is white."""
     white = white_noise(zip(times, values, strict=True))
     spread = float(spreads([v[:, None] for v in values])[0])
-    moves = np.abs(np.concatenate([np.diff(v) for v in values]))
-    moves = moves[moves > 0]
-    # an encoder that mostly stands still has the noise of its counts
-    count = float(moves.min()) / np.sqrt(12.0) if len(moves) else 0.0
-    return max(0.0 if np.isnan(white) else white, count, 1e-4 * spread, 1e-6)
+    return max(0.0 if np.isnan(white) else white, rounding_noise(values), 1e-4 * spread, 1e-6)
 
 
 def spreads(values: Sequence[FloatArray]) -> FloatArray:
