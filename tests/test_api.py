@@ -192,6 +192,7 @@ def test_case_of_arrays_is_a_case_on_disk(model: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(kept.data["dq_hinge"], table["dq"])
     assert list(kept.episodes["samples"]) == [301] * 4
     assert "joint_friction[hinge]" in set(kept.effects["effect"])
+    assert repr(kept) == f"Case('{tmp_path / 'kept'}': 4 episodes, 1204 samples of q_hinge, dq_hinge)"
     passing = lever(model, 0.0)
     path = passing.path
     assert path.name == "lever"

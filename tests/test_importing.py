@@ -334,6 +334,13 @@ def test_a_folder_of_somebody_is_not_written_over(tmp_path: Path, runs: list[Run
     """An imported case may be made anew; anything else stays."""
     logs, keys = WRITERS["csv"](tmp_path, runs[:1])
     assert run_import(logs, keys)[0] == 0
+    believed = Path("case/nominal.yaml").read_text()
+    Path("case/nominal.yaml").write_text(believed + "# weighed again\n")
+    code, _, err = run_import(logs, keys)
+    assert code == 2
+    assert "'case/nominal.yaml' was edited since it was imported; name a new folder." in err
+    assert Path("case/nominal.yaml").read_text().endswith("# weighed again\n")
+    Path("case/nominal.yaml").write_text(believed)
     assert run_import(logs, keys)[0] == 0
     Path("case/import.yaml").unlink()
     code, _, err = run_import(logs, keys)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from runner.effects.wording import counted
 from runner.recording.case import content_hash
 from runner.systems.base import AbstractSystem
 from runner.systems.case import open_case
@@ -75,6 +76,12 @@ class Case:
         named = self.system.vocabulary.by_name
         rows = [(c.name, c.effect.label) for c in self.system.vocabulary if c is named[c.name][0]]
         return pd.DataFrame(rows, columns=["effect", "label"])
+
+    def __repr__(self) -> str:
+        """Its folder, and how much of what is in it."""
+        episodes, channels = self.system.recording.episodes, [c.name for c in self.system.channels]
+        held = f"{counted(len(episodes), 'episode')}, {counted(sum(map(len, episodes)), 'sample')}"
+        return f"Case('{self.path}': {held} of {', '.join(channels)})"
 
     def _repr_html_(self) -> str:
         told = "".join(f"<p>{html.escape(note)}</p>" for note in self.notes)

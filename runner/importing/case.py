@@ -15,6 +15,7 @@ from runner.recording.case import TABLES, read_case
 from runner.recording.model_form import read_model_case
 from runner.recording.model_form_mjcf import referenced_files
 from runner.recording.nominal import FILE, outline_file
+from runner.storage.provenance import files_digest
 from runner.storage.writing import write_parquet, write_yaml
 
 MODEL = "model.xml"
@@ -41,7 +42,7 @@ def copy_model(model: Path, folder: Path) -> str:
 
 
 def check_out(out: Path) -> None:
-    """Refuse a folder that holds something other than a case that was imported.
+    """Refuse a folder that holds something other than a case as it was imported: what somebody has edited is kept.
 
     Raises:
         ConfigError: Naming the folder.
@@ -50,6 +51,23 @@ def check_out(out: Path) -> None:
         raise ConfigError(f"out: '{out}' is a file; name a folder.")
     if out.is_dir() and any(out.iterdir()) and not (out / RECORD).is_file():
         raise ConfigError(f"out: '{out}' is not empty and was not written by an import; name a new folder.")
+    written = {name: found for name, found in _written(out).items() if (out / name).is_file()}
+    if edited := [name for name, found in written.items() if _hash(out / name) != found]:
+        raise ConfigError(f"out: '{out / edited[0]}' was edited since it was imported; name a new folder.")
+
+
+def _hash(file: Path) -> str:
+    return files_digest([(file.name, file)])
+
+
+def _written(out: Path) -> dict[str, str]:
+    """Return the hashes of what an import wrote for its owner to edit, by name; none where it kept no such record."""
+    try:
+        record = yaml.safe_load((out / RECORD).read_text(encoding="utf-8"))
+    except (OSError, yaml.YAMLError):
+        return {}
+    written = record.get("written") if isinstance(record, dict) else None
+    return {n: written[n] for n in (FILE, MODEL) if n in written} if isinstance(written, dict) else {}
 
 
 def write_case(built: Built, out: Path, *, model: Path, log: Sequence[Path], map_file: Path) -> tuple[str, ...]:
@@ -92,6 +110,7 @@ def _make(built: Built, folder: Path, *, model: Path, log: Sequence[Path], map_f
             "clocks": [report.row() for report in built.clocks],
             "notes": [*built.notes, *recording.notes],
             "map": yaml.safe_load(map_file.read_text(encoding="utf-8-sig")),
+            "written": {name: _hash(folder / name) for name in (FILE, MODEL) if (folder / name).is_file()},
         },
     )
     return recording.notes

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -44,6 +45,7 @@ from runner.systems.mechanism.steps import choose_step
 from runner.systems.mechanism.stretches import Sensitive, impact_stretches, stretches, survey_step_s
 from runner.systems.windows import Labels, Windows
 
+FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 HARD = "joints that dry friction truly holds (solreffriction as hard as the step allows)"
 SOFT = "dry friction as soft as the MJCF has it (solreffriction)"
 
@@ -76,6 +78,9 @@ class MechanismSystem(AbstractSystem):
         self.channels = tuple(_channel(s) for s in recording.mapping.sources)
         self.rate_hz = 1.0 / recording.step_s
         self.commanded = bool(recording.mapping.commands or recording.mapping.forces)
+        if not self.commanded:
+            self.experiment, self.reach = "episode", "what was recorded so far"
+            self.reach_further = "let it move faster, farther or from other starts, or check it by hand"
         if hard_friction is None:
             hard_friction = not any(joint.frictionloss > 0 for joint in recording.spec().joints)
         self._models = Models(recording, cores(), hard_friction=hard_friction)
@@ -90,6 +95,8 @@ class MechanismSystem(AbstractSystem):
         self._simulator: MechanismSimulator | None = None
         self._stretches: tuple[Span, ...] | None = None
         self._found_flights = self._flights()
+        if len(joints := self.context.model.jnt_type) and (joints == FREE).all():
+            self.noun = "body"
         if any(self._found_flights):
             of, self.episodes_differ = MECHANISM.effort, True
             self.worth_another, self.unknown_share = of.impact_worth_another, of.impact_unknown_share
