@@ -96,7 +96,7 @@ def settings_of(config: DictConfig, prefix: str = "") -> list[tuple[str, str, st
 
 def _text(node: Any) -> str:
     if node._is_missing():
-        return "???"
+        return "(needed)"
     if OmegaConf.is_config(node):
         value = OmegaConf.to_container(node, resolve=False)
         return "null" if value is None else str(value).replace(" ", "")
