@@ -12,7 +12,7 @@ import pytest
 
 from runner.diagnosis.next_experiment import best_experiment
 from runner.diagnosis.pipeline import diagnose
-from runner.diagnosis.ranking import not_none, strained
+from runner.diagnosis.ranking import not_none, ranking, strained
 from runner.diagnosis.result import Diagnosis
 from runner.diagnosis.score import read_answers, score
 from runner.diagnosis.split import split
@@ -22,7 +22,7 @@ from runner.effects.vocabulary import Candidate
 from runner.errors import RecordingError, ResultError
 from runner.inference.contender import Contender
 from runner.inference.evidence import NormalEquations, directions, evidence, normal_equations, sensitivities
-from runner.inference.held_out import confirm, doubted, faint, further, unsure
+from runner.inference.held_out import Confirmed, confirm, doubted, faint, further, unsure
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.search import Search
 from runner.noise.measured import measure
@@ -313,6 +313,25 @@ def test_what_takes_the_simulator_further_away_is_doubted(tilted: Recording) -> 
     worse = dataclasses.replace(before, residual=tuple(r * math.sqrt(1.01) for r in before.residual))
     expected = 1000 * 0.01 * before.total / fitter.measured.count((4, 5))
     assert further(worse, before, fitter, 0.1) == pytest.approx(min(expected, 100.0))
+
+
+def test_each_effect_of_an_answer_may_be_the_work_of_something_else(
+    tilted: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However well it fits: one effect is no surer than 0.97, two no surer than the square of that."""
+    fitter = fitter_of(tilted)
+    episodes = tuple(range(len(tilted.episodes)))
+    nominal = fitter.fit(NONE, episodes)
+    known = sensitivities(fitter, nominal, directions(fitter.system))
+    monkeypatch.setattr("runner.diagnosis.ranking.strained", lambda *_: 0.0)
+    most = SETTINGS.probability.max_unknown
+    for kinds in ((fx.FloorTilt,), (fx.FloorTilt, fx.Inertia)):
+        fit = fitter.fit(Explanation(tuple(Candidate(k) for k in kinds)), episodes, near=nominal, iterations=2)
+        around = normal_equations(fit, known)
+        best = Contender(fit, around, evidence(around, fitter.system), 0.0, 0.0, {})
+        confirmed = Confirmed(Search((best,), nominal), nominal, {}, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+        first = ranking(confirmed, 1.0, fitter)[0]
+        assert first.probability == pytest.approx(most ** len(kinds), abs=1e-3)
 
 
 def test_what_strains_the_simulator_s_trust_is_not_explained(tilted: Recording) -> None:

@@ -28,6 +28,7 @@ ALLOWED = {
     ("localise/likeness.py", "RIDGE"): "keeps the inverse of shapes that are always the same finite",
     ("localise/likeness.py", "SHAPES_SHOWN"): "how much of a list is shown",
     ("diagnosis/abstention.py", "NEAREST_SHOWN"): "how much of a list is shown",
+    ("diagnosis/notes.py", "MOST_PLACES"): "how much of a list is shown",
     ("diagnosis/verdict.py", "RIVALS_SHOWN"): "how much of a list is shown",
     ("diagnosis/score.py", "BINS"): "marks verdicts that have been given",
     ("diagnosis/score.py", "FIRST"): "marks verdicts that have been given",

@@ -35,6 +35,9 @@ def ranking(confirmed: Confirmed, nominal_excess: float, fitter: Fitter) -> tupl
     else:
         unknown = not_none(confirmed.gap)
     known = (1.0 - unknown) * (1.0 - strained(found.best, found.nominal, fitter))
+    # each effect beside the first may be the doing of something without a name, too
+    further = max(len(found.best.fit.explanation.candidates) - 1, 0)
+    known *= SETTINGS.probability.max_unknown**further
     return rank(found, fitter.system, as_unknown(1.0 - known))
 
 

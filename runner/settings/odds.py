@@ -146,7 +146,8 @@ class ProbabilitySettings:
     min_unknown: float = setting(
         0.03,
         "probability",
-        "Some of what has no name looks like what has one, however well that fits: no answer is surer than 0.97.",
+        "Some of what has no name looks like what has one, however well that fits, and so may each effect of several:"
+        " an answer of one is no surer than 0.97, of two than 0.94.",
     )
     failed_unknown: float = setting(
         0.7,
@@ -188,5 +189,5 @@ class ProbabilitySettings:
 
     @property
     def max_unknown(self) -> float:
-        """Beside which the best explanation keeps what `unknown` keeps beside it."""
+        """Beside which the best explanation, and each effect of several, keeps what `unknown` keeps beside it."""
         return 1.0 - self.min_unknown
