@@ -179,7 +179,7 @@ def _sums(
         counts[~sound] = False
     expected = np.where(counts, spread + signals.sigma**2, 0.0).sum(axis=(0, 1))
     problem = (predict, values, valid, signals, measured, steps, scale)
-    fitted = fit_starts(*problem, iterations=iterations)
+    fitted = fit_starts(*problem, iterations=iterations, short=not grow)
     if grow and (expected > AMPLIFIES**2 * signals.sigma**2 * counts.sum(axis=(0, 1))).any():
         fits = (fitted, fit_starts(*problem, shares=SETTINGS.held_out.growing_shares, iterations=iterations))
         fitted = min(fits, key=lambda f: float(np.sum(whiten(f.residual, valid, signals) ** 2)))

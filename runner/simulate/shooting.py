@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from runner.systems.windows import Windows
 
 PRIOR_SIGMAS = 10.0  # a fitted start state may lie some such distances from the measured one, and hardly more
 DAMPING = Schedule(1e-3, stiffening=30.0)
+AS_PROMISED = 0.95  # of what a step promised: derivatives under which it gains that much have not changed
 WINDOWS_AT_ONCE = 400  # bounds the memory of one batch
 
 Predict = Callable[[np.ndarray], np.ndarray]
@@ -84,6 +85,7 @@ def fit_starts(
     shares: Sequence[float] = (1.0,),
     iterations: int = 4,
     tolerance: float = 0.1,
+    short: bool = False,
 ) -> Fitted:
     """Fit the start state of each window by Levenberg-Marquardt steps, all windows side by side.
 
@@ -101,11 +103,12 @@ def fit_starts(
         shares: Of each window, one after the other: each fit begins where the one before ended.
         iterations: At most so many steps, of each share.
         tolerance: Ends when no window expects to gain more than this in its sum of squares.
+        short: The windows are so short that derivatives hold where a step gains what it promised.
     """
     begin, samples = first, values.shape[1]
     for share in shares:
         seen = valid & (np.arange(samples) < math.ceil(share * samples))[:, None]
-        problem = _Problem(predict, values, seen, signals, first, steps, scale, tolerance)
+        problem = _Problem(predict, values, seen, signals, first, steps, scale, tolerance, short)
         point = problem.linearise(begin)
         fitted = descend(problem.attempt, point, DAMPING, iterations=iterations, blocks=len(values)).fitted
         begin = fitted.starts
@@ -132,6 +135,7 @@ class _Problem:
     steps: np.ndarray
     scale: np.ndarray
     tolerance: float
+    short: bool
 
     def linearise(self, starts: np.ndarray) -> _Point:
         """Return where windows with these start states stand."""
@@ -154,9 +158,16 @@ class _Problem:
         if promised.max(initial=0.0) < self.tolerance:
             return Trial(point, rests=True)
         trial = at.starts + step * self.scale
-        gained = self._losses(self.predict(trial[:, None, :])[:, 0] - self.values, trial) < point.loss
-        if gained.any():
-            point = self.linearise(np.where(gained[:, None], trial, at.starts))
+        residual = self.predict(trial[:, None, :])[:, 0] - self.values
+        losses = self._losses(residual, trial)
+        gained = losses < point.loss
+        starts = np.where(gained[:, None], trial, at.starts)
+        bent = gained & (point.loss - losses < AS_PROMISED * promised - self.tolerance)
+        if bent.any() or (gained.any() and not self.short):
+            point = self.linearise(starts)
+        elif gained.any():
+            moved = replace(at, starts=starts, residual=np.where(gained[:, None, None], residual, at.residual))
+            point = _Point(moved, np.where(gained, losses, point.loss))
         return Trial(point, eased=gained, refused=~gained)
 
     def _losses(self, residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
