@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -341,6 +342,12 @@ def test_a_folder_of_somebody_is_not_written_over(tmp_path: Path, runs: list[Run
     assert "'case/nominal.yaml' was edited since it was imported; name a new folder." in err
     assert Path("case/nominal.yaml").read_text().endswith("# weighed again\n")
     Path("case/nominal.yaml").write_text(believed)
+    Path("case/model.xml").write_text(Path("case/model.xml").read_text() + "<!-- mine -->")
+    code, _, err = run_import(logs, keys)
+    assert code == 2
+    assert "'case/model.xml' was edited since it was imported" in err
+    shutil.copy("arm.xml", "case/model.xml")
+    Path("case/import.yaml").write_bytes(Path("case/import.yaml").read_bytes() + b"# \xff\n")
     assert run_import(logs, keys)[0] == 0
     Path("case/import.yaml").unlink()
     code, _, err = run_import(logs, keys)

@@ -154,6 +154,17 @@ def test_a_line_pushes_as_much_as_it_does_between_rows(tmp_path: Path) -> None:
     assert held[-1] == pytest.approx(line[-1])
 
 
+def test_over_a_gap_a_force_is_held(tmp_path: Path) -> None:
+    """Nothing says that it rose all the while; where nothing differs from what is held nothing is said."""
+    t_ns = np.append(np.arange(0, 101_000_000, 10_000_000), np.arange(2_000_000_000, 2_101_000_000, 10_000_000))
+    values, told = np.where(t_ns < 1e9, 0.0, 10.0), Told()
+    entry = Entry("commands.fx", "fx", "f", Role.COMMAND, between=Between.LINE)
+    series = Series(entry, Signal("f", "log", values), np.arange(len(t_ns)), t_ns, values)
+    rows_ns = np.arange(0, 2_100_000_001, 100_000_000)
+    np.testing.assert_allclose(_means(series, rows_ns, told), np.where(rows_ns < 2e9, 0.0, 10.0), atol=1e-9)
+    assert not any("means of the line" in s for s in told.sentences())
+
+
 def test_where_a_force_acts_is_told_by_the_only_two_lengths_left(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -9,6 +9,7 @@ from runner.diagnosis.result import Ranked
 from runner.effects.base import Scope
 from runner.inference.confounding import are_one
 from runner.inference.contender import Contender, are_confounded
+from runner.inference.evidence import by_form
 from runner.inference.held_out import Confirmed
 from runner.inference.least_squares import Fit, Fitter
 from runner.inference.outside import is_outside
@@ -53,7 +54,7 @@ def rank(found: Search, system: AbstractSystem, unknown: float) -> tuple[Ranked,
     share = shares(contenders)
 
     def alike(a: Fit, b: Fit) -> bool:
-        return bool(a.x.size and b.x.size) and (are_confounded(a, b) or are_one(a, b, found.nominal))
+        return bool(a.x.size and b.x.size) and (are_confounded(a, b) or are_one(a, b, context))
 
     groups: list[list[int]] = []
     for i, contender in enumerate(contenders):
@@ -152,7 +153,8 @@ def values_of(contender: Contender, context: Scope) -> tuple[dict[str, dict[str,
             moved = candidate.make(x[part] + step, context)[0].report()
             slopes.append([_turn(name, moved[name] - value[name]) / step.sum() for name in value])
         slope = np.array(slopes).T
-        charged, prior = (np.diag(slope @ c[part, part] @ slope.T) for c in (by_data, of.by_prior))
+        data = by_data[part, part] + np.diag(by_form(candidate, context))
+        charged, prior = (np.diag(slope @ c @ slope.T) for c in (data, of.by_prior[part, part]))
         parameters[candidate.name] = dict(value)
         stated = np.sqrt(np.maximum(np.maximum(charged, prior), 0.0))
         errors[candidate.name] = dict(zip(value, stated.tolist(), strict=True))

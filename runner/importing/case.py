@@ -42,7 +42,7 @@ def copy_model(model: Path, folder: Path) -> str:
 
 
 def check_out(out: Path) -> None:
-    """Refuse a folder that holds something other than a case as it was imported: what somebody has edited is kept.
+    """Refuse a folder that holds something other than a case that was imported.
 
     Raises:
         ConfigError: Naming the folder.
@@ -51,9 +51,18 @@ def check_out(out: Path) -> None:
         raise ConfigError(f"out: '{out}' is a file; name a folder.")
     if out.is_dir() and any(out.iterdir()) and not (out / RECORD).is_file():
         raise ConfigError(f"out: '{out}' is not empty and was not written by an import; name a new folder.")
-    written = {name: found for name, found in _written(out).items() if (out / name).is_file()}
-    if edited := [name for name, found in written.items() if _hash(out / name) != found]:
-        raise ConfigError(f"out: '{out / edited[0]}' was edited since it was imported; name a new folder.")
+
+
+def _check_unedited(made: Path, out: Path) -> None:
+    """Refuse to write over a file that somebody has edited since it was imported, unless it is what would be written.
+
+    Raises:
+        ConfigError: Naming the file.
+    """
+    for name, found in _written(out).items():
+        old, new = out / name, made / name
+        if old.is_file() and new.is_file() and _hash(old) not in (found, _hash(new)):
+            raise ConfigError(f"out: '{old}' was edited since it was imported; name a new folder.")
 
 
 def _hash(file: Path) -> str:
@@ -61,13 +70,13 @@ def _hash(file: Path) -> str:
 
 
 def _written(out: Path) -> dict[str, str]:
-    """Return the hashes of what an import wrote for its owner to edit, by name; none where it kept no such record."""
+    """Return the hashes of what an import wrote, by name; none where it kept no such record."""
     try:
         record = yaml.safe_load((out / RECORD).read_text(encoding="utf-8"))
-    except (OSError, yaml.YAMLError):
+    except (OSError, ValueError, yaml.YAMLError):
         return {}
     written = record.get("written") if isinstance(record, dict) else None
-    return {n: written[n] for n in (FILE, MODEL) if n in written} if isinstance(written, dict) else {}
+    return {str(k): str(v) for k, v in written.items()} if isinstance(written, dict) else {}
 
 
 def write_case(built: Built, out: Path, *, model: Path, log: Sequence[Path], map_file: Path) -> tuple[str, ...]:
@@ -76,11 +85,13 @@ def write_case(built: Built, out: Path, *, model: Path, log: Sequence[Path], map
     Raises:
         WriteError: If the folder can't be written to.
         RecordingError: If what was made is no case; nothing is written then.
+        ConfigError: If somebody has edited what is there.
     """
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as made:
             notes = _make(built, Path(made), model=model, log=log, map_file=map_file)
+            _check_unedited(Path(made), out)
             _put(Path(made), out)
     except RecordingError as error:
         of_case = str(error).replace(str(Path(made)), str(out))
@@ -110,10 +121,15 @@ def _make(built: Built, folder: Path, *, model: Path, log: Sequence[Path], map_f
             "clocks": [report.row() for report in built.clocks],
             "notes": [*built.notes, *recording.notes],
             "map": yaml.safe_load(map_file.read_text(encoding="utf-8-sig")),
-            "written": {name: _hash(folder / name) for name in (FILE, MODEL) if (folder / name).is_file()},
+            "written": {f.relative_to(folder).as_posix(): _hash(f) for f in _editable(folder)},
         },
     )
     return recording.notes
+
+
+def _editable(folder: Path) -> list[Path]:
+    """Return the files of a new case that its owner may come to edit: all but the table."""
+    return sorted(f for f in folder.rglob("*") if f.is_file() and f.name not in (*TABLES, RECORD))
 
 
 def _put(made: Path, out: Path) -> None:

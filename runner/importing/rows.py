@@ -85,6 +85,9 @@ def rows(episode: Cut, keys: RowKeys, told: Told, *, sparse: bool) -> Rows | Non
     Raises:
         RecordingError: If a command is not a number, or a series has no samples.
     """
+    lines = [one.entry.key for one in episode.series if one.entry.between is Between.LINE]
+    if sparse and lines:
+        raise RecordingError(f"{lines[0]}.between: line: in a sparse log an empty cell means that nothing has changed.")
     series = [in_order(one, told) for one in _known(episode.series, keys)]
     if not sparse:
         series = [with_lost(one, told) if one.entry.role is Role.COMMAND else one for one in series]
@@ -178,18 +181,27 @@ def _held(one: Series, times: Integers, told: Told) -> FloatArray:
 
 
 def _means(one: Series, times: Integers, told: Told) -> FloatArray:
-    """Return the mean of the line between samples from each row to the next; in the last row the line itself."""
+    """Return the mean of the line between samples from each row to the next; in the last row the line itself.
+
+    Over gaps of several of its steps nothing says how it went on: there it is held.
+    """
     held = _held(one, times, told)
     if len(one.t_ns) < 2 or len(times) < 2:
         return held
-    t, at = (one.t_ns - times[0]) / NS, (times - times[0]) / NS
-    until = np.concatenate([[0.0], np.cumsum(0.5 * (one.values[1:] + one.values[:-1]) * np.diff(t))])
-    line = np.interp(at, t, one.values)
+    t, at, values = (one.t_ns - times[0]) / NS, (times - times[0]) / NS, one.values
+    gaps = np.flatnonzero(np.diff(t) > GAP_STEPS * np.median(np.diff(t)))
+    t, values = np.insert(t, gaps + 1, t[gaps + 1]), np.insert(values, gaps + 1, values[gaps])
+    until = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(t))])
     before = np.clip(np.searchsorted(t, at, side="right") - 1, 0, None)
-    area = until[before] + 0.5 * (one.values[before] + line) * (at - t[before])
+    after = np.minimum(before + 1, len(t) - 1)
+    step = t[after] - t[before]
+    share = np.divide(at - t[before], step, out=np.zeros_like(at), where=step > 0)
+    line = values[before] + share * (values[after] - values[before])
+    area = until[before] + 0.5 * (values[before] + line) * (at - t[before])
     out = np.append(np.diff(area) / np.diff(at), line[-1])
-    told.add("{names}: means of the line between samples, up to {largest} from what would be held", True,
-             float(np.abs(out - held).max()), column=one.entry.column)  # fmt: skip
+    moved = float(np.abs(out - held).max())
+    said = "{names}: means of the line between samples, up to {largest} from what would be held"
+    told.add(said, moved > 0.0, moved, column=one.entry.column)
     return out
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from runner.effects.base import Scope
 from runner.inference.evidence import Evidence, NormalEquations, clip
 from runner.inference.least_squares import Explanation, Fit, Fitter, amplitudes
 from runner.settings import SETTINGS
@@ -45,18 +46,23 @@ class Rival:
         return self.log_odds < SETTINGS.odds.told_apart_log_odds
 
 
-def are_one(a: Fit, b: Fit, nominal: Fit) -> bool:
-    """Whether two fitted explanations are two words for one motion of what was recorded.
+def are_one(a: Fit, b: Fit, context: Scope) -> bool:
+    """Whether two fits that differ in one effect have two words for one motion of what was recorded.
 
     What they predict differs by so little that no recording like this one tells them apart, and by next to nothing of
-    what they do: two causes that only look alike part by more, however small they are. All three are of the same
-    episodes with the same noise.
+    what either effect does, by its derivatives: two causes that are merely alike part by more, however small they are.
+    Both are of the same episodes with the same noise.
     """
-    apart, done = (
-        sum(float(((p - q) ** 2).sum()) for p, q in zip(a.residual, of.residual, strict=True)) for of in (b, nominal)
-    )
+    own, other = (set(f.explanation.candidates) for f in (a, b))
+    if len(own - other) != 1 or len(other - own) != 1:
+        return False
+    apart = sum(float(((p - q) ** 2).sum()) for p, q in zip(a.residual, b.residual, strict=True))
+    done = []
+    for fit, only in ((a, own - other), (b, other - own)):
+        part = next(p for c, p in fit.explanation.parts(context) if c in only)
+        done.append(sum(float(((j[:, part] @ fit.x[part]) ** 2).sum()) for j in fit.jacobian))
     odds = SETTINGS.odds
-    return 0.5 * apart < odds.told_apart_log_odds and apart < odds.one_motion_share * done
+    return 0.5 * apart < odds.told_apart_log_odds and apart < odds.one_motion_share * min(done)
 
 
 def rivals(around: NormalEquations, evidence: Evidence, fitter: Fitter) -> tuple[Rival, ...]:

@@ -203,8 +203,7 @@ class Evidence:
             with beforehand.
         covariance: Of the parameters as they were fitted, by plain least squares, (p, p): the mismatch has moved them
             by what it looks like to them, so that it counts in full (the "sandwich" of White 1982); so do episodes that
-            differ. Zero along what the data do not tell: nothing moves it. Of an effect whose law is only roughly the
-            true one that is added.
+            differ. Zero along what the data do not tell: nothing moves it.
         by_prior: What the width of the prior adds to that, (p, p): all there is of what the data do not tell.
         dispersion: How many times as uncertain as noise residuals were taken for.
     """
@@ -291,7 +290,7 @@ def evidence(
     scores = h_oo + moved @ moved.T
     if system.episodes_differ:
         scores += _between_episodes(around.gram[:, free, -1] / dispersion)
-    covariance[np.ix_(free, free)] = inverse @ scores @ inverse + np.diag(_own_form(fit.explanation, context)[free])
+    covariance[np.ix_(free, free)] = inverse @ scores @ inverse
     by_prior[np.ix_(free, free)] = inverse @ width @ inverse
     return Evidence(
         float(np.logaddexp.reduce(logs) - np.log(len(levels))),
@@ -303,14 +302,13 @@ def evidence(
     )
 
 
-def _own_form(explanation: Explanation, context: Scope) -> np.ndarray:
-    """Return the variance that a parameter has as its law is not the true one, (p,): the data are of another law."""
-    out = [
-        (form_share(candidate) * p.scale) ** 2 if candidate.effect.rough_form else 0.0
-        for candidate, _ in explanation.parts(context)
-        for p in candidate.parameters(context)
-    ]
-    return np.array(out)
+def by_form(candidate: Candidate, context: Scope) -> np.ndarray:
+    """Return the variance of an effect's parameters as its law is only roughly the true one, (p,): 0 where it is.
+
+    The data are of another law, in which the same number does the same to a share of the effect's usual size alone.
+    """
+    share = SETTINGS.odds.rough_form_share if candidate.effect.rough_form else 0.0
+    return np.array([(share * p.scale) ** 2 for p in candidate.parameters(context)])
 
 
 def _between_episodes(slopes: np.ndarray) -> np.ndarray:

@@ -412,13 +412,17 @@ class _Rounds:
         starts = np.stack([c.fit.starts for c in leaders], axis=1)
         for c in leaders:
             # what a start takes off at once, a descent from it may go on to take off a few times
-            enough = 2.0 * (leaders[0].log_posterior - c.log_posterior) / SETTINGS.fit.promise_factor
+            behind = leaders[0].log_posterior - c.log_posterior if c.fit.explanation.candidates else 0.0
+            enough = 2.0 * behind / SETTINGS.fit.promise_factor
             begin = begun_elsewhere(self.fitter, c.fit, starts, enough)
             if begin is None:
                 continue
             steps = SETTINGS.fit.final_steps
-            goal = {"target": leaders[0].fit.total, "patience": SETTINGS.fit.patience_steps}
-            fit = self.fitter.fit(c.fit.explanation, self.episodes, x=c.fit.x, starts=begin, iterations=steps, **goal)
+            # what holds fewer effects leaves more, and may still be likelier
+            like = len(c.fit.explanation.candidates) >= len(leaders[0].fit.explanation.candidates)
+            target = leaders[0].fit.total if like else np.inf
+            how = {"x": c.fit.x, "starts": begin, "iterations": steps, "patience": SETTINGS.fit.patience_steps}
+            fit = self.fitter.fit(c.fit.explanation, self.episodes, target=target, **how)
             if fit.explanation.candidates:
                 again = self._worthy(fit, self._around(fit))
             else:

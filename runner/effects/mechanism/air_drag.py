@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import mujoco
 import numpy as np
 
 from runner.effects.base import Parameter, Phrase, Vector
-from runner.effects.mechanism import contacts
+from runner.effects.mechanism import contacts, parts
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
 from runner.effects.wording import Values
 from runner.errors import check_range
 
-AIR = "~air"  # what the body that the air acts on adds to the name of the one that it is part of
 THIN = 1e-6  # kg/m3, where no medium is believed: so thin that nothing else notices
 LIGHT_KG = 1e-9  # MuJoCo's media pass over what has no mass
 RADIUS_M = 0.001  # the medium that a sphere carries along grows with its volume: of this it weighs next to nothing
+BLUNT, SLENDER = 1, 2  # columns of `geom_fluid`
 
 
 @effect
@@ -25,9 +25,9 @@ RADIUS_M = 0.001  # the medium that a sphere carries along grows with its volume
 class AirDrag(MechanismEffect):
     """The air resists the motion of a free body: a force of `coefficient_n_s2_per_m2` |v| v against it.
 
-    v is that of the believed centre of mass, where the force acts: it does not turn the body. MuJoCo's own media do
-    that to a sphere whose blunt and slender drag are alike, with nothing else in its ellipsoid model, so one is added
-    that touches nothing and weighs next to nothing.
+    v is that of the believed centre of mass, where the force acts, against the believed wind: it does not turn the
+    body. MuJoCo's own media do that to a sphere whose blunt and slender drag are alike, with nothing else in its
+    ellipsoid model, so one is added that touches nothing and weighs next to nothing.
     """
 
     name: ClassVar[str] = "air_drag"
@@ -42,13 +42,24 @@ class AirDrag(MechanismEffect):
         check_range("air_drag.coefficient_n_s2_per_m2", self.coefficient_n_s2_per_m2, 0.0, 1e6, unit="N s2/m2")
         object.__setattr__(self, "structural", self.coefficient_n_s2_per_m2 > 0.0)
 
+    @property
+    def skeleton(self) -> AirDrag:
+        return replace(self, coefficient_n_s2_per_m2=1.0)
+
     def edit_spec(self, spec: mujoco.MjSpec) -> None:
         if self.coefficient_n_s2_per_m2 > 0.0:
-            _add_sphere(spec, self.target, self.coefficient_n_s2_per_m2)
+            _add_sphere(spec, self.target)
+
+    def edit_model(self, model: mujoco.MjModel) -> None:
+        if self.coefficient_n_s2_per_m2 > 0.0:
+            geom = int(model.body(self.target + parts.AIR).geomadr[0])
+            # of the area of the sphere, in its medium
+            drag = self.coefficient_n_s2_per_m2 / (float(model.opt.density) * np.pi * RADIUS_M**2)
+            model.geom_fluid[geom, [BLUNT, SLENDER]] += drag
 
     @classmethod
     def applies(cls, scope: Scope) -> bool:
-        return contacts.is_free(scope.model, scope.target)
+        return contacts.is_free(scope.model, scope.target) and not contacts.carries(scope.model, scope.target)
 
     @classmethod
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
@@ -64,8 +75,8 @@ class AirDrag(MechanismEffect):
         return Phrase(
             f"the air slows body '{target}' down",
             of.show("coefficient_n_s2_per_m2", "N s²/m²"),
-            f"Give '{target}' the sphere that model.xml has, \"{target}{AIR}\", whose `fluidcoef` is its drag in the "
-            "thin medium of `<option density>`.",
+            f"Give '{target}' the sphere that model.xml has, \"{target}{parts.AIR}\", whose `fluidcoef` is its drag in "
+            "the thin medium of `<option density>`.",
             f"Throw '{target}' fast and far, and compare the two halves of its flight.",
         )
 
@@ -82,20 +93,22 @@ def of_air(model: mujoco.MjModel, body: str | None) -> float:
     return float(0.25 * 2.0 * np.sum([half[1] * half[2], half[0] * half[2], half[0] * half[1]]))
 
 
-def _add_sphere(spec: mujoco.MjSpec, name: str, coefficient: float) -> None:
-    """Add the sphere that the medium acts on, at a body's centre of mass."""
-    centre = np.array(spec.copy().compile().body(name).ipos)
+def _add_sphere(spec: mujoco.MjSpec, name: str) -> None:
+    """Add the sphere that the medium acts on, at a body's centre of mass, unless a corrected model has it already."""
     if spec.option.density == 0.0:
         spec.option.density = THIN
-    drag = coefficient / (spec.option.density * np.pi * RADIUS_M**2)
-    spec.body(name).add_body(name=name + AIR, pos=centre).add_geom(
+    if spec.body(name + parts.AIR) is not None:
+        return
+    centre = np.array(spec.copy().compile().body(name).ipos)
+    spec.body(name).add_body(name=name + parts.AIR, pos=centre).add_geom(
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
         size=[RADIUS_M, 0.0, 0.0],
+        pos=[0.0, 0.0, 0.0],
         mass=LIGHT_KG,
         contype=0,
         conaffinity=0,
         group=5,
         rgba=[0.0, 0.0, 0.0, 0.0],
         fluid_ellipsoid=1,
-        fluid_coefs=[drag, drag, 0.0, 0.0, 0.0],
+        fluid_coefs=np.zeros(5),
     )

@@ -102,6 +102,11 @@ class MechanismEffect(AbstractEffect):
         """The joints that `edit_spec` adds, each with the one whose position and speed it starts with."""
         return {}
 
+    @property
+    def skeleton(self) -> MechanismEffect:
+        """The effect as far as it adds elements: those of equal ones are compiled once."""
+        return self
+
     def swings_rad_s(self, model: mujoco.MjModel) -> float:
         """Return the natural frequency of a spring that `edit_spec` has put into a model; 0: there is none."""
         return 0.0

@@ -16,6 +16,8 @@ import mujoco
 import numpy as np
 import scipy  # loads its parts when they are first used
 
+from runner.effects.mechanism import parts
+
 MIX_LEAST = 1e-15  # solmix below counts for nothing
 NEAR_CRITICAL, MOST_DAMPED = 1e-6, 20.0  # damping ratios
 PLANE, LEVEL = int(mujoco.mjtGeom.mjGEOM_PLANE), 1e-9
@@ -189,5 +191,17 @@ def is_free(model: mujoco.MjModel, body: str | None) -> bool:
 
 def is_alone(model: mujoco.MjModel, body: str | None) -> bool:
     """Whether a body moves freely, and is all that moves: no actuator, and no other body, acts on it."""
-    moving = [b for b in range(1, model.nbody) if int(model.body_weldid[b]) != 0 and float(model.body_mass[b]) > 0.0]
-    return is_free(model, body) and moving == [model.body(body).id] and model.nu == 0
+    return is_free(model, body) and moving_bodies(model) == [body] and model.nu == 0
+
+
+def moving_bodies(model: mujoco.MjModel) -> list[str]:
+    """Return the bodies with mass that some joint moves, without what the air acts on."""
+    names = {b: model.body(b).name for b in range(1, model.nbody) if int(model.body_weldid[b]) != 0}
+    return [n for b, n in names.items() if float(model.body_mass[b]) > 0.0 and not n.endswith(parts.AIR)]
+
+
+def carries(model: mujoco.MjModel, body: str | None) -> bool:
+    """Whether other bodies hang on one, or are fixed to it."""
+    own = model.body(body).id
+    below = [b for b in range(1, model.nbody) if int(model.body_parentid[b]) == own]
+    return any(not model.body(b).name.endswith(parts.AIR) for b in below)

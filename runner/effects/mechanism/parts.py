@@ -10,6 +10,7 @@ from runner.physics.joint_law import JointLaw
 
 DRIVE, COUPLING = "~drive", "~coupling"  # what the joint behind a joint, and what couples the two, add to its name
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+AIR = "~air"  # what the body that the air acts on adds to the name of the one that it is part of
 ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 
 

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
+from runner.effects.mechanism import parts
 from runner.numerics.arrays import spread_over
 from runner.recording import Span
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
@@ -55,7 +56,11 @@ def flights(recording: MechanismRecording, coordinates: Coordinates, model: mujo
 
 def size_m(model: mujoco.MjModel) -> float:
     """Return how large the smallest moving body is: its bounding radius."""
-    moving = [r for r, b in zip(model.geom_rbound, model.geom_bodyid, strict=True) if model.body_weldid[b] != 0]
+    moving = [
+        r
+        for r, b in zip(model.geom_rbound, model.geom_bodyid, strict=True)
+        if model.body_weldid[b] != 0 and not model.body(b).name.endswith(parts.AIR)
+    ]
     return float(min((r for r in moving if r > 0), default=0.1))
 
 

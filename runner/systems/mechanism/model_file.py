@@ -52,18 +52,19 @@ def write_model(models: Models, effects: Effects, folder: Path) -> tuple[str, ..
         ResultError: If what was written moves otherwise than the edited model.
     """
     inside = tuple(e for e in effects if expressible(models, e))
-    spec = models.spec(inside, instrumented=False)
     with quiet():
+        spec = models.spec(inside, instrumented=False)
         model = spec.compile()
         models.put_in(inside, model)
         if models.contact_time_s(inside) < min(models.contact_time_s(()), 2 * model.opt.timestep):
-            # MuJoCo softens contacts whose time constant is below two steps
-            model.opt.timestep = max(0.5 * shortest_contact_s(model), SHORTEST_STEP_S)
+            # MuJoCo softens contacts whose time constant is below two steps; a clock of its own scales any step
+            clock = model.opt.timestep / models.file_step_s
+            model.opt.timestep = clock * max(0.5 * shortest_contact_s(model), SHORTEST_STEP_S)
         try:
             spec.copy_back(model)
         except ValueError as error:
             raise ResultError(f"{MODEL}: the corrected numbers can't be written: {error}") from None
-        _copy_contacts(spec, model)
+        _copy_geoms(spec, model)
         written = tuple(e for e in effects if is_written(e))
         for effect in written:
             effect.edit_written(spec)
@@ -108,10 +109,12 @@ def _of_delays(late: Sequence[mujoco.MjsActuator]) -> str:
     )
 
 
-def _copy_contacts(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
-    """Write the whole numbers that govern contacts, which MuJoCo's own copying leaves out."""
+def _copy_geoms(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+    """Write the numbers of geoms that MuJoCo's own copying leaves out: whole ones of contacts, and those of media."""
     for geom in spec.geoms:
         geom.priority, geom.condim = int(model.geom_priority[geom.id]), int(model.geom_condim[geom.id])
+        if model.geom_fluid[geom.id, 0] > 0:
+            geom.fluid_coefs = model.geom_fluid[geom.id, 1:6]
 
 
 def _copy_assets(spec: mujoco.MjSpec, source: Path, folder: Path) -> tuple[str, ...]:
@@ -135,8 +138,8 @@ def _check(models: Models, effects: Effects, delays: Sequence[MechanismEffect], 
             written = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         raise ResultError(f"{MODEL}: does not compile: {error}") from None
-    # harder contacts have shortened the step of what was written
-    edited = models.edited(effects, written.opt.timestep)
+    edited = models.edited(effects)
+    edited.opt.timestep = written.opt.timestep  # which harder contacts have shortened
     late = (*models.believed_delays, *delays)
     name = _moves_otherwise(written, edited, late)
     if name is not None and _touches(edited):
@@ -167,7 +170,8 @@ def _moves_otherwise(written: mujoco.MjModel, edited: mujoco.MjModel, late: Sequ
     )
     for name, motion in other.items():
         size = np.abs(motion).max() + 1.0
-        if name not in one or np.abs(one[name] - motion).max() > 1e2 * DIGITS * size:
+        apart = name not in one or one[name].shape != motion.shape
+        if apart or np.abs(one[name] - motion).max() > 1e2 * DIGITS * size:
             return name
     return None
 

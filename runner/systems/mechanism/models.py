@@ -156,12 +156,12 @@ class Models:
 
     def compiled(self, effects: Effects) -> Compiled:
         """Return the model with the elements of structural effects, compiled once for each set of them."""
-        key = tuple(e for e in effects if e.structural)
+        key = tuple(e.skeleton for e in mechanical(effects) if e.structural)
         if key not in self._compiled:
             if len(self._compiled) > KEPT_COMPILED:
                 self._compiled.clear()
-            spec = self.spec(key, instrumented=True)
             with quiet():
+                spec = self.spec(key, instrumented=True)
                 model = spec.compile()
             signature = _signature(key, model)
             same = next((c for c in self._compiled.values() if c.signature == signature), None)

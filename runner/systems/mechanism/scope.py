@@ -66,8 +66,15 @@ def _with_turns(recording: MechanismRecording, episode: MechanismEpisode) -> Flo
 
 def with_rotation_vectors(recording: MechanismRecording, episode: MechanismEpisode) -> FloatArray:
     """Return the channels of an episode with orientations as rotation vectors, (T, C); NaN where not measured."""
-    level = np.array([1.0, 0.0, 0.0, 0.0])
-    return _with_orientations(recording, episode, lambda column: turns_from(level, episode.orientations[column]))
+
+    def vectors(column: str) -> FloatArray:
+        measured = episode.orientations[column]
+        there = np.isfinite(measured).all(axis=1)
+        out = np.full((len(measured), 3), np.nan)
+        out[there] = turns_from(np.array([1.0, 0.0, 0.0, 0.0]), measured[there])
+        return out
+
+    return _with_orientations(recording, episode, vectors)
 
 
 def _with_orientations(
@@ -184,7 +191,7 @@ def vocabulary_of(recording: MechanismRecording, scope: Scope, coordinates: Coor
     """Return every effect that may be at work in a mechanism, bound to every target that it applies to."""
     targets: dict[str, list[str | None]] = {
         "joint": [j.name for j in coordinates.joints if j.kind in (HINGE, SLIDE)],
-        "body": [*moving_bodies(scope.model)],
+        "body": [*contacts.moving_bodies(scope.model)],
         "actuator": [c.actuator for c in recording.mapping.commands.values()],
         "channel": [s.name for s in recording.mapping.sources],
         "": [None],
@@ -231,12 +238,3 @@ def _of_its_own(
     if issubclass(cls, SensorOffset) and contacts.is_free(model, source.target):
         return not contacts.is_even(model, source.index)
     return not issubclass(cls, SensorLag | SensorScale)
-
-
-def moving_bodies(model: mujoco.MjModel) -> list[str]:
-    """Return the bodies with mass that some joint moves."""
-    return [
-        model.body(b).name
-        for b in range(1, model.nbody)
-        if int(model.body_weldid[b]) != 0 and float(model.body_mass[b]) > 0.0
-    ]
