@@ -131,9 +131,10 @@ def test_a_measured_force_is_a_line(name: str, between: str | None, tmp_path: Pa
     log = tracker()
     t = np.tile(np.arange(SAMPLES) / RATE_HZ, PUSHES)
     log["push_x_N"] = 5.0 * np.sin(3.0 * t)
+    log["push_y_N"] = 0.02 * np.random.default_rng(0).normal(size=len(log))  # all of it noise
     text = yaml.safe_load(imported(log.rename(columns={"push_x_N": name}), tmp_path))
     assert text["commands"]["fx"].get("between") == between
-    assert "between" not in text["commands"]["fy"]  # it steps
+    assert text["commands"]["fy"].get("between") == between  # one sensor
     for episode in read_case(tmp_path / "case").episodes:
         force = 5.0 * np.sin(3.0 * np.arange(SAMPLES) / RATE_HZ)
         line = np.append(0.5 * (force[1:] + force[:-1]), force[-1])
@@ -152,6 +153,27 @@ def test_a_line_pushes_as_much_as_it_does_between_rows(tmp_path: Path) -> None:
     wanted = [np.trapezoid(line[k : k + 100_001], dx=1e-6) / 0.1 for k in range(0, len(fine) - 1, 100_000)]
     np.testing.assert_allclose(held[:-1], wanted, rtol=1e-9)
     assert held[-1] == pytest.approx(line[-1])
+
+
+def test_a_point_that_never_changes_needs_no_signal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its value stands in the map; beside a signal, or of what is measured, it is refused."""
+    log = tracker()
+    imported(log, tmp_path)
+    arguments = ["import", str(tmp_path / "pushes.csv"), f"model={tmp_path / 'box.yaml'}", f"out={tmp_path / 'new'}"]
+    keys = yaml.safe_load((tmp_path / "map.yaml").read_text())
+    keys["commands"]["px"] = {"value": 45.0, "unit": "mm"}
+    (tmp_path / "fixed.yaml").write_text(yaml.safe_dump(keys))
+    assert main([*arguments, f"map={tmp_path / 'fixed.yaml'}"]) == 0
+    assert "45 always" in capsys.readouterr().out
+    assert {float(p) for e in read_case(tmp_path / "new").episodes for p in e.point_m[:, 0]} == {0.045}
+    for group, column, entry in (
+        ("commands", "px", {"value": 45.0, "signal": "contact_u_mm"}),
+        ("channels", "x", {"value": 1.0}),
+    ):
+        wrong = {**keys, group: {**keys[group], column: entry}}
+        (tmp_path / "wrong.yaml").write_text(yaml.safe_dump(wrong))
+        assert main([*arguments, f"map={tmp_path / 'wrong.yaml'}"]) == 2
+        assert f"{group}.{column}" in capsys.readouterr().err
 
 
 def test_over_a_gap_a_force_is_held(tmp_path: Path) -> None:

@@ -72,7 +72,7 @@ REFUSED: dict[str, tuple[Callable[[dict], object], str]] = {
     "key below": (
         edited("commands", "u_elbow", "joint", "elbow"),
         "unknown key 'commands.u_elbow.joint'. "
-        "Valid: 'actuator', 'between', 'clock', 'offset', 'scale', 'signal', 'unit'.",
+        "Valid: 'actuator', 'between', 'clock', 'offset', 'scale', 'signal', 'unit', 'value'.",
     ),
     "no channels": (lambda keys: keys.pop("channels"), "missing 'channels'."),
     "column": (

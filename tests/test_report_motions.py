@@ -105,7 +105,7 @@ def test_a_timeline_tells_of_episodes_without_a_row() -> None:
     excess = [float(k) for k in range(count) for _ in range(4)]
     at = [0.5 * k for _ in range(count) for k in range(4)]
     svg, _, fewer = where_figures.timeline(
-        pd.DataFrame({"episode": episodes, "excess": excess, "freedom": 1.0, "t_s": at}), None, "t"
+        pd.DataFrame({"episode": episodes, "excess": excess, "freedom": 1.0, "t_s": at}), 0.5, None, "t"
     )
     assert fewer == 2
     assert f"episode {count - 1}" in svg

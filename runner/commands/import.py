@@ -112,7 +112,11 @@ def _import(config: ImportConfig, map_file: Path, console: Console) -> None:
     read = write_case(built, config.out, model=config.model, log=config.logs, map_file=map_file)
     print_table(console, "Clocks", _clocks(built.clocks), right=(2, 3, 4, 5, 6, 7))
     conversions = [
-        (e.column, e.signal, f"{e.unit or '-'}" + (f" -> {e.si_unit}" if e.unit != e.si_unit and e.si_unit else ""))
+        (
+            e.column,
+            e.signal if e.value is None else f"{e.value:g} always",
+            f"{e.unit or '-'}" + (f" -> {e.si_unit}" if e.unit != e.si_unit and e.si_unit else ""),
+        )
         for e in built.plan.entries
     ]
     print_table(console, "Columns", (("column", "signal", "unit"), conversions))

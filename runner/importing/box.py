@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from runner.errors import RecordingError, nearest
-from runner.importing.entries import Entry, Plan, Role, entry_of
+from runner.importing.entries import Entry, Plan, Role, beside_of, entry_of
 from runner.importing.map_file import EVEN, NEAREST, BoxMap
 from runner.recording import Form, Nominal
 from runner.recording.nominal import load_mapping, nominal_of
@@ -63,7 +63,8 @@ def plan_box(path: Path, wanted: BoxMap, model: Path) -> Plan:
             if column not in allowed:
                 raise RecordingError(f"{path}: {group}.{column}: unknown column. {nearest(column, allowed)}")
             try:
-                entries.append(entry_of(f"{group}.{column}", column, keys, UNITS[column], role))
+                beside = beside_of(wanted.commands)
+                entries.append(entry_of(f"{group}.{column}", column, keys, UNITS[column], role, beside=beside))
             except RecordingError as error:
                 raise RecordingError(f"{path}: {error}") from None
     noise = {k: v for k, v in wanted.noise.items() if v is not None}

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from runner.errors import RecordingError, nearest
 from runner.importing import units
@@ -42,6 +43,7 @@ class Entry:
         clock: Other than the map's.
         unit, si_unit: For messages.
         between: What a command does between its samples.
+        value: That it has all the time, in the log's unit; None: what the signal says.
     """
 
     key: str
@@ -55,9 +57,12 @@ class Entry:
     unit: str = ""
     si_unit: str = ""
     between: Between = Between.HELD
+    value: float | None = None
 
     def si(self, values: FloatArray) -> FloatArray:
         """Return values of the log in SI."""
+        if self.value is not None:
+            return np.full(len(values), self.value * self.size)
         return (self.scale * values + self.offset) * self.size
 
 
@@ -95,7 +100,8 @@ def plan(path: Path, wanted: Map, model: mujoco.MjModel, model_name: str) -> Pla
     entries: list[Entry] = []
     try:
         for name, command in wanted.commands.items():
-            entries.append(entry_of(f"commands.{name}", name, command, mapping.units.get(name, ""), Role.COMMAND))
+            unit, beside = mapping.units.get(name, ""), beside_of(wanted.commands)
+            entries.append(entry_of(f"commands.{name}", name, command, unit, Role.COMMAND, beside=beside))
         for name, channel in wanted.channels.items():
             entries += _channel(name, channel, wanted.up, mapping.units.get(name, ""))
         entries += _forces(wanted)
@@ -137,15 +143,27 @@ def _force(number: int, has_point: bool) -> dict[str, list[str]]:
     return columns | ({"point": [f"point{number}_{a}" for a in "xyz"]} if has_point else {})
 
 
-def entry_of(key: str, column: str, of: Converted, si_unit: str, role: Role, sign: float = 1.0) -> Entry:
-    """Return the entry of a column that is one signal, with its conversion to SI."""
-    if of.signal is None:
+def beside_of(commands: Mapping[str, Converted]) -> str | None:
+    """Return the signal of the first command that has one: at its times a command has its value that has no other."""
+    return next((c.signal for c in commands.values() if c.signal is not None), None)
+
+
+def entry_of(
+    key: str, column: str, of: Converted, si_unit: str, role: Role, sign: float = 1.0, *, beside: str | None = None
+) -> Entry:
+    """Return the entry of a column that is one signal, or one value at the times of another, with its conversion."""
+    value = of.value if isinstance(of, Commanded) else None
+    if value is not None and (of.signal is not None or beside is None):
+        why = "stands in the place of `signal`" if of.signal is not None else "needs another command that has a signal"
+        raise RecordingError(f"{key}.value: {why}.")
+    signal = of.signal if value is None else beside
+    if signal is None:
         raise RecordingError(f"{key}: missing 'signal'.")
     unit = si_unit if of.unit is None else of.unit
     return Entry(
         key=key,
         column=column,
-        signal=of.signal,
+        signal=signal,
         role=role,
         size=sign * size_of(f"{key}.unit", unit, si_unit),
         scale=of.scale,
@@ -154,6 +172,7 @@ def entry_of(key: str, column: str, of: Converted, si_unit: str, role: Role, sig
         unit=unit,
         si_unit=si_unit,
         between=of.between if isinstance(of, Commanded) else Between.HELD,
+        value=value,
     )
 
 
@@ -210,4 +229,4 @@ def _forces(wanted: Map) -> list[Entry]:
     return out
 
 
-__all__ = ["Entry", "Plan", "Role", "entry_of", "plan", "size_of"]
+__all__ = ["Entry", "Plan", "Role", "beside_of", "entry_of", "plan", "size_of"]

@@ -6,12 +6,14 @@ still is seen where nothing is lost: there each sample is foretold by its neighb
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from runner.importing.clocks import LOST, NS
 from runner.importing.episodes import Series
+from runner.importing.map_file import Between
 from runner.importing.told import Told
 from runner.numerics.arrays import FloatArray
 
@@ -33,8 +35,8 @@ def with_lost(one: Series, told: Told) -> Series:
     if not len(gaps):
         return one
     between, held = _errors(one.values, counts)
-    name = one.entry.column
-    if not between < SMOOTH * held:
+    name, line = one.entry.column, one.entry.between is Between.LINE
+    if not line and not between < SMOOTH * held:
         jumped = gaps[one.values[gaps] != one.values[gaps + 1]]
         said = "{names}: {n} samples were lost where the command changed; the one before is held, so it may change late"
         told.add(said, int((counts[jumped] - 1).sum()), column=name)
@@ -43,7 +45,8 @@ def with_lost(one: Series, told: Told) -> Series:
     share = np.concatenate([np.arange(1, n) / n for n in counts[gaps]])
     t = one.t_ns[after] + np.round(share * (one.t_ns[after + 1] - one.t_ns[after])).astype(np.int64)
     values = one.values[after] + share * (one.values[after + 1] - one.values[after])
-    said = "{names}: {n} samples were lost; the line between those around them is taken, as that foretells the others"
+    said = "{names}: {n} samples were lost; the line between those around them is taken"
+    said += "" if line else ", as that foretells the others"
     told.add(said, len(after), column=name)
     order = np.argsort(np.concatenate([one.t_ns, t]), kind="stable")
     return replace(
@@ -54,16 +57,21 @@ def with_lost(one: Series, told: Told) -> Series:
     )
 
 
-def moves_on(values: FloatArray, t_s: FloatArray | None) -> bool:
-    """Whether what is sampled, (T,), moves on between its samples: its neighbours foretell each, and it is no step.
+def moves_on(components: Sequence[FloatArray], t_s: FloatArray | None) -> bool:
+    """Whether what is sampled moves on between its samples: neighbours foretell each, and it makes no steps.
 
-    Where an episode ends, or samples were lost, by their times, (T,), neighbours are none.
+    Args:
+        components: Of one force, (T,) each, NaN where not known: one sensor has one answer.
+        t_s: Their times, (T,): where an episode ends, or samples were lost, neighbours are none. None: not known.
     """
-    there = np.isfinite(values) if t_s is None else np.isfinite(values) & np.isfinite(t_s)
-    steps = np.ones(max(int(there.sum()) - 1, 0)) if t_s is None else np.diff(t_s[there])
-    apart = np.abs(steps - np.median(steps)) > NEAR_STEPS * np.median(steps) if len(steps) else steps > 0
-    between, held = _errors(values[there], np.where(apart, 2, 1))
-    return between < SMOOTH * held
+    errors = []
+    for values in components:
+        there = np.isfinite(values) if t_s is None else np.isfinite(values) & np.isfinite(t_s)
+        steps = np.ones(max(int(there.sum()) - 1, 0)) if t_s is None else np.diff(t_s[there])
+        apart = np.abs(steps - np.median(steps)) > NEAR_STEPS * np.median(steps) if len(steps) else steps > 0
+        errors.append(_errors(values[there], np.where(apart, 2, 1)))
+    between, held = np.sqrt(np.sum(np.square(errors), axis=0))
+    return bool(between < SMOOTH * held)
 
 
 def _lost_steps(t_s: FloatArray) -> np.ndarray:

@@ -150,7 +150,7 @@ class RowKeys(_Section):
 
 
 class Converted(_Section):
-    """A signal, and how its numbers become SI: (scale * value + offset) in `unit`."""
+    """A signal, and how its numbers become SI: (scale * number + offset) in `unit`."""
 
     signal: _Text | None = None
     unit: _Unit | None = None
@@ -160,8 +160,9 @@ class Converted(_Section):
 
 
 class Commanded(Converted):
-    """A command of a box; `between` is for what was measured, such as a force."""
+    """A command of a box: from a signal, or one `value` all the time; `between` is for what was measured."""
 
+    value: _Number | None = None
     between: Between = Between.HELD
 
 

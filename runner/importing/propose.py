@@ -39,7 +39,7 @@ from runner.importing.signals import Log, Part, Signal
 from runner.importing.units import UNITS, allowed
 from runner.numerics.arrays import FloatArray
 from runner.recording import Form, Nominal
-from runner.recording.table import FORCE, REQUIRED
+from runner.recording.table import FORCE, POINT, REQUIRED
 
 SENT = frozenset(["cmd", "command", "commanded", "set", "setpoint", "desired", "des", "target", "goal", "ref"])
 MEANING = {
@@ -147,23 +147,26 @@ def _lacking_of_box(column: str, element: Element, part: Part, used: Collection[
     what = f" ({MEANING[column]})" if column in MEANING else ""
     may_be = [n for n in part.signals if n not in used and unit_by_name(n, element.si_unit) is not None]
     free = f"; not used yet, in such a unit: {_listed(may_be)}" if may_be else ""
+    free += "; a fixed place is `{value: 45, unit: mm}`" if column in POINT else ""
     return f"the signal of '{column}'{what} and its unit, of what is {element.si_unit} in SI{free}"
 
 
 def _lines(draft: _Draft, part: Part, times_s: FloatArray | None) -> None:
     """Propose lines between samples of a force that moves on between them, unless its name says that it was sent."""
-    for column in FORCE[:2]:
-        entry = draft.commands.get(column, {})
-        name = entry.get("signal", TO_FILL)
-        if name == TO_FILL or SENT.intersection(words_of(name)):
-            continue
-        values = part.signals[name].values
-        if moves_on(values, times_s if times_s is not None and len(times_s) == len(values) else None):
+    forces = [draft.commands[c] for c in FORCE[:2] if draft.commands.get(c, {}).get("signal", TO_FILL) != TO_FILL]
+    names = [entry["signal"] for entry in forces]
+    values = [part.signals[name].values for name in names]
+    if not names or any(SENT.intersection(words_of(name)) for name in names):
+        return
+    known = times_s is not None and all(len(v) == len(times_s) for v in values)
+    if moves_on(values, times_s if known else None):
+        for entry in forces:
             entry["between"] = Between.LINE.value
-            draft.notes.append(
-                f"'{name}' moves on between samples, so the line between them is taken (between: line); a force that "
-                "was commanded and held is `between: held`"
-            )
+        verb = "moves" if len(names) == 1 else "move"
+        draft.notes.append(
+            f"{_listed(names)}: {verb} on between samples, so the line between them is taken (between: line); a force "
+            "that was commanded and held is `between: held`"
+        )
 
 
 def _finished(draft: _Draft, log: Log, clock: ClockGuess, head: dict[str, object]) -> Proposal:

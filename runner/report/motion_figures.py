@@ -13,7 +13,7 @@ from runner.report.figures import BAND, FAINT, GREY, INK, ORANGE, STYLE, new, sv
 from runner.report.figures import title as titled
 from runner.report.motions import Paths, autocorrelation
 from runner.systems.base import AbstractSystem
-from runner.systems.channels import Channel
+from runner.systems.channels import Channel, Space
 
 MOST = 12  # channels of a trajectory: those that are missed most
 DEGREE_UNITS = {"rad": "°", "rad/s": "°/s"}
@@ -34,8 +34,7 @@ def trajectory(
     with mpl.rc_context(STYLE):
         way = None if system.plan_view is None else _way(system, path, f"{name}way", after)
         return way, [
-            _channel(system.channels[i], path, i, float(sigma[i]), f"{name}c{i}", after)
-            for i in chosen(system, path, sigma)
+            _channel(system, path, i, float(sigma[i]), f"{name}c{i}", after) for i in chosen(system, path, sigma)
         ]
 
 
@@ -59,16 +58,19 @@ def _way(system: AbstractSystem, path: Paths, name: str, after: str) -> str:
     return svg(figure, name, "Measured, nominal and corrected way from above")
 
 
-def _channel(channel: Channel, path: Paths, i: int, sigma: float, name: str, after: str) -> str:
+def _channel(system: AbstractSystem, path: Paths, i: int, sigma: float, name: str, after: str) -> str:
     """Return one channel over time, and below it what is missed, with the noise as a band."""
+    channel = system.channels[i]
+    # an orientation is told as a turn away from what was measured: a reader wants to see how it turned
+    turned = system.readable()[path.episode][:, i] if channel.space is Space.ROTATION else 0.0
     figure = new(3.1, 2.5, left=0.55)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1.5, 1])
     figure.subplots_adjust(hspace=0.22)
     unit = DEGREE_UNITS.get(channel.unit, channel.unit)
     scale = 180 / np.pi if channel.unit in DEGREE_UNITS else 1.0
-    upper.plot(path.t_s, scale * path.nominal[:, i], color=GREY, lw=2.0)
-    upper.plot(path.t_s, scale * path.corrected[:, i], color=after, lw=2.0)
-    upper.plot(path.t_s, scale * path.measured[:, i], color=INK, lw=0.9)
+    upper.plot(path.t_s, scale * (turned + path.nominal[:, i]), color=GREY, lw=2.0)
+    upper.plot(path.t_s, scale * (turned + path.corrected[:, i]), color=after, lw=2.0)
+    upper.plot(path.t_s, scale * (turned + path.measured[:, i]), color=INK, lw=0.9)
     titled(upper, f"{channel.label} [{unit}]" if unit else channel.label)
     # marks between the two would strike through what is written there
     upper.tick_params(axis="x", length=0, labelbottom=False)

@@ -47,7 +47,7 @@ def first_figure(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | N
         return about | {"kind": "map", "svg": Markup(svg), "framed": None}
     # one cell is marked, that of the first sentence's: what was done, if anything done stands out
     marked = [s.cell for s in suspects(diagnosis.system, found) if s.cell is not None]
-    svg, top, fewer = where_figures.timeline(found.windows, marked[0] if marked else None, "first")
+    svg, top, fewer = where_figures.timeline(found.windows, found.window_s, marked[0] if marked else None, "first")
     framed = diagnosis.system.phrase(*marked[0]) if marked else None
     left_out = f"{counted(fewer, 'episode')} in which less is missed" if fewer else ""
     return about | {

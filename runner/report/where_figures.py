@@ -108,13 +108,16 @@ def place_map(system: AbstractSystem, places: pd.DataFrame, paths: Sequence[Path
         return svg(figure, name, "Map: gap in each place against the average")
 
 
-def timeline(windows: pd.DataFrame, framed: tuple[str, str] | None, name: str) -> tuple[str, float, int]:
+def timeline(
+    windows: pd.DataFrame, window_s: float, framed: tuple[str, str] | None, name: str
+) -> tuple[str, float, int]:
     """Return what is missed over time, one row per episode, of how many noise levels a full row is, and what lacks.
 
     That is how many episodes have no row, as others miss more.
 
     Args:
         windows: As in `Where`.
+        window_s: How long each is.
         framed: A factor and a cell of it whose windows are marked below each row.
         name: Of the figure's ids.
     """
@@ -131,7 +134,7 @@ def timeline(windows: pd.DataFrame, framed: tuple[str, str] | None, name: str) -
         ax = figure.add_subplot()
         for k, episode in enumerate(rows):
             here = of == episode
-            step = float(np.median(np.diff(at[here]))) if here.sum() > 1 else 0.1
+            step = float(np.median(np.diff(at[here]))) if here.sum() > 1 else window_s
             begin = at[here] - at[here][0]
             ax.stairs(k - 0.85 * np.minimum(size[here] / top, 1.0), np.append(begin, begin[-1] + step), baseline=k,
                       fill=True, color=ACCENT, lw=0)  # fmt: skip

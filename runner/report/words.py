@@ -31,6 +31,8 @@ LEAST_SHARE = 0.005  # of anything: less is told as nothing
 PLACE = {"x_m", "y_m", "radius_m"}  # of an effect that is somewhere
 MANIFOLD = 1.0  # from twice the noise on it is told as so many times
 
+SLOWLY = "noise of a recorded force or command makes it, or a small error of the model"
+
 
 def title(effects: Sequence[str]) -> str:
     """Return effect names as they are read: `joint friction of elbow + gravity`."""
@@ -223,7 +225,7 @@ def left_in_windows(said: Statement, exceeds: bool, share: str, sentence: str) -
         sentence: Where it is.
     """
     if not exceeds:
-        tail = " What is left builds up over longer ones." if said.left is Left.SOMETHING else ""
+        tail = f" What is left builds up over longer ones, as {SLOWLY}." if said.left is Left.SOMETHING else ""
         return f"After the correction no such excess over the noise is left in short stretches.{tail}"
     much = f"{share} of the excess over the noise" if share else "an excess over the noise"
     if said.left is Left.SOMETHING:
