@@ -14,7 +14,7 @@ from runner.effects.planar_box import Friction, Stribeck
 from runner.effects.planar_box.stribeck import StribeckFromRest
 from runner.inference.contender import Contender, contend
 from runner.inference.evidence import directions, sensitivities
-from runner.inference.exchange import one_for_two, other_variants
+from runner.inference.exchange import one_for_another, one_for_two, other_variants
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.warm_start import key_of
 from runner.noise.measured import measure
@@ -61,6 +61,25 @@ def test_a_mass_is_found_behind_a_gain_and_a_damping(tmp_path: Path) -> None:
     assert BELIEVED_KG * np.exp(found[key_of(mass)].x[0]) == pytest.approx(MASS_KG, rel=2e-3)
     # what has been fitted is not fitted again
     assert key_of(mass) not in {key_of(f.explanation) for f in one_for_two(fitter, whole, {key_of(mass)})}
+
+
+def test_a_cause_is_found_from_the_motion_that_another_effect_has_found(tmp_path: Path) -> None:
+    """A mass whose own descent had ended far off, from what a gain made of the motion; what is near is left alone."""
+    model = SLIDE.format(damping=DAMPING, friction=0, mass=BELIEVED_KG, actuator=MOTOR)
+    nominal = {"commands": {"u": {"actuator": "drive"}}, "channels": joint_channels(["slide"]), "noise": NOISE}
+    rng = np.random.default_rng(0)
+    system = system_of(write_case(tmp_path / "case", model, [driven(rng, 0.5), driven(rng, 1.1)], nominal))
+    fitter = Fitter(system, system.simulator(threads=1), measure(system))
+    by_key = {c.name: c for c in system.vocabulary}
+    gain, mass = (Explanation((by_key[name],)) for name in ("actuator_gain[drive]", "mass[carriage]"))
+    fit = fitter.fit(gain, [0, 1], near=fitter.fit(NONE, [0, 1]), iterations=20)
+    whole = contend(fitter, fit, sensitivities(fitter, fit, directions(system)))
+    found = {key_of(f.explanation): f for f in one_for_another(fitter, whole, {key_of(mass): 1e9})}
+    assert key_of(gain) not in found
+    assert found[key_of(mass)].total == pytest.approx(fitter.measured.count([0, 1]), rel=0.1)
+    assert fit.total > 2.0 * found[key_of(mass)].total
+    near = {key_of(mass): fit.total + 1.0}
+    assert key_of(mass) not in {key_of(f.explanation) for f in one_for_another(fitter, whole, near)}
 
 
 def test_friction_that_is_right_at_rest_is_found_behind_less_of_it_that_rises_towards_rest() -> None:

@@ -1,13 +1,15 @@
-"""One effect in the place of two: a mass that is wrong looks like a gain and a damping that are.
+"""One effect in the place of another, or of two: a mass that is wrong looks like a gain and a damping that are.
 
 Forward selection never comes there where one of the two takes off more by itself, nor does leaving them out one by one.
-The linear model around a fit says what is left with the two taken out, the one put in and all others moved. Those that
-promise to make up for most of what is lost are fitted (sequential replacement; Miller 2002, section 3.4).
+And a descent that begins where nothing was known of the cause may end far off, where one that begins at the motion that
+another effect has found does not. The linear model around a fit says what is left with one or two taken out, the other
+put in and all others moved. Those that promise to make up for most of what is lost are fitted (sequential replacement;
+Miller 2002, section 3.4).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Set
+from collections.abc import Iterator, Mapping, Set
 from itertools import combinations, permutations
 
 import numpy as np
@@ -16,9 +18,25 @@ from runner.inference.contender import Contender
 from runner.inference.leap import vector_at
 from runner.inference.least_squares import Explanation, Fit, Fitter
 from runner.inference.parameters import bounds
+from runner.inference.shortlist import least_gain
 from runner.inference.warm_start import Key, key_of
 from runner.numerics.arrays import FloatArray
 from runner.settings import SETTINGS
+
+Promise = tuple[float, Explanation, FloatArray]  # the loss that is left in the linear model, of what, where to begin
+
+
+def one_for_another(fitter: Fitter, whole: Contender, reached: Mapping[Key, float]) -> list[Fit]:
+    """Return fits with another effect in the place of one, begun at the motion that was found.
+
+    Args:
+        fitter: Of the explanation.
+        whole: It, amid the directions of all effects.
+        reached: What others have left: what is no further behind than noise could be is not fitted again.
+    """
+    least = whole.fit.total + least_gain(fitter.measured.count(whole.fit.episodes))
+    near = {key for key, total in reached.items() if total < least}
+    return _fitted(fitter, whole, _promised(fitter, whole, near, 1))
 
 
 def one_for_two(fitter: Fitter, whole: Contender, seen: Set[Key]) -> list[Fit]:
@@ -29,8 +47,13 @@ def one_for_two(fitter: Fitter, whole: Contender, seen: Set[Key]) -> list[Fit]:
         whole: It, amid the directions of all effects.
         seen: What has been fitted, and is not fitted again.
     """
+    return _fitted(fitter, whole, _promised(fitter, whole, seen, 2))
+
+
+def _fitted(fitter: Fitter, whole: Contender, promised: Iterator[Promise]) -> list[Fit]:
+    """Fit the most promising explanations."""
     fits: dict[Key, Fit] = {}
-    for _, explanation, x in sorted(_promised(fitter, whole, seen), key=lambda promise: promise[0]):
+    for _, explanation, x in sorted(promised, key=lambda promise: promise[0]):
         key = key_of(explanation)
         if key in fits:
             continue
@@ -81,15 +104,17 @@ def _instead(fitter: Fitter, fit: Fit, explanation: Explanation, x: FloatArray) 
     )
 
 
-def _promised(fitter: Fitter, whole: Contender, seen: Set[Key]) -> Iterator[tuple[float, Explanation, FloatArray]]:
-    """Go through what promises enough: the loss that is left in the linear model, the explanation, where to begin."""
+def _promised(fitter: Fitter, whole: Contender, seen: Set[Key], taken: int) -> Iterator[Promise]:
+    """Go through what promises enough in the place of so many effects."""
     fit, around, own = whole.fit, whole.around, len(whole.fit.x)
     normal = around.gram.sum(axis=0)
     # what has a place is not moved to another by a linear model
     parts = [(c, p) for c, p in fit.explanation.parts(fitter.context) if not c.is_placed(fitter.context)]
-    for two in combinations(parts, 2):
-        rest = fit.explanation.without(two[0][0]).without(two[1][0])
-        out = np.concatenate([np.arange(p.start, p.stop) for _, p in two])
+    for some in combinations(parts, taken):
+        rest = fit.explanation
+        for candidate, _ in some:
+            rest = rest.without(candidate)
+        out = np.concatenate([np.arange(p.start, p.stop) for _, p in some])
         kept = np.setdiff1d(np.arange(own), out)
         without, _ = _least(normal, out, -fit.x[out], kept)
         for candidate, ways in around.ways.items():

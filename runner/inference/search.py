@@ -21,7 +21,7 @@ from runner.inference.evidence import (
     joined,
     sensitivities,
 )
-from runner.inference.exchange import one_for_two, other_variants
+from runner.inference.exchange import one_for_another, one_for_two, other_variants
 from runner.inference.leap import leap
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter, are_near
 from runner.inference.probability import not_none, shares, unknown_by_excess
@@ -224,6 +224,8 @@ class _Rounds:
         best = max(c.log_posterior for c in self.contenders)
         left_before = min(c.fit.total for c in self.contenders) - self.count
         self.contenders += new
+        if size == 1:
+            new = self._and_with_another(new, around_best)
         new.sort(key=lambda c: -c.log_posterior)
         self._tell_best()
         if size == 1:
@@ -383,14 +385,26 @@ class _Rounds:
                 continue
             self.taken_apart.add(key_of(whole.fit.explanation))
             for fit in without_one(self.fitter, whole, self.contenders, self.episodes):
-                fewer, key = self._worthy(fit, around_best), key_of(fit.explanation)
-                self.seen.add(key)
-                others = [c for c in self.contenders if key_of(c.fit.explanation) != key]
-                same = [c for c in self.contenders if key_of(c.fit.explanation) == key]
-                # a fit that found a better place takes the place of the one before
-                if all(fewer.log_posterior >= c.log_posterior for c in same):
-                    self.contenders = [*others, fewer]
-                    new = [*(c for c in new if key_of(c.fit.explanation) != key), fewer]
+                new = self._with_better(new, fit, around_best)
+        return new
+
+    def _with_better(self, new: list[Contender], fit: Fit, around_best: Sensitivities) -> list[Contender]:
+        """Add a fit to the contenders: one that found a better place takes the place of the one before."""
+        again, key = self._worthy(fit, around_best), key_of(fit.explanation)
+        self.seen.add(key)
+        others = [c for c in self.contenders if key_of(c.fit.explanation) != key]
+        same = [c for c in self.contenders if key_of(c.fit.explanation) == key]
+        if all(again.log_posterior >= c.log_posterior for c in same):
+            self.contenders = [*others, again]
+            new = [*(c for c in new if key_of(c.fit.explanation) != key), again]
+        return new
+
+    def _and_with_another(self, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
+        """Add what the one that leaves least is with another effect in its place."""
+        least = min(new, key=lambda c: c.fit.total)
+        reached = {key_of(c.fit.explanation): c.fit.total for c in self.contenders}
+        for fit in one_for_another(self.fitter, least, reached):
+            new = self._with_better(new, fit, around_best)
         return new
 
     def _and_with_one_for_two(self, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
