@@ -184,7 +184,7 @@ def test_a_corrected_model_with_drag_may_be_believed_next(tmp_path: Path):
     shutil.copytree(folder, again)
     shutil.copy(tmp_path / "new/model.xml", again / "model.xml")
     believed = yaml.safe_load((again / "nominal.yaml").read_text())
-    channels = {a: {"body": "box", "quantity": "position", "axis": a} for a in "xyz"}
+    channels: dict[str, dict] = {a: {"body": "box", "quantity": "position", "axis": a} for a in "xyz"}
     channels["quat"] = {"body": "box", "quantity": "orientation", "columns": ["qw", "qx", "qy", "qz"]}
     (again / "nominal.yaml").write_text(yaml.safe_dump({"model": "model.xml", "channels": channels}))
     before, after = open_case(folder), open_case(again)
