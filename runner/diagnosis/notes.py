@@ -68,9 +68,8 @@ def notes(
         out.append("The fit of the best explanation had not fully come to rest; its errors may be too small.")
     if hit and top.fit.explanation.candidates:
         out.append(
-            "Of what hits something standard errors are too small: they hold the noise, and little of what any contact "
-            "model lacks. In a test on tosses that another engine simulated, numbers were off the truth by several "
-            "standard errors."
+            "Of what hits something standard errors hold only roughly what contact models lack: in a test on tosses that "
+            "another engine simulated, a quarter of the numbers were off the truth by two to four of them."
         )
     if turned:
         out.append(
