@@ -68,8 +68,8 @@ def notes(
         out.append("The fit of the best explanation had not fully come to rest; its errors may be too small.")
     if hit and top.fit.explanation.candidates:
         out.append(
-            "Of what hits something standard errors hold only roughly what contact models lack: in a test on tosses that "
-            "another engine simulated, a quarter of the numbers were off the truth by two to four of them."
+            "Of what hits something standard errors hold only roughly what contact models lack: in a test on tosses "
+            "that another engine simulated, a quarter of the numbers were off the truth by two to four of them."
         )
     if turned:
         out.append(
