@@ -46,3 +46,15 @@ def test_the_next_experiment_names_effects_as_the_ranking_does(monkeypatch: pyte
         "No experiment within these commands would tell actuator delay of pivot_servo from observation delay; "
         "command more."
     )
+
+
+def test_no_experiment_is_proposed_to_tell_what_is_one() -> None:
+    """Of what such recordings cannot tell from the answer; of another rival an experiment is sought."""
+    system = SimpleNamespace(vocabulary=())
+    fitter: Any = SimpleNamespace(system=system, measured=None, context=None)
+    ranked: Any = [SimpleNamespace(effects=("frame_tilt",), equivalent=(("gravity",),), probability=0.97)]
+    rivals: Any = [SimpleNamespace(confounded=True, rival="gravity", instead=object())]
+    found: Any = SimpleNamespace(contenders=())
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(advice, "contender_of", lambda *_: SimpleNamespace(fit=None))
+        assert advice.next_push(ranked, found, rivals, fitter, None) is None

@@ -48,7 +48,9 @@ def next_push(
         second = contender_of(found, named[1], fitter.context)
         covariance, rival = second.evidence.covariance, second.fit
     else:
-        instead = next((r.instead for r in near if r.instead is not None), None)
+        # what is one with it no experiment of this kind tells from it
+        one = {n for e in lead.equivalent for n in e}
+        instead = next((r.instead for r in near if r.instead is not None and r.rival not in one), None)
         if instead is None:
             return None
         covariance, rival = np.linalg.pinv(instead.information(), hermitian=True), instead
