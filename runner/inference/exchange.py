@@ -36,7 +36,11 @@ def one_for_another(fitter: Fitter, whole: Contender, reached: Mapping[Key, floa
     """
     least = whole.fit.total + least_gain(fitter.measured.count(whole.fit.episodes))
     near = {key for key, total in reached.items() if total < least}
-    return _fitted(fitter, whole, _promised(fitter, whole, near, 1))
+    promised = _promised(fitter, whole, near, 1)
+    # what has a place or a range of its own does much of what another does once it is put there, cause or not
+    return _fitted(
+        fitter, whole, (p for p in promised if not any(c.is_placed(fitter.context) for c in p[1].candidates))
+    )
 
 
 def one_for_two(fitter: Fitter, whole: Contender, seen: Set[Key]) -> list[Fit]:
