@@ -175,8 +175,7 @@ def test_a_rough_level_that_nobody_stated_does_not_hold_in_short_flights(*, owne
     system: Any = SimpleNamespace(
         episodes_differ=False,
         values=lambda: values,
-        stated_noise=lambda: np.full(3, rough),
-        owner_states_noise=lambda: np.full(3, owner),
+        noise_by_owner=lambda: np.full(3, rough if owner else np.nan),
         channels=(SimpleNamespace(group="turn"),) * 3,
         rate_hz=100.0,
         recording=SimpleNamespace(episodes=[SimpleNamespace(step_s=0.005) for _ in values]),

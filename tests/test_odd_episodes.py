@@ -92,8 +92,7 @@ def test_what_is_odd_is_told_by_the_others(*, differ: bool) -> None:
     system: Any = SimpleNamespace(
         episodes_differ=differ,
         values=lambda: values,
-        stated_noise=lambda: np.ones(1),
-        owner_states_noise=lambda: np.ones(1, bool),
+        noise_by_owner=lambda: np.ones(1),
         channels=(SimpleNamespace(group="x"),),
         rate_hz=100.0,
         recording=SimpleNamespace(episodes=[SimpleNamespace(step_s=0.01) for _ in values]),

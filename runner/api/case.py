@@ -49,8 +49,7 @@ class Case:
         """What is measured, a row for each: `channel`, `label`, `unit`, `noise` (as stated, SI; NaN: not known)."""
         rows = [(c.name, c.label, c.unit) for c in self.system.channels]
         table = pd.DataFrame(rows, columns=["channel", "label", "unit"])
-        system = self.system
-        return table.assign(noise=np.where(system.owner_states_noise(), system.stated_noise(), np.nan))
+        return table.assign(noise=self.system.noise_by_owner())
 
     @property
     def episodes(self) -> pd.DataFrame:

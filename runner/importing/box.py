@@ -57,13 +57,12 @@ def plan_box(path: Path, wanted: BoxMap, model: Path) -> Plan:
         )
     nominal, content = believed(model, rate_hz)
     measured = MEASURED if nominal.pin is None else (*MEASURED, *FORCE[:2], *POINT)
-    entries: list[Entry] = []
+    entries, beside = list[Entry](), beside_of(wanted.commands)
     for group, role, allowed in (("commands", Role.COMMAND, COMMANDED), ("channels", Role.CHANNEL, measured)):
         for column, keys in getattr(wanted, group).items():
             if column not in allowed:
                 raise RecordingError(f"{path}: {group}.{column}: unknown column. {nearest(column, allowed)}")
             try:
-                beside = beside_of(wanted.commands)
                 entries.append(entry_of(f"{group}.{column}", column, keys, UNITS[column], role, beside=beside))
             except RecordingError as error:
                 raise RecordingError(f"{path}: {error}") from None

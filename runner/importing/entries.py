@@ -97,10 +97,10 @@ def plan(path: Path, wanted: Map, model: mujoco.MjModel, model_name: str) -> Pla
     """
     nominal = _nominal(wanted, model_name)
     mapping = read_mapping(path, nominal, model)
-    entries: list[Entry] = []
+    entries, beside = list[Entry](), beside_of(wanted.commands)
     try:
         for name, command in wanted.commands.items():
-            unit, beside = mapping.units.get(name, ""), beside_of(wanted.commands)
+            unit = mapping.units.get(name, "")
             entries.append(entry_of(f"commands.{name}", name, command, unit, Role.COMMAND, beside=beside))
         for name, channel in wanted.channels.items():
             entries += _channel(name, channel, wanted.up, mapping.units.get(name, ""))

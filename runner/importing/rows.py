@@ -1,9 +1,8 @@
 """One episode as rows of a table: series put in order, then on common times.
 
 Commands are held until their next sample, or are the mean of the line to it; where samples are lost see
-`runner.importing.lost`. Channels keep their own
-samples where rows stand at all times of all series, or go to the nearest of even rows, or are interpolated where the
-map puts rows elsewhere, but not over gaps.
+`runner.importing.lost`. Channels keep their own samples where rows stand at all times of all series, or go to the
+nearest of even rows, or are interpolated where the map puts rows elsewhere, but not over gaps.
 """
 
 from __future__ import annotations

@@ -145,8 +145,7 @@ def measure(system: AbstractSystem, *, scatter: Scatter | None = None) -> Measur
     sigma, noise_model = _noise(rests, _step_s(system), groups, stated, white, rounding, doubt=0.0)
     spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
     valid = tuple(_inliers(v, sigma * noise_model.innovation()) for v in values)
-    by_owner = np.where(system.owner_states_noise(), stated, np.nan)
-    return Measured(spans, values, sigma, noise_model, valid, by_owner, scatter)
+    return Measured(spans, values, sigma, noise_model, valid, system.noise_by_owner(), scatter)
 
 
 def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.ndarray]) -> Measured:
@@ -178,12 +177,11 @@ def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.n
     otherwise = measured.sensor[[columns[0] for columns in groups]]
     rounding = _rounding_noise(system.values(), groups)
     # what the system made up for where nobody stated anything is no belief: in what a model leaves the noise shows
-    stated = np.where(system.owner_states_noise(), system.stated_noise(), np.nan)
     sigma, noise_model = _noise(
         stretches,
         _step_s(system),
         groups,
-        stated,
+        system.noise_by_owner(),
         otherwise,
         rounding,
         doubt=SETTINGS.noise.stated_log_error,

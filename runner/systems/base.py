@@ -133,6 +133,10 @@ class AbstractSystem(ABC):
         """Return for which channels the owner states a noise, (C,); `stated_noise` may have a rough level beside."""
         return np.isfinite(self.stated_noise())
 
+    def noise_by_owner(self) -> FloatArray:
+        """Return the standard deviation that the owner states for each channel, NaN where none is stated, (C,)."""
+        return np.where(self.owner_states_noise(), self.stated_noise(), np.nan)
+
     @abstractmethod
     def rests(self) -> list[tuple[int, slice]]:
         """Return where the object surely stands still, so that what is measured is noise: episode and samples."""

@@ -197,11 +197,11 @@ def is_alone(model: mujoco.MjModel, body: str | None) -> bool:
 def moving_bodies(model: mujoco.MjModel) -> list[str]:
     """Return the bodies with mass that some joint moves, without what the air acts on."""
     names = {b: model.body(b).name for b in range(1, model.nbody) if int(model.body_weldid[b]) != 0}
-    return [n for b, n in names.items() if float(model.body_mass[b]) > 0.0 and not n.endswith(parts.AIR)]
+    return [n for b, n in names.items() if float(model.body_mass[b]) > 0.0 and not parts.is_of_air(n)]
 
 
 def carries(model: mujoco.MjModel, body: str | None) -> bool:
     """Whether other bodies hang on one, or are fixed to it."""
     own = model.body(body).id
     below = [b for b in range(1, model.nbody) if int(model.body_parentid[b]) == own]
-    return any(not model.body(b).name.endswith(parts.AIR) for b in below)
+    return any(not parts.is_of_air(model.body(b).name) for b in below)

@@ -14,6 +14,11 @@ AIR = "~air"  # what the body that the air acts on adds to the name of the one t
 ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 
 
+def is_of_air(body: str) -> bool:
+    """Whether a body, by its name, is what the air acts on, and none that its owner speaks of."""
+    return body.endswith(AIR)
+
+
 def attribute(*values: float) -> str:
     """Return numbers as an attribute of MJCF has them; one that is nothing beside the largest is 0."""
     least = 1e-9 * max(abs(value) for value in values)

@@ -59,7 +59,7 @@ def size_m(model: mujoco.MjModel) -> float:
     moving = [
         r
         for r, b in zip(model.geom_rbound, model.geom_bodyid, strict=True)
-        if model.body_weldid[b] != 0 and not model.body(b).name.endswith(parts.AIR)
+        if model.body_weldid[b] != 0 and not parts.is_of_air(model.body(b).name)
     ]
     return float(min((r for r in moving if r > 0), default=0.1))
 

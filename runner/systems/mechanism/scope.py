@@ -53,37 +53,30 @@ def _with_turns(recording: MechanismRecording, episode: MechanismEpisode) -> Flo
     the first sample on is not, and whose noise is that of the samples.
     """
 
-    def turns(column: str) -> FloatArray:
-        measured = episode.orientations[column]
-        there = np.isfinite(measured).all(axis=1)
-        out, q = np.full((len(measured), 3), np.nan), measured[there]
+    def turns(q: FloatArray) -> FloatArray:
         steps = quaternions.logarithm(quaternions.multiply(quaternions.inverse(q[:-1]), q[1:]))
-        out[there] = np.concatenate([np.zeros((min(len(q), 1), 3)), np.cumsum(steps, axis=0)])
-        return out
+        return np.concatenate([np.zeros((min(len(q), 1), 3)), np.cumsum(steps, axis=0)])
 
     return _with_orientations(recording, episode, turns)
 
 
 def with_rotation_vectors(recording: MechanismRecording, episode: MechanismEpisode) -> FloatArray:
     """Return the channels of an episode with orientations as rotation vectors, (T, C); NaN where not measured."""
-
-    def vectors(column: str) -> FloatArray:
-        measured = episode.orientations[column]
-        there = np.isfinite(measured).all(axis=1)
-        out = np.full((len(measured), 3), np.nan)
-        out[there] = turns_from(np.array([1.0, 0.0, 0.0, 0.0]), measured[there])
-        return out
-
-    return _with_orientations(recording, episode, vectors)
+    level = np.array([1.0, 0.0, 0.0, 0.0])
+    return _with_orientations(recording, episode, lambda q: turns_from(level, q))
 
 
 def _with_orientations(
-    recording: MechanismRecording, episode: MechanismEpisode, turns: Callable[[str], FloatArray]
+    recording: MechanismRecording, episode: MechanismEpisode, turns: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
+    """Return the channels with what `turns` makes of the orientations that were measured, (n, 4) to (n, 3)."""
     out = np.array(episode.values)
     for k, source in enumerate(recording.mapping.sources):
         if source.quantity == "orientation" and source.index == 0:
-            out[:, k : k + 3] = turns(source.column)
+            measured = episode.orientations[source.column]
+            there = np.isfinite(measured).all(axis=1)
+            out[:, k : k + 3] = np.nan
+            out[there, k : k + 3] = turns(measured[there])
     return out
 
 

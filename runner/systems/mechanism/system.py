@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -21,7 +20,7 @@ from runner.systems.base import AbstractSystem, Proposal
 from runner.systems.channels import Channel, Scatter, Signals, Space
 from runner.systems.disturbance import Disturbance
 from runner.systems.drawing import DrawnBody
-from runner.systems.mechanism.coordinates import HINGE, SLIDE
+from runner.systems.mechanism.coordinates import FREE, HINGE, SLIDE
 from runner.systems.mechanism.drawing import body_poses, drawn_bodies
 from runner.systems.mechanism.flights import flights, measured_freely, rests, size_m
 from runner.systems.mechanism.initial import MechanismStart
@@ -45,7 +44,6 @@ from runner.systems.mechanism.steps import choose_step
 from runner.systems.mechanism.stretches import Sensitive, impact_stretches, stretches, survey_step_s
 from runner.systems.windows import Labels, Windows
 
-FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 HARD = "joints that dry friction truly holds (solreffriction as hard as the step allows)"
 SOFT = "dry friction as soft as the MJCF has it (solreffriction)"
 
