@@ -13,28 +13,22 @@ from runner.inference.evidence import by_form
 from runner.inference.held_out import Confirmed
 from runner.inference.least_squares import Fit, Fitter
 from runner.inference.outside import is_outside
-from runner.inference.probability import as_unknown, not_none, shares, unknown_by_excess
+from runner.inference.probability import as_unknown, shares, unknown_by_excess, unknown_by_force
 from runner.inference.search import Search
+from runner.inference.weighing import Left
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 
 
-def ranking(confirmed: Confirmed, nominal_excess: float, fitter: Fitter) -> tuple[Ranked, ...]:
+def ranking(confirmed: Confirmed, fitter: Fitter) -> tuple[Ranked, ...]:
     """Return the explanations with their probabilities, `unknown` among them, likeliest first.
 
     Args:
         confirmed: The search, held against the episodes left out.
-        nominal_excess: What the nominal model leaves of the fitted episodes, in squared noises.
         fitter: Of the episodes, or stretches, that were searched.
     """
     found = confirmed.search
-    if found.best.fit.x.size:
-        unknown = max(
-            *unknown_by_episodes(confirmed, nominal_excess, fitter.system),
-            SETTINGS.probability.failed_unknown if confirmed.fails else 0.0,
-        )
-    else:
-        unknown = not_none(confirmed.gap)
+    unknown = max(unknown_by_episodes(confirmed, fitter.system))
     known = (1.0 - unknown) * (1.0 - strained(found.best, found.nominal, fitter))
     # each effect beside the first may be the doing of something without a name, too
     further = max(len(found.best.fit.explanation.candidates) - 1, 0)
@@ -107,17 +101,22 @@ def _commonness(fit: Fit) -> tuple[int, ...]:
     return tuple(commonness[name] for name in fit.explanation.names)
 
 
-def unknown_by_episodes(confirmed: Confirmed, nominal_excess: float, system: AbstractSystem) -> tuple[float, float]:
-    """Return `unknown_by_excess` of the fitted episodes and of those left out.
+def unknown_by_episodes(confirmed: Confirmed, system: AbstractSystem) -> tuple[float, float]:
+    """Return the probability that none of the explanations holds, by the fitted episodes and by those left out.
 
-    A machine may have been driven so much harder in those left out that the gap is many times as large there: what an
-    explanation leaves of them is then held against that.
+    From the force that has to act beside the best explanation, and from what is left then. A machine may have been
+    driven so much harder in those left out that the gap is many times as large there: what an explanation leaves of
+    them is then held against that.
     """
-    there = max(nominal_excess, confirmed.gap_unseen)
-    return (
-        unknown_by_excess(confirmed.excess_fitted, nominal_excess, system.unknown_share),
-        unknown_by_excess(confirmed.excess_unseen, there, system.unknown_share),
-    )
+    share = system.unknown_share if confirmed.search.best.fit.x.size else 0.0
+    seen, there = confirmed.nominal
+    whole = Left(max(seen.process, there.process), max(seen.excess, there.excess), max(seen.gap, there.gap))
+
+    def unknown(left: Left, nominal: Left) -> float:
+        by_force = unknown_by_force(left.process, nominal.process, share)
+        return max(by_force, unknown_by_excess(left.excess, nominal.gap, share))
+
+    return unknown(confirmed.best[0], seen), unknown(confirmed.best[1], whole)
 
 
 def strained(best: Contender, nominal: Fit, fitter: Fitter) -> float:
