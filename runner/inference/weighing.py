@@ -77,7 +77,8 @@ def weigh(
         how = {"dispersion": dispersion, "scales": scales}
         found, seen = (evidence(e, fitter.system, **how) for e in (whole, here))
         unseen_ones = evidence(there, fitter.system, seen.covariance, **how)
-        moved, errors = found.log - c.evidence.log, {"covariance": seen.covariance, "by_prior": seen.by_prior}
+        moved = found.log - c.evidence.log
+        errors = {"covariance": seen.covariance, "by_prior": seen.by_prior, "dispersion": dispersion}
         out.append(replace(c, log_posterior=c.log_posterior + moved, evidence=replace(c.evidence, **errors)))
         left[id(c.fit)] = left_by(here.fit, seen), left_by(there.fit, unseen_ones)
     at = int(np.argmax(scales))
