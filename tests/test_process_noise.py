@@ -14,13 +14,14 @@ from runner.diagnosis.pipeline import diagnose
 from runner.effects import planar_box as fx
 from runner.effects.vocabulary import Candidate
 from runner.inference.directions import Direction, Sensitivities
-from runner.inference.evidence import evidence
-from runner.inference.least_squares import NONE, Fit
-from runner.inference.normal_equations import normal_equations, together
+from runner.inference.evidence import evidence, log_densities
+from runner.inference.least_squares import NONE, Explanation, Fit
+from runner.inference.normal_equations import normal_equations, together, without_process
 from runner.inference.process_noise import pushed
 from runner.inference.variable_projection import Basis, Spread
 from runner.recording import Recording
 from runner.settings import SETTINGS
+from runner.systems.planar_box.simulator import context_of
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.simulator import Run
 from runner.systems.windows import Windows
@@ -82,6 +83,50 @@ def test_a_force_that_nothing_foretells_is_integrated_out_exactly() -> None:
     assert found.log == pytest.approx(exact, abs=1e-8)
     by_scale = np.logaddexp.reduce(np.reshape(logs, (-1, len(LEVELS))), axis=1) - np.log(len(LEVELS))
     np.testing.assert_allclose(found.scales, by_scale + 0.5 * n * np.log(2 * np.pi), atol=1e-8)
+
+
+def test_own_parameters_are_integrated_out_with_it() -> None:
+    """One parameter, linear, known scale and level: the Gaussian integral over it, by quadrature; and its error."""
+    rng = np.random.default_rng(7)
+    context = context_of(made(episodes=2, seconds=1.0)[0])
+    system: Any = SimpleNamespace(context=context, mismatch_levels=(1.0,), episodes_differ=False)
+    n, at = 40, 5
+    answer, column, slope = 80.0 * rng.normal(size=(n, 6)), rng.normal(size=(n, 1)), 50.0 * rng.normal(size=n)
+    residual = rng.normal(size=n) + answer @ rng.normal(scale=SETTINGS.process.scales[at], size=6)
+    fit = fit_leaving(residual)
+    fit = replace(
+        fit,
+        explanation=Explanation((Candidate(fx.Friction),)),
+        x=np.array([0.05]),
+        jacobian=(slope[:, None],),
+        at_bound=np.zeros(1, bool),
+    )
+    direction = Direction(Candidate(fx.Mass), np.ones(1), 1.0, 0.3)
+    around = normal_equations(fit, Sensitivities((direction,), (column,), (answer,)))
+    known = np.eye(len(SETTINGS.process.scales))[at]
+    found = evidence(around, system, scales=known)
+    covariance = np.eye(n) + SETTINGS.process.scales[at] ** 2 * answer @ answer.T + 0.09 * column @ column.T
+    density = float(log_densities(fit, context)[0])
+    width = 2 * np.pi * np.exp(2 * density)
+    steps = np.linspace(-0.3, 0.3, 60_001)
+    # residuals move by the slope; the prior is as wide as its density says
+    inverse = np.linalg.inv(covariance)
+    squares = np.einsum("ki,ij,kj->k", residual + steps[:, None] * slope, inverse, residual + steps[:, None] * slope)
+    logs = -0.5 * (squares + width * steps**2 + np.linalg.slogdet(covariance).logabsdet) + density
+    exact = np.logaddexp.reduce(logs) + np.log(steps[1] - steps[0])
+    assert found.log == pytest.approx(exact, abs=1e-4)
+    # fitted by plain least squares, it scatters with all that the residuals scatter by (the sandwich of White 1982)
+    plain = 1.0 / (slope @ slope + width)
+    assert found.covariance[0, 0] == pytest.approx(plain**2 * (slope @ covariance @ slope), rel=1e-9)
+
+
+def test_residuals_are_whitened_by_the_force() -> None:
+    """Their squares are those of a Gaussian with the covariance of noise and force."""
+    rng = np.random.default_rng(9)
+    residual, answer, at = rng.normal(size=30), 40.0 * rng.normal(size=(30, 5)), 7
+    white = without_process(fit_leaving(residual), (answer,), at).residual[0]
+    covariance = np.eye(30) + SETTINGS.process.scales[at] ** 2 * answer @ answer.T
+    assert white @ white == pytest.approx(residual @ np.linalg.solve(covariance, residual))
 
 
 @pytest.mark.parametrize("scale", SETTINGS.process.scales[4:])

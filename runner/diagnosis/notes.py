@@ -96,7 +96,7 @@ def notes(
 def said_of_process(confirmed: Confirmed) -> list[str]:
     """Say how large a force nothing foretells, where it accounts for what would need a cause of its own otherwise."""
     limits = SETTINGS.probability
-    left = [one for one in confirmed.best if one.gap - one.excess > limits.unknown_excess]
+    left = [one for one in confirmed.best if one.gap - one.plain > limits.unknown_excess > one.excess]
     if not left or (force := max(one.process for one in left)) > limits.unknown_force:
         return []
     return [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
+
 import numpy as np
 from scipy.special import expit, softmax
 
@@ -29,7 +31,7 @@ def ranking(confirmed: Confirmed, fitter: Fitter) -> tuple[Ranked, ...]:
     """
     found = confirmed.search
     unknown = max(unknown_by_episodes(confirmed, fitter.system))
-    known = (1.0 - unknown) * (1.0 - strained(found.best, found.nominal, fitter))
+    known = (1.0 - unknown) * (1.0 - strained(found.best, confirmed.best[0].plain, confirmed.nominal[0].gap, fitter))
     # each effect beside the first may be the doing of something without a name, too
     further = max(len(found.best.fit.explanation.candidates) - 1, 0)
     known *= SETTINGS.probability.max_unknown**further
@@ -110,7 +112,7 @@ def unknown_by_episodes(confirmed: Confirmed, system: AbstractSystem) -> tuple[f
     """
     share = system.unknown_share if confirmed.search.best.fit.x.size else 0.0
     seen, there = confirmed.nominal
-    whole = Left(max(seen.process, there.process), max(seen.excess, there.excess), max(seen.gap, there.gap))
+    whole = Left(*(max(pair) for pair in zip(astuple(seen), astuple(there), strict=True)))
 
     def unknown(left: Left, nominal: Left) -> float:
         by_force = unknown_by_force(left.process, nominal.process, share)
@@ -119,21 +121,26 @@ def unknown_by_episodes(confirmed: Confirmed, system: AbstractSystem) -> tuple[f
     return unknown(confirmed.best[0], seen), unknown(confirmed.best[1], whole)
 
 
-def strained(best: Contender, nominal: Fit, fitter: Fitter) -> float:
+def strained(best: Contender, left: float, gap: float, fitter: Fitter) -> float:
     """Probability that none of the explanations holds, from how far the simulator must be off for the best to do so.
 
     Mismatch of many times the usual size can make up for a wrong explanation, and leave no excess. So where the
     evidence asks for that much, and the explanation alone leaves more of the gap than effects of the vocabulary do,
     something else is going on.
+
+    Args:
+        best: The likeliest explanation.
+        left: What it leaves beside a force that nothing foretells, in squared noises.
+        gap: What the nominal model leaves.
+        fitter: Of both.
     """
     if not best.fit.x.size:
         return 0.0  # nothing is claimed
     levels, limits = fitter.system.mismatch_levels, SETTINGS.probability
-    left, gap = (max(fitter.measured.excess(f.total, f.episodes), 1e-4) for f in (best.fit, nominal))
     asked = float(softmax(best.evidence.level) @ np.log2(levels))
-    allowed = limits.strained_excess + fitter.system.unknown_share * gap
+    allowed = limits.strained_excess + fitter.system.unknown_share * max(gap, 0.0)
     far = expit((asked - limits.strained_log2_level) / limits.strained_width)
-    return float(far * expit(np.log(left / allowed) / limits.strained_log_width))
+    return float(far * expit(np.log(max(left, 1e-4) / allowed) / limits.strained_log_width))
 
 
 def values_of(contender: Contender, context: Scope) -> tuple[dict[str, dict[str, float]], dict[str, dict[str, float]]]:

@@ -134,9 +134,10 @@ def evidence(
     by_prior = np.diag(np.exp(-2 * every_density) / (2 * np.pi))  # of what rests on its bound: all of its prior
     covariance = by_prior.copy()
     scores = h_oo + moved @ moved.T
-    if amid:
+    if amid and not system.episodes_differ:
         scores += amid[scale].scores[np.ix_(free, free)] / dispersion
     if system.episodes_differ:
+        # that is as they are seen to scatter, whatever makes them
         scores += _between_episodes(around.gram[:, free, -1] / dispersion)
     covariance[np.ix_(free, free)] = inverse @ scores @ inverse
     by_prior[np.ix_(free, free)] = inverse @ width @ inverse

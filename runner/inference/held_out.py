@@ -81,8 +81,9 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
         before = there_by[id(nominal.fit)]
         held_out = before.episodes
     weighed, left = weigh(leaders, there_by, nominal, fitter)
-    everything = (*nominal.fit.episodes, *held_out)
-    whole_gap = fitter.measured.excess(nominal.fit.total + before.total, everything)
+    # what a force that nothing foretells makes is no gap that asks for a cause
+    counts = [fitter.measured.count(fit.episodes) for fit in (nominal.fit, before)]
+    whole_gap = float(np.average([one.plain for one in left[id(nominal.fit)]], weights=counts))
     against = [
         further(there_by[id(c.fit)], before, fitter, whole_gap) if c.fit.x.size else odds_against_none(whole_gap)
         for c in weighed

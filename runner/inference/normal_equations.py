@@ -52,10 +52,6 @@ class NormalEquations:
     volume: float
     amid_process: tuple[AmidProcess, ...] = ()
 
-    def left_amid(self, scale: int) -> float:
-        """Return the loss with process noise of one of its scales integrated out, and nothing else."""
-        return float(self.amid_process[scale].gram[-1, -1]) + self.volume
-
     @property
     def by_candidate(self) -> dict[Candidate, list[int]]:
         """The positions of each effect's directions among `directions`, in order, of those that may be named."""
@@ -114,6 +110,16 @@ def amid_process(whole: np.ndarray, answers: np.ndarray, own: int) -> tuple[Amid
         cost = 0.5 * float(np.log1p(scale**2 * size).sum())
         out.append(AmidProcess(scale, plain - taken @ along, cost, scale**2 * along[:, :own].T @ along[:, :own]))
     return tuple(out)
+
+
+def without_process(fit: Fit, answers: Sequence[np.ndarray], scale: int) -> Fit:
+    """Return a fit with its residuals whitened by process noise of one of the scales: (1 + s^2 K K^T)^-1/2 r."""
+    residual, s = [], SETTINGS.process.scales[scale]
+    for r, k, q in zip(fit.residual, answers, fit.basis.q, strict=True):
+        free, left = k - q @ (q.T @ k), r - q @ (q.T @ r)
+        axes, size, _ = np.linalg.svd(free, full_matrices=False)
+        residual.append(left - axes @ ((1.0 - 1.0 / np.sqrt(1.0 + (s * size) ** 2)) * (axes.T @ left)))
+    return replace(fit, residual=tuple(residual))
 
 
 def added(first: Sequence[AmidProcess], second: Sequence[AmidProcess]) -> tuple[AmidProcess, ...]:

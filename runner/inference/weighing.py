@@ -16,7 +16,13 @@ from runner.inference.contender import Contender, memory
 from runner.inference.directions import Sensitivities, directions, sensitivities
 from runner.inference.evidence import Evidence, evidence
 from runner.inference.least_squares import Fit, Fitter
-from runner.inference.normal_equations import NormalEquations, normal_equations, together
+from runner.inference.normal_equations import (
+    AmidProcess,
+    NormalEquations,
+    normal_equations,
+    together,
+    without_process,
+)
 from runner.settings import SETTINGS
 
 
@@ -26,12 +32,14 @@ class Left:
 
     Args:
         process: Standard deviation that the force that nothing foretells has at least, in units of the usual one.
-        excess: What is left beside it, in squared noises.
+        excess: What is left beside it and mismatch, in squared noises.
+        plain: What is left beside the force alone, at what is likeliest of it, in squared noises.
         gap: What is left before all that, in squared noises.
     """
 
     process: float
     excess: float
+    plain: float
     gap: float
 
 
@@ -65,31 +73,32 @@ def weigh(
         own = [(a,) if c is nominal else (b, a) for a, b in known]
         here, there = (normal_equations(fit, *some) for fit, some in zip(fits[id(c)], own, strict=True))
         both.append((c, here, there, together(here, there)))
-    episodes = (*best.fit.episodes, *there_by[id(best.fit)].episodes)
-    dispersion, scales = _of_the_world([whole for *_, whole in both], fitter, episodes, memory(best.fit, fitter))
-    out, left = list[Contender](), dict[int, tuple[Left, Left]]()
+    answers = [one.pushed for one in beside]
+    dispersion, scales = _of_the_world([whole for *_, whole in both], fitter, fits[id(best)], answers)
+    at = int(np.argmax(scales))
+    out, left, plain = list[Contender](), dict[int, tuple[Left, Left]](), list[tuple[AmidProcess, AmidProcess]]()
 
-    def left_by(fit: Fit, of: Evidence) -> Left:
-        after, before = (fitter.measured.excess(total, fit.episodes) for total in (of.left, fit.total))
-        return Left(of.process, after, before)
+    def left_by(around: NormalEquations, of: Evidence) -> Left:
+        beside = float(around.amid_process[at].gram[-1, -1]) + around.volume
+        each = (fitter.measured.excess(total, around.fit.episodes) for total in (of.left, beside, around.fit.total))
+        return Left(of.process, *each)
 
     for c, here, there, whole in both:
         how = {"dispersion": dispersion, "scales": scales}
         found, seen = (evidence(e, fitter.system, **how) for e in (whole, here))
         unseen_ones = evidence(there, fitter.system, seen.covariance, **how)
         moved = found.log - c.evidence.log
-        errors = {"covariance": seen.covariance, "by_prior": seen.by_prior, "dispersion": dispersion}
-        out.append(replace(c, log_posterior=c.log_posterior + moved, evidence=replace(c.evidence, **errors)))
-        left[id(c.fit)] = left_by(here.fit, seen), left_by(there.fit, unseen_ones)
-    at = int(np.argmax(scales))
-    plain = [here.left_amid(at) for _, here, _, _ in both], [there.left_amid(at) for _, _, there, _ in both]
+        out.append(replace(c, log_posterior=c.log_posterior + moved, evidence=seen))
+        left[id(c.fit)] = left_by(here, seen), left_by(there, unseen_ones)
+        plain.append((here.amid_process[at], there.amid_process[at]))
     counts = [fitter.measured.count(fit.episodes) for fit in fits[id(best)]]
-    return _with_what_is_left(out, plain, counts), left
+    volumes = np.array([[here.volume, there.volume] for _, here, there, _ in both])
+    quadratic = np.array([[one.gram[-1, -1] for one in parts] for parts in plain]) + volumes
+    costs = np.array([[one.cost for one in parts] for parts in plain])
+    return _with_what_is_left(out, quadratic + 2.0 * (costs - costs.min(axis=0)), counts), left
 
 
-def _with_what_is_left(
-    weighed: Sequence[Contender], plain: Sequence[Sequence[float]], counts: Sequence[int]
-) -> list[Contender]:
+def _with_what_is_left(weighed: Sequence[Contender], plain: np.ndarray, counts: Sequence[int]) -> list[Contender]:
     """Add what each explanation leaves of the fitted and of the unseen episodes, mismatch left in, as likelihoods.
 
     Where a body is moved by metres by an offset of millimetres, little mismatch does so too, and once it is integrated
@@ -99,35 +108,45 @@ def _with_what_is_left(
 
     Args:
         weighed: All explanations.
-        plain: The loss of each in the fitted episodes, and in the unseen ones, process noise alone integrated out.
+        plain: The loss of each in the fitted episodes, and in the unseen ones, (contenders, 2), process noise alone
+            integrated out.
         counts: How many measurements those hold.
     """
     posterior = np.array([c.log_posterior for c in weighed])
     dispersion = 1.0
     # where parameters have taken up others, one error remains at least
     for k, independent in ((1, SETTINGS.held_out.independent_errors_unseen), (0, 1.0)):
-        left = np.maximum(np.array(plain[k]) - counts[k], 0.0)
+        left = np.maximum(plain[:, k] - counts[k], 0.0)
         dispersion = max(dispersion, 1.0 + left.min() / independent)
         posterior -= 0.5 * left / dispersion
     return [replace(c, log_posterior=float(p)) for c, p in zip(weighed, posterior, strict=True)]
 
 
 def _of_the_world(
-    wholes: Sequence[NormalEquations], fitter: Fitter, episodes: Sequence[int], lasting: float
+    wholes: Sequence[NormalEquations],
+    fitter: Fitter,
+    best: tuple[Fit, Fit],
+    answers: Sequence[Sequence[np.ndarray]],
 ) -> tuple[float, np.ndarray]:
     """Return how uncertain residuals are, in units of the noise, and how likely each scale of process noise is, (L,).
 
-    Both are of the world and not of an explanation of it: they are told by the one that accounts best for it. Whether
-    there is an effect at all is open, and each further one has to be worth its odds. `lasting` is over how many
-    samples residuals remain alike.
+    Both are of the world and not of an explanation of it: they are told by those that account best for it. Whether
+    there is an effect at all is open, and each further one has to be worth its odds. What is left beside the force
+    counts as often as it lasts, by the likeliest of the explanations before, fitted and in unseen episodes, whose
+    `answers` to a force these are.
     """
+    odds = SETTINGS.odds.effect_log_odds
 
-    def accounts(whole: NormalEquations, found: Evidence) -> float:
-        return found.log - SETTINGS.odds.effect_log_odds * max(len(whole.fit.explanation.candidates) - 1, 0)
+    def scales_of(found: Sequence[Evidence]) -> np.ndarray:
+        each = [
+            one.scales - odds * max(len(whole.fit.explanation.candidates) - 1, 0)
+            for whole, one in zip(wholes, found, strict=True)
+        ]
+        return softmax(np.logaddexp.reduce(each, axis=0))
 
     alone = [evidence(whole, fitter.system) for whole in wholes]
-    left = min(found.left for found in alone)
+    at, left = int(np.argmax(scales_of(alone))), min(found.left for found in alone)
+    episodes = [e for fit in best for e in fit.episodes]
+    lasting = max(memory(without_process(f, a, at), fitter) for f, a in zip(best, answers, strict=True))
     dispersion = 1.0 + max(fitter.measured.excess(left, episodes), 0.0) * lasting
-    again = [(w, evidence(w, fitter.system, dispersion=dispersion)) for w in wholes]
-    _, best = max(again, key=lambda one: accounts(*one))
-    return dispersion, softmax(best.scales)
+    return dispersion, scales_of([evidence(whole, fitter.system, dispersion=dispersion) for whole in wholes])

@@ -15,9 +15,9 @@ class ProcessSettings:
         0.5, "s", "What lasts shorter moves a body little, and what lasts longer is the sum of some; each costs runs."
     )
     scales: tuple[float, ...] = setting(
-        (0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1),
+        (0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0),
         "of the usual force",
-        "From what a simulator rounds off to what is an effect of its own, all equally likely: what is left tells.",
+        "From what a simulator rounds off to as much as acts at all, all equally likely: what is left tells.",
     )
     difference_share: float = setting(
         0.01, "of the usual force", "So small a force answers in proportion, and its answer stands out of rounding."
