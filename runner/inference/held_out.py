@@ -81,9 +81,8 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
         before = there_by[id(nominal.fit)]
         held_out = before.episodes
     weighed, left = weigh(leaders, there_by, nominal, fitter)
-    # what a force that nothing foretells makes is no gap that asks for a cause
-    counts = [fitter.measured.count(fit.episodes) for fit in (nominal.fit, before)]
-    whole_gap = float(np.average([one.plain for one in left[id(nominal.fit)]], weights=counts))
+    everything = (*nominal.fit.episodes, *held_out)
+    whole_gap = fitter.measured.excess(nominal.fit.total + before.total, everything)
     against = [
         further(there_by[id(c.fit)], before, fitter, whole_gap) if c.fit.x.size else odds_against_none(whole_gap)
         for c in weighed
@@ -194,12 +193,16 @@ def faint(contender: Contender, context: Scope) -> float:
 
 
 def odds_against_none(excess: float) -> float:
-    """Return the log odds against `none` from what the nominal model leaves of all episodes, in squared noises."""
+    """Return the log odds against `none` from what the nominal model leaves of all episodes, in squared noises.
+
+    No more than one effect has against it: with a plain gap it is open whether there is one, and the evidence tells, as
+    a force that nothing foretells may have made all of it.
+    """
     limits = SETTINGS.odds
     visible = limits.visible_gap_excess
     beyond = max(excess / visible - 1.0, 0.0)  # so that value and slope go on where the logarithm ends
     e_folds = float(np.log(min(max(excess, 0.01), visible) / limits.even_gap_excess))
-    return limits.log_odds_per_efold * (e_folds + beyond)
+    return min(limits.log_odds_per_efold * (e_folds + beyond), limits.effect_log_odds)
 
 
 def further(there: Fit, before: Fit, fitter: Fitter, gap: float) -> float:
