@@ -211,23 +211,27 @@ def test_forces_answer_in_order_and_in_units_of_the_usual_one() -> None:
         assert off < 0.2 * np.linalg.norm(expected)
 
 
-def rough(scale: float) -> Recording:
+def rough(scale: float, episodes: int, seconds: float) -> Recording:
     """Return a recording of the nominal model on which another force acts every half second, so large a share."""
-    recording, starts = made(episodes=4, seconds=4.0)
+    recording, starts = made(episodes=episodes, seconds=seconds)
     system, rng = PlanarBox(recording), np.random.default_rng(3)
     usual = system.disturbance.prior / SETTINGS.where.max_force
-    simulator, episodes = system.simulator(threads=1), []
+    simulator, rows = system.simulator(threads=1), []
     for e, episode in enumerate(recording.episodes):
         push = np.repeat(rng.normal(size=(9, 3)) * scale * usual, 30, axis=0)[: len(episode)]
         motion = simulator.predict(e, [Run((), starts[e], push)])[0] + SIGMA * rng.normal(size=(len(episode), 6))
-        episodes.append(replace(episode, pose=motion[:, :3], twist=motion[:, 3:]))
-    return replace(recording, episodes=tuple(episodes))
+        rows.append(replace(episode, pose=motion[:, :3], twist=motion[:, 3:]))
+    return replace(recording, episodes=tuple(rows))
 
 
-@pytest.mark.parametrize(("scale", "answer"), [(0.002, "none"), (0.02, "unknown")])
-def test_a_rough_world_is_none_until_more_is_missing_than_any_world_lacks(scale: float, answer: str) -> None:
-    """Both leave more than the noise's variance beyond it: what counts is the force that is missing."""
-    diagnosis = diagnose(PlanarBox(rough(scale)), threads=1, advise=False)
+@pytest.mark.parametrize(
+    ("scale", "episodes", "seconds", "answer"), [(0.002, 4, 4.0, "none"), (0.02, 3, 3.0, "unknown")]
+)
+def test_a_rough_world_is_none_until_more_is_missing_than_any_world_lacks(
+    scale: float, episodes: int, seconds: float, answer: str
+) -> None:
+    """Both leave far more than the noise: what counts is the force that is missing."""
+    diagnosis = diagnose(PlanarBox(rough(scale, episodes, seconds)), threads=1, advise=False)
     assert diagnosis.nominal_excess > 0.5
     assert diagnosis.ranked[0].effects == (answer,)
     assert diagnosis.ranked[0].probability > 0.9

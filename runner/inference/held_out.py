@@ -81,6 +81,8 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
         before = there_by[id(nominal.fit)]
         held_out = before.episodes
     weighed, left = weigh(leaders, there_by, nominal, fitter)
+    # errors are larger now: they hold what the force may have done
+    weighed = standing_out(weighed, fitter.context, gap, count)
     everything = (*nominal.fit.episodes, *held_out)
     whole_gap = fitter.measured.excess(nominal.fit.total + before.total, everything)
     against = [
@@ -106,7 +108,7 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
 
 
 def doubted(contenders: Sequence[Contender], context: Scope, gap: float, count: int) -> list[Contender]:
-    """Return contenders with the odds against effects that do not stand out of their own errors.
+    """Return contenders with the odds against effects that do not stand out, of their own errors or of any surface.
 
     The evidence asks whether an effect's pattern is in the residual; the plain errors, the simulator's own mismatch
     included, how far it is from not being there at all. Effects that make up for another's wrong form fail that.
@@ -120,6 +122,12 @@ def doubted(contenders: Sequence[Contender], context: Scope, gap: float, count: 
         gap: What the nominal model leaves of what was fitted, in squared noises.
         count: How many measurements were.
     """
+    out = standing_out(contenders, context, gap, count)
+    return [replace(c, log_posterior=c.log_posterior - faint(c, context)) for c in out]
+
+
+def standing_out(contenders: Sequence[Contender], context: Scope, gap: float, count: int) -> list[Contender]:
+    """Return contenders with the odds against effects that do not stand out of their own errors, see `doubted`."""
     limits, common = SETTINGS.odds, 0.0
     alone = [c for c in contenders if len(c.fit.explanation.candidates) == 1]
     if alone and gap <= limits.visible_gap_excess:
@@ -129,7 +137,7 @@ def doubted(contenders: Sequence[Contender], context: Scope, gap: float, count: 
         single = len(c.fit.explanation.candidates) == 1
         enough = limits.min_errors_beside_others
         against = common if single else unsure(c, contenders, context, enough, needed(c, contenders, count))
-        out.append(replace(c, log_posterior=c.log_posterior - against - faint(c, context)))
+        out.append(replace(c, log_posterior=c.log_posterior - against))
     return out
 
 
