@@ -95,10 +95,13 @@ def weigh(
     volumes = np.array([[here.volume, there.volume] for _, here, there, _ in both])
     quadratic = np.array([[one.gram[-1, -1] for one in parts] for parts in plain]) + volumes
     costs = np.array([[one.cost for one in parts] for parts in plain])
-    return _with_what_is_left(out, quadratic + 2.0 * (costs - costs.min(axis=0)), counts), left
+    least = np.min([[one.total for one in fits[id(c)]] for c in leaders], axis=0) - counts
+    return _with_what_is_left(out, quadratic + 2.0 * (costs - costs.min(axis=0)), counts, least), left
 
 
-def _with_what_is_left(weighed: Sequence[Contender], plain: np.ndarray, counts: Sequence[int]) -> list[Contender]:
+def _with_what_is_left(
+    weighed: Sequence[Contender], plain: np.ndarray, counts: Sequence[int], least: np.ndarray
+) -> list[Contender]:
     """Add what each explanation leaves of the fitted and of the unseen episodes, mismatch left in, as likelihoods.
 
     Where a body is moved by metres by an offset of millimetres, little mismatch does so too, and once it is integrated
@@ -111,13 +114,15 @@ def _with_what_is_left(weighed: Sequence[Contender], plain: np.ndarray, counts: 
         plain: The loss of each in the fitted episodes, and in the unseen ones, (contenders, 2), process noise alone
             integrated out.
         counts: How many measurements those hold.
+        least: What the explanation that leaves least leaves of each beyond the noise, (2,), the force left in: not all of
+            it is the force's doing.
     """
     posterior = np.array([c.log_posterior for c in weighed])
     dispersion = 1.0
     # where parameters have taken up others, one error remains at least
     for k, independent in ((1, SETTINGS.held_out.independent_errors_unseen), (0, 1.0)):
         left = np.maximum(plain[:, k] - counts[k], 0.0)
-        dispersion = max(dispersion, 1.0 + left.min() / independent)
+        dispersion = max(dispersion, 1.0 + max(float(least[k]), 0.0) / independent)
         posterior -= 0.5 * left / dispersion
     return [replace(c, log_posterior=float(p)) for c, p in zip(weighed, posterior, strict=True)]
 
