@@ -102,7 +102,6 @@ def diagnosis() -> Any:
         rivals=(),
         abstention=None,
         excess=0.01,
-        fitted_excess=0.01,
         nominal_excess=4.0,
         left_by_episode={3: 1.0, 4: -2.0, 5: 0.5},
         seconds=12.0,

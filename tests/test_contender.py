@@ -13,7 +13,7 @@ from runner.effects.mechanism import ActuatorDelay, Gravity, ObservationDelay
 from runner.effects.planar_box import ActuatorLag, BodySize
 from runner.effects.vocabulary import Candidate
 from runner.inference.contender import are_confounded, contend, dispersion_of, memory
-from runner.inference.directions import directions, sensitivities
+from runner.inference.evidence import directions, sensitivities
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.variable_projection import Spread
 from runner.noise.measured import measure

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from runner.effects.planar_box import Friction, Stribeck
 from runner.effects.planar_box.stribeck import StribeckFromRest
 from runner.inference.contender import Contender, contend
-from runner.inference.directions import directions, sensitivities
+from runner.inference.evidence import directions, sensitivities
 from runner.inference.exchange import one_for_another, one_for_two, other_variants
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.warm_start import key_of

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from runner.inference.foretold import astray, usually_left
-from runner.inference.held_out import needed
+from runner.inference.held_out import Confirmed, needed
 
 COUNT = 100
 
@@ -27,9 +27,38 @@ def losses(*squared_noises: float) -> Any:
 FITTER: Any = SimpleNamespace(measured=SimpleNamespace(excess=lambda loss, _: loss / COUNT - 1.0))
 
 
+def confirmed(before: Any, after: Any, fitted: float = 0.0) -> Confirmed:
+    gap, left = (sum(f.loss) / COUNT / len(f.loss) - 1.0 for f in (before, after))
+    none: Any = None
+    return Confirmed(none, none, {}, 0.0, 0.0, gap, gap, left, fitted, usually_left(before, after, FITTER))
+
+
 def test_it_is_the_geometric_mean_over_episodes_in_which_there_is_a_gap() -> None:
     """sqrt(1/10 x 4/2); an episode at rest says nothing."""
     assert usually_left(losses(10, 2, 0.0), losses(1, 4, 0.2), FITTER) == pytest.approx((0.1 * 2) ** 0.5)
+
+
+def test_one_episode_that_hangs_on_a_hair_is_not_failing() -> None:
+    """What foretells one to the noise and is as far away as ever in the other, by far the larger, does not fail."""
+    assert not confirmed(losses(8.7, 24.0), losses(0.2, 33.0)).fails
+
+
+def test_what_foretells_none_fails() -> None:
+    """Nor does it help to foretell what had no gap."""
+    assert confirmed(losses(8.0, 24.0, 0.1), losses(7.0, 20.0, 0.0)).fails
+    assert confirmed(losses(2.0, 3.0), losses(4.0, 2.9)).fails
+
+
+def test_episodes_in_which_the_effect_hardly_acts_say_nothing_of_it() -> None:
+    """A rough floor leaves 1.5 squared noises of any episode: 2.1 of one whose gap is 1.6 is that floor."""
+    assert confirmed(losses(0.0, 1.6), losses(0.0, 2.1)).fails
+    assert not confirmed(losses(0.0, 1.6), losses(0.0, 2.1), fitted=1.5).fails
+    assert confirmed(losses(0.0, 9.0), losses(0.0, 8.0), fitted=1.5).fails
+
+
+def test_what_foretells_all_by_most_does_not() -> None:
+    """As before: by squares it closes most of the gap."""
+    assert not confirmed(losses(20.0, 1.2), losses(2.0, 2.4)).fails
 
 
 def test_an_episode_that_nothing_foretells_is_set_aside_where_the_others_are_foretold() -> None:

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from runner.inference.contender import contend
-from runner.inference.directions import directions, sensitivities
+from runner.inference.evidence import directions, sensitivities
 from runner.inference.held_out import _grown_start, _holding, unseen
 from runner.inference.least_squares import NONE, Fitter
 from runner.noise.measured import measure

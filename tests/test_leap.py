@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runner.inference.directions import directions, moved_along, sensitivities
+from runner.inference.evidence import directions, moved_along, sensitivities
 from runner.inference.leap import Linear, gain_of, leap
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.noise.measured import measure

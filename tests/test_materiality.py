@@ -10,7 +10,7 @@ import pytest
 
 from runner.effects.planar_box import Inertia, ViscousDrag
 from runner.inference.contender import Contender, contend
-from runner.inference.directions import directions, sensitivities
+from runner.inference.evidence import directions, sensitivities
 from runner.inference.least_squares import Explanation, Fitter
 from runner.inference.materiality import causes_of, influence
 from runner.systems.simulator import Run

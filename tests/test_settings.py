@@ -23,7 +23,6 @@ OF_RECORDINGS = "kinematics model_form_commands model_form_plausible plausible p
 # file, name: why no verdict depends on it
 ALLOWED = {
     ("inference/variable_projection.py", "DAMPING"): "how a descent steps, not where it rests",
-    ("inference/process_noise.py", "RUNS_AT_ONCE"): "memory: none of the runs depends on another",
     ("inference/held_out.py", "VALUES_AT_ONCE"): "memory: none of the portions depends on another",
     ("localise/cells.py", "ORDERS_AT_ONCE"): "memory: orders are drawn in the same order in any portions",
     ("localise/likeness.py", "RIDGE"): "keeps the inverse of shapes that are always the same finite",

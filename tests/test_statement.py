@@ -68,8 +68,8 @@ def made(
     rows = [{"channel": c.name, "before": before, "after": after, "noise": 1.0} for c in SYSTEM.channels]
     return SimpleNamespace(
         case="made", system=SYSTEM, recording=SYSTEM.recording, ranked=(other, top), gap_closed=gap_closed,
-        effects=() if effects == ("none",) else ("made",), held_out=(1,), excess=excess, fitted_excess=excess,
-        nominal_excess=nominal_excess, left_by_episode=left or {},
+        effects=() if effects == ("none",) else ("made",), held_out=(1,), excess=excess, nominal_excess=nominal_excess,
+        left_by_episode=left or {},
         closure=SimpleNamespace(
             table=pd.DataFrame(rows), gap_closed_low=gap_closed - 0.01, gap_closed_high=gap_closed + 0.01,
             closable_closed=closable,

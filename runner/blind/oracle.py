@@ -14,11 +14,9 @@ from runner.diagnosis.split import split
 from runner.effects.base import Effects
 from runner.effects.vocabulary import Candidate, Vocabulary
 from runner.errors import ResultError
-from runner.inference.directions import directions, sensitivities
-from runner.inference.evidence import clip, joined, predicted_gain
+from runner.inference.evidence import clip, directions, joined, normal_equations, predicted_gain, sensitivities
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.multiple_shooting import begun
-from runner.inference.normal_equations import normal_equations
 from runner.noise.measured import Measured, materially_different, measure, refine
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import AbstractSimulator, Run

@@ -12,9 +12,8 @@ from runner.diagnosis.result import Ranked
 from runner.effects.vocabulary import Vocabulary, spoken
 from runner.inference.confounding import Rival, rivals
 from runner.inference.contender import Contender
-from runner.inference.directions import directions, sensitivities
+from runner.inference.evidence import directions, normal_equations, sensitivities
 from runner.inference.least_squares import Fitter
-from runner.inference.normal_equations import normal_equations
 from runner.inference.search import Search
 from runner.settings import SETTINGS
 

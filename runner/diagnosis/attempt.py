@@ -132,10 +132,12 @@ def _to_search(fitter: Fitter, episodes: Iterable[int], share: float) -> tuple[i
 
 def unseen_only(found: Attempt) -> bool:
     """Whether the episodes left out show something that those which were fitted do not, or hardly."""
-    confirmed = found.confirmed
-    seen, unseen = unknown_by_episodes(confirmed, found.fitter.system)
-    fitted, there = confirmed.best
-    return seen < 0.5 < unseen and there.gap > SETTINGS.held_out.surprise_ratio * max(fitted.gap, 0.0)
+    confirmed, gap = found.confirmed, found.nominal_excess
+    surprise = SETTINGS.held_out.surprise_ratio
+    if confirmed.fails and confirmed.gap_unseen > surprise * max(gap, 0.0):
+        return True
+    seen, unseen = unknown_by_episodes(confirmed, gap, found.fitter.system)
+    return seen < 0.5 < unseen and confirmed.excess_unseen > surprise * max(confirmed.excess_fitted, 0.0)
 
 
 @dataclass(frozen=True)

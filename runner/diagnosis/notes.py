@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from runner.effects.wording import listed, percent
+from runner.effects.wording import listed
 from runner.inference.contender import Contender
-from runner.inference.held_out import Confirmed
 from runner.noise.measured import Measured, off_from_stated
 from runner.recording import Span
 from runner.settings import SETTINGS
@@ -91,18 +90,6 @@ def notes(
             "times what the model lacks piles up or grows out of proportion."
         )
     return tuple(out)
-
-
-def said_of_process(confirmed: Confirmed) -> list[str]:
-    """Say how large a force nothing foretells, where it accounts for what would need a cause of its own otherwise."""
-    limits = SETTINGS.probability
-    left = [one for one in confirmed.best if one.gap - one.plain > limits.unknown_excess > one.excess]
-    if not left or (force := max(one.process for one in left)) > limits.unknown_force:
-        return []
-    return [
-        f"Beyond the noise is left what a random force of {percent(force)} of the usual one makes over time, such as "
-        "the noise of a measured command or an uneven world: no cause of its own."
-    ]
 
 
 def _left_out(measured: Measured, system: AbstractSystem) -> str:

@@ -12,7 +12,7 @@ from runner.diagnosis.advice import found_rivals, next_push
 from runner.diagnosis.attempt import attempt, unseen_only
 from runner.diagnosis.closure import close, left_by_episode
 from runner.diagnosis.engine_steps import said_of_engine_steps
-from runner.diagnosis.notes import notes, said_of_process
+from runner.diagnosis.notes import notes
 from runner.diagnosis.ranking import contender_of, ranking
 from runner.diagnosis.result import Diagnosis
 from runner.diagnosis.split import split
@@ -63,7 +63,7 @@ def diagnose(
     system = fitter.system
     simulator = system.simulator(threads=threads)
     searched, before = confirmed.search, confirmed.before
-    ranked = ranking(confirmed, fitter)
+    ranked = ranking(confirmed, found.nominal_excess, fitter)
     # what is named is what is put into the corrected model
     top = contender_of(searched, next(r for r in ranked if r.effects != ("unknown",)), fitter.context)
     after = confirmed.after.get(id(top.fit)) or unseen(top, fitter, before.episodes, before)
@@ -104,7 +104,6 @@ def diagnose(
         where=where,
         closure=closure,
         excess=confirmed.excess,
-        fitted_excess=fitter.measured.excess(top.fit.total, top.fit.episodes),
         nominal_excess=found.nominal_excess,
         left_by_episode=left_by_episode((top.fit, after), fitter),
         seconds=time.perf_counter() - began,
@@ -123,7 +122,6 @@ def diagnose(
             astray=[found.stretches[e] for e in confirmed.astray],
             outside=[
                 *(() if system.solved == as_believed else (f"Simulated with {system.solved}.",)),
-                *said_of_process(confirmed),
                 *said_of_engine_steps(system, measured, effects, corrected_starts, found.stretches),
                 *said_of_outside(searched, system),
                 *(d.sentence for d in disturbances),

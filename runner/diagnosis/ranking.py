@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
-
 import numpy as np
 from scipy.special import expit, softmax
 
@@ -15,23 +13,29 @@ from runner.inference.evidence import by_form
 from runner.inference.held_out import Confirmed
 from runner.inference.least_squares import Fit, Fitter
 from runner.inference.outside import is_outside
-from runner.inference.probability import as_unknown, shares, unknown_by_excess, unknown_by_force
+from runner.inference.probability import as_unknown, not_none, shares, unknown_by_excess
 from runner.inference.search import Search
-from runner.inference.weighing import Left
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 
 
-def ranking(confirmed: Confirmed, fitter: Fitter) -> tuple[Ranked, ...]:
+def ranking(confirmed: Confirmed, nominal_excess: float, fitter: Fitter) -> tuple[Ranked, ...]:
     """Return the explanations with their probabilities, `unknown` among them, likeliest first.
 
     Args:
         confirmed: The search, held against the episodes left out.
+        nominal_excess: What the nominal model leaves of the fitted episodes, in squared noises.
         fitter: Of the episodes, or stretches, that were searched.
     """
     found = confirmed.search
-    unknown = max(unknown_by_episodes(confirmed, fitter.system))
-    known = (1.0 - unknown) * (1.0 - strained(found.best, confirmed.best[0].plain, confirmed.nominal[0].gap, fitter))
+    if found.best.fit.x.size:
+        unknown = max(
+            *unknown_by_episodes(confirmed, nominal_excess, fitter.system),
+            SETTINGS.probability.failed_unknown if confirmed.fails else 0.0,
+        )
+    else:
+        unknown = not_none(confirmed.gap)
+    known = (1.0 - unknown) * (1.0 - strained(found.best, found.nominal, fitter))
     # each effect beside the first may be the doing of something without a name, too
     further = max(len(found.best.fit.explanation.candidates) - 1, 0)
     known *= SETTINGS.probability.max_unknown**further
@@ -103,44 +107,34 @@ def _commonness(fit: Fit) -> tuple[int, ...]:
     return tuple(commonness[name] for name in fit.explanation.names)
 
 
-def unknown_by_episodes(confirmed: Confirmed, system: AbstractSystem) -> tuple[float, float]:
-    """Return the probability that none of the explanations holds, by the fitted episodes and by those left out.
+def unknown_by_episodes(confirmed: Confirmed, nominal_excess: float, system: AbstractSystem) -> tuple[float, float]:
+    """Return `unknown_by_excess` of the fitted episodes and of those left out.
 
-    From the force that has to act beside the best explanation, and from what is left then. A machine may have been
-    driven so much harder in those left out that the gap is many times as large there: what an explanation leaves of
-    them is then held against that.
+    A machine may have been driven so much harder in those left out that the gap is many times as large there: what an
+    explanation leaves of them is then held against that.
     """
-    share = system.unknown_share if confirmed.search.best.fit.x.size else 0.0
-    seen, there = confirmed.nominal
-    whole = Left(*(max(pair) for pair in zip(astuple(seen), astuple(there), strict=True)))
-
-    def unknown(left: Left, nominal: Left) -> float:
-        by_force = unknown_by_force(left.process, nominal.process, share)
-        return max(by_force, unknown_by_excess(left.excess, nominal.gap, share))
-
-    return unknown(confirmed.best[0], seen), unknown(confirmed.best[1], whole)
+    there = max(nominal_excess, confirmed.gap_unseen)
+    return (
+        unknown_by_excess(confirmed.excess_fitted, nominal_excess, system.unknown_share),
+        unknown_by_excess(confirmed.excess_unseen, there, system.unknown_share),
+    )
 
 
-def strained(best: Contender, left: float, gap: float, fitter: Fitter) -> float:
+def strained(best: Contender, nominal: Fit, fitter: Fitter) -> float:
     """Probability that none of the explanations holds, from how far the simulator must be off for the best to do so.
 
     Mismatch of many times the usual size can make up for a wrong explanation, and leave no excess. So where the
     evidence asks for that much, and the explanation alone leaves more of the gap than effects of the vocabulary do,
     something else is going on.
-
-    Args:
-        best: The likeliest explanation.
-        left: What it leaves beside a force that nothing foretells, in squared noises.
-        gap: What the nominal model leaves.
-        fitter: Of both.
     """
     if not best.fit.x.size:
         return 0.0  # nothing is claimed
     levels, limits = fitter.system.mismatch_levels, SETTINGS.probability
+    left, gap = (max(fitter.measured.excess(f.total, f.episodes), 1e-4) for f in (best.fit, nominal))
     asked = float(softmax(best.evidence.level) @ np.log2(levels))
-    allowed = limits.strained_excess + fitter.system.unknown_share * max(gap, 0.0)
+    allowed = limits.strained_excess + fitter.system.unknown_share * gap
     far = expit((asked - limits.strained_log2_level) / limits.strained_width)
-    return float(far * expit(np.log(max(left, 1e-4) / allowed) / limits.strained_log_width))
+    return float(far * expit(np.log(left / allowed) / limits.strained_log_width))
 
 
 def values_of(contender: Contender, context: Scope) -> tuple[dict[str, dict[str, float]], dict[str, dict[str, float]]]:

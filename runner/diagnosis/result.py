@@ -120,7 +120,6 @@ class Diagnosis:
     where: Where
     closure: Closure
     excess: float
-    fitted_excess: float
     nominal_excess: float
     left_by_episode: Mapping[int, float]
     seconds: float

@@ -13,9 +13,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from runner.effects.base import Scope
-from runner.inference.evidence import Evidence, clip
+from runner.inference.evidence import Evidence, NormalEquations, clip
 from runner.inference.least_squares import Explanation, Fit, Fitter, amplitudes
-from runner.inference.normal_equations import NormalEquations
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import Run

@@ -7,10 +7,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from runner.effects.vocabulary import Candidate
-from runner.inference.directions import Sensitivities
-from runner.inference.evidence import Evidence, clip, evidence, predicted_gain
+from runner.inference.evidence import (
+    Evidence,
+    NormalEquations,
+    Sensitivities,
+    clip,
+    evidence,
+    normal_equations,
+    predicted_gain,
+)
 from runner.inference.least_squares import Fit, Fitter
-from runner.inference.normal_equations import NormalEquations, normal_equations
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 

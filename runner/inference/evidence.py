@@ -5,9 +5,8 @@ of a percent are many standard errors, and a comparison that takes the model for
 recording. So every explanation is granted a small share of everything else: along each direction in which any
 effect would move the prediction, a Gaussian amplitude of a standard deviation of `OddsSettings.mismatch_share * level`
 times the effect's usual size (`rough_form_share` where engines differ in the law itself), and a texture of the
-workspace of the same kind; and a force that nothing foretells (see `runner.inference.process_noise`), where it is
-known what one does. Those amplitudes, and the start states, are integrated out (a Gaussian integral; Kennedy & O'Hagan
-2001 in the linear case), and so are the explanation's own parameters (Laplace).
+workspace of the same kind. Those amplitudes, and the start states, are integrated out (a Gaussian integral; Kennedy &
+O'Hagan 2001 in the linear case), and so are the explanation's own parameters (Laplace).
 """
 
 from __future__ import annotations
@@ -18,14 +17,179 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from runner.effects.base import Scope
+from runner.effects.base import AbstractEffect, Effects, Scope
 from runner.effects.vocabulary import Candidate
-from runner.inference.directions import Direction
-from runner.inference.least_squares import Explanation, Fit
-from runner.inference.normal_equations import NormalEquations
-from runner.inference.parameters import bounds, is_out_of_range
+from runner.inference.least_squares import Explanation, Fit, Fitter
+from runner.inference.parameters import bounds, difference_steps, is_out_of_range
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
+
+
+@dataclass(frozen=True)
+class Direction:
+    """One way in which an effect can move the prediction: from a vector, by a step of one entry or to another vector.
+
+    Args:
+        candidate: The effect.
+        origin: The vector that it is seen from; None: without the effect.
+        vector: The vector that it goes to.
+        per: How much of the unit amplitude that is; the column is divided by it.
+        mismatch: Standard deviation that the simulator's own error has in this direction, in units of the amplitude.
+        texture: Whether it is one of many that span the workspace: an effect at one place leaves errors at the others.
+        asked: Whether the effect may be named; otherwise it is mismatch and nothing else.
+        whole: Whether it is an amount of the whole effect, rather than the derivative by one of its parameters.
+    """
+
+    candidate: Candidate
+    vector: np.ndarray
+    per: float
+    mismatch: float
+    texture: bool = False
+    asked: bool = True
+    whole: bool = False
+
+    @property
+    def key(self) -> tuple[Candidate, bytes]:
+        """What makes it the same direction in two surveys."""
+        return self.candidate, self.vector.tobytes()
+
+
+def form_share(candidate: Candidate) -> float:
+    """Return what any simulator has wrong in the direction of an effect, as a share of its usual size."""
+    odds = SETTINGS.odds
+    return odds.rough_form_share if candidate.effect.rough_form else odds.mismatch_share
+
+
+def directions(system: AbstractSystem) -> list[Direction]:
+    """Return the directions of all effects of a system, amplitudes in units of each parameter's `scale`."""
+    out = []
+    for candidate in (*system.vocabulary, *system.vocabulary.uncertain):
+        parameters = candidate.parameters(system.context)
+        starts = candidate.starts(system.context)
+        if len(starts):
+            texture = candidate.effect.texture
+            mismatch = SETTINGS.odds.texture_share if texture else 0.0
+            out += [Direction(candidate, start, 1.0, mismatch, texture, whole=True) for start in starts]
+            continue
+        # the amplitude of what is shown by an amount is still in units of `scale`
+        sizes = candidate.sizes(system.context)
+        out += [Direction(candidate, size, size[0] / parameters[0].scale, 0.0, whole=True) for size in sizes]
+        steps = difference_steps(parameters, np.zeros(len(parameters)), system.difference_share)
+        for i, parameter in enumerate(parameters):
+            vector = np.eye(len(parameters))[i] * steps[i]
+            # what all of a kind share is a sum of directions that have their mismatch already
+            mismatch = 0.0 if candidate.targets else form_share(candidate)
+            per, asked = float(steps[i] / parameter.scale), candidate not in system.vocabulary.uncertain
+            out.append(Direction(candidate, vector, per, mismatch, asked=asked))
+    return out
+
+
+@dataclass(frozen=True)
+class Sensitivities:
+    """How the whitened prediction moves in every direction, per episode (n, d), seen from one set of effects."""
+
+    directions: tuple[Direction, ...]
+    columns: tuple[np.ndarray, ...]
+
+
+def sensitivities(fitter: Fitter, fit: Fit, every: Sequence[Direction]) -> Sensitivities:
+    """Simulate all directions around a fit.
+
+    An amount of a whole effect that the fit holds on the same target is none beside it, and is left out.
+    """
+    base = fit.explanation.make(fit.x, fitter.context)
+    others = tuple(
+        d
+        for d in every
+        if d.candidate not in fit.explanation.candidates
+        and not (d.whole and any(d.candidate.overlaps(c) for c in fit.explanation.candidates))
+    )
+    runs = [moved_along(d, fit.explanation, fit.x, fitter.context) for d in others]
+    per = np.array([d.per for d in others])
+    return Sensitivities(others, tuple(c / per for c in fitter.changes(base, runs, fit)))
+
+
+def moved_along(direction: Direction, explanation: Explanation, x: np.ndarray, context: Scope) -> Effects:
+    """Return the effects of an explanation at x, (p,), moved along a direction.
+
+    Where one of them is of the same kind and on the same target, as damping of one joint beside that of all, the number
+    that it has there moves: an effect that was added would take its place, as if it were not there.
+    """
+    held: dict[tuple[type[AbstractEffect], str | None], tuple[np.ndarray, Effects]] = {}
+    for candidate, part in explanation.parts(context):
+        held |= {(c.effect, c.target): (x[part], c.make(x[part], context)) for c in candidate.each}
+    for c in direction.candidate.each:
+        before, _ = held.get((c.effect, c.target), (np.zeros(len(direction.vector)), ()))
+        vector = before + direction.vector
+        held[c.effect, c.target] = vector, c.make(vector, context)
+    return tuple(effect for _, effects in held.values() for effect in effects)
+
+
+@dataclass(frozen=True)
+class NormalEquations:
+    """A fit amid the directions of a survey.
+
+    `gram` holds, per fitted episode, the inner products of [own derivatives (p) | directions (d) | residual (1)],
+    (E, p + d + 1, p + d + 1), with the start states projected out, in units of what residuals scatter by; `volume` is
+    what that costs, see `Spread`.
+    """
+
+    fit: Fit
+    directions: tuple[Direction, ...]
+    gram: np.ndarray
+    volume: float
+
+    @property
+    def by_candidate(self) -> dict[Candidate, list[int]]:
+        """The positions of each effect's directions among `directions`, in order, of those that may be named."""
+        out: dict[Candidate, list[int]] = {}
+        for i, direction in enumerate(self.directions):
+            if direction.asked:
+                out.setdefault(direction.candidate, []).append(i)
+        return out
+
+    @property
+    def ways(self) -> dict[Candidate, list[list[int]]]:
+        """The same, in groups of what moves together: the derivatives of an effect, or an amount of the whole of it."""
+        out = {}
+        for candidate, members in self.by_candidate.items():
+            derivatives = [m for m in members if not self.directions[m].whole]
+            out[candidate] = [*([derivatives] if derivatives else []), *([m] for m in members if m not in derivatives)]
+        return out
+
+
+def normal_equations(fit: Fit, *known: Sensitivities) -> NormalEquations:
+    """Set a fit amid the directions of surveys made around it or near it; of each direction the first counts.
+
+    Those of its own effects are left out, save for the texture of the workspace.
+    """
+    chosen: dict[tuple[Candidate, bytes], tuple[Sensitivities, int]] = {}
+    for one in known:
+        for i, d in enumerate(one.directions):
+            if d.texture or d.candidate not in fit.explanation.candidates:
+                chosen.setdefault(d.key, (one, i))
+    gram = []
+    episodes = zip(fit.jacobian, fit.residual, fit.basis.q, fit.spread.dispersion, strict=True)
+    for k, (jacobian, residual, q, dispersion) in enumerate(episodes):
+        columns = [one.columns[k][:, i] for one, i in chosen.values()]
+        whole = np.column_stack([jacobian, *columns, residual])
+        whole = whole - q @ (q.T @ whole)
+        gram.append(whole.T @ whole / dispersion)
+    every = tuple(one.directions[i] for one, i in chosen.values())
+    return NormalEquations(fit, every, np.array(gram), float(fit.spread.volume.sum()))
+
+
+def together(a: NormalEquations, b: NormalEquations) -> NormalEquations:
+    """Set a fit amid what further episodes say as well, at the same parameters; only directions that both have."""
+    p = len(a.fit.x)
+    first = {d.key: i for i, d in enumerate(a.directions)}
+    shared = [(first[d.key], j) for j, d in enumerate(b.directions) if d.key in first]
+    gram = []
+    for around, chosen in ((a, [i for i, _ in shared]), (b, [j for _, j in shared])):
+        keep = np.array([*range(p), *(p + i for i in chosen), around.gram.shape[1] - 1])
+        gram.append(around.gram[:, keep[:, None], keep])
+    every = tuple(a.directions[i] for i, _ in shared)
+    return NormalEquations(a.fit, every, np.concatenate(gram), a.volume + b.volume)
 
 
 @dataclass(frozen=True)
@@ -42,10 +206,6 @@ class Evidence:
             differ. Zero along what the data do not tell: nothing moves it.
         by_prior: What the width of the prior adds to that, (p, p): all there is of what the data do not tell.
         dispersion: How many times as uncertain as noise residuals were taken for.
-        process: Standard deviation that the force that nothing foretells has at least, in units of the usual one, by
-            this explanation alone; 0 where it is not known what a force does.
-        scales: Log evidence of each of its scales, (L,).
-        left: Sum of squared residuals after all mismatch has taken its part, at what is likeliest.
     """
 
     log: float
@@ -54,9 +214,6 @@ class Evidence:
     covariance: np.ndarray
     by_prior: np.ndarray
     dispersion: float
-    process: float
-    scales: np.ndarray
-    left: float
 
 
 def log_densities(fit: Fit, context: Scope) -> np.ndarray:
@@ -76,12 +233,7 @@ def log_densities(fit: Fit, context: Scope) -> np.ndarray:
 
 
 def evidence(
-    around: NormalEquations,
-    system: AbstractSystem,
-    known: np.ndarray | None = None,
-    *,
-    dispersion: float = 1.0,
-    scales: np.ndarray | None = None,
+    around: NormalEquations, system: AbstractSystem, known: np.ndarray | None = None, *, dispersion: float = 1.0
 ) -> Evidence:
     """Integrate the mismatch and the parameters out.
 
@@ -92,125 +244,62 @@ def evidence(
         system: What was recorded; how large the mismatch is, is not known beforehand: its levels are equally likely.
         known: Covariance of the parameters from elsewhere, (p, p): they may move so far only. None: their prior.
         dispersion: How many times as uncertain residuals are as noise is; see `contender.dispersion_of`.
-        scales: How likely each scale of process noise is, (L,); None: all are equally likely.
     """
     fit, whole = around.fit, len(around.fit.x)
     context, levels = system.context, system.mismatch_levels
     if is_out_of_range(fit.explanation.parameters(context), fit.x):
         nothing = np.full((whole, whole), np.nan)
-        nowhere = np.full(len(levels), -np.inf)
-        return Evidence(
-            -np.inf, nowhere, float(fit.total), nothing, nothing, dispersion, 0.0, nowhere, float(fit.total)
-        )
+        return Evidence(-np.inf, np.full(len(levels), -np.inf), float(fit.total), nothing, nothing, dispersion)
     free = np.flatnonzero(~fit.at_bound)
-    total, amid = around.gram.sum(axis=0), around.amid_process
+    total = around.gram.sum(axis=0) / dispersion
     keep = np.concatenate([free, np.arange(whole, len(total))])
-    p, spread = len(free), np.array([d.mismatch for d in around.directions])
+    total, p = total[np.ix_(keep, keep)], len(free)
+    spread = np.array([d.mismatch for d in around.directions])
+    mismatch = np.flatnonzero(spread > 0)
+    own, rest = np.arange(p), p + mismatch
+    h_oo, h_or, h_rr = total[np.ix_(own, own)], total[np.ix_(own, rest)], total[np.ix_(rest, rest)]
+    g_o, g_r, rr = total[own, -1], total[rest, -1], total[-1, -1] + around.volume / dispersion
     every_density = log_densities(fit, context)
     density = every_density[free]
     # a parameter that the data don't tell: as uncertain as its prior is wide, so that it neither gains nor loses
     width = np.diag(2 * np.pi * np.exp(2 * density))
     if known is not None:
         width = width + np.linalg.pinv(known[np.ix_(free, free)])
-
-    def by_level(gram: np.ndarray) -> np.ndarray:
-        """Log evidence and loss of each level, (2, levels)."""
-        terms = _Terms.of(gram[np.ix_(keep, keep)] / dispersion, around.volume / dispersion, p, spread)
-        return np.array([terms.integrated(level, density, width) for level in levels]).T
-
-    plain = by_level(total)
-    logs, losses = plain[:1], plain[1:]
-    if amid:
-        each = np.array([by_level(one.gram) for one in amid])
-        logs, losses = each[:, 0] - np.array([[one.cost] for one in amid]), each[:, 1]
-    shares = np.full(len(logs), 1.0 / len(logs)) if scales is None or not amid else scales
-    with np.errstate(divide="ignore"):
-        weighed = logs + np.log(shares)[:, None]
-    scale, level = np.unravel_index(int(np.argmax(weighed)), logs.shape)
-    own, rest = free, whole + np.flatnonzero(spread > 0)
-    h_oo = total[np.ix_(own, own)] / dispersion
-    inverse = np.linalg.inv(h_oo + width)
-    moved = total[np.ix_(own, rest)] / dispersion * (spread[spread > 0] * levels[level])
-    by_prior = np.diag(np.exp(-2 * every_density) / (2 * np.pi))  # of what rests on its bound: all of its prior
-    covariance = by_prior.copy()
-    scores = h_oo + moved @ moved.T
-    if amid and not system.episodes_differ:
-        scores += amid[scale].scores[np.ix_(free, free)] / dispersion
-    if system.episodes_differ:
-        # that is as they are seen to scatter, whatever makes them
-        scores += _between_episodes(around.gram[:, free, -1] / dispersion)
-    covariance[np.ix_(free, free)] = inverse @ scores @ inverse
-    by_prior[np.ix_(free, free)] = inverse @ width @ inverse
-    by_scale = np.logaddexp.reduce(logs, axis=1) - np.log(len(levels))
-    every_level = np.logaddexp.reduce(weighed, axis=0)
-    process = _at_least(by_scale, [one.scale for one in amid])
-    return Evidence(
-        float(np.logaddexp.reduce(every_level) - np.log(len(levels))),
-        every_level,
-        float(plain[1, levels.index(1.0)]) * dispersion,
-        covariance,
-        by_prior,
-        dispersion,
-        process * float(np.sqrt(dispersion)),
-        by_scale,
-        float(losses[scale, level]) * dispersion,
-    )
-
-
-def _at_least(logs: np.ndarray, scales: Sequence[float]) -> float:
-    """Return the smallest scale that is not much less likely than the likeliest, between those that were tried.
-
-    Where the data tell nothing of a force, that is the smallest of all.
-    """
-    if not scales:
-        return 0.0
-    enough = float(logs.max()) - SETTINGS.process.sure_log_odds
-    first = int(np.argmax(logs >= enough))
-    if first == 0 or not np.isfinite(logs[first - 1]):
-        return float(scales[first])
-    share = (enough - logs[first - 1]) / (logs[first] - logs[first - 1])
-    return float(np.exp(np.interp(share, [0.0, 1.0], np.log([scales[first - 1], scales[first]]))))
-
-
-@dataclass(frozen=True)
-class _Terms:
-    """Inner products of a fit's own derivatives (o), the directions of mismatch (r), and its residual (g, rr).
-
-    Directions are in units of their mismatch at level 1, along the axes of their own inner products, `size`.
-    """
-
-    h_oo: np.ndarray
-    h_or: np.ndarray
-    size: np.ndarray
-    g_o: np.ndarray
-    g_r: np.ndarray
-    rr: float
-
-    @classmethod
-    def of(cls, total: np.ndarray, volume: float, p: int, spread: np.ndarray) -> _Terms:
-        """Return those of a matrix of own derivatives, directions of these standard deviations, and the residual."""
-        rest = np.flatnonzero(spread > 0)
-        unit, rest = spread[rest], p + rest
-        size, axes = np.linalg.eigh(unit[:, None] * total[np.ix_(rest, rest)] * unit)
-        along = axes.T @ (unit[:, None] * total[rest])
-        own, right = along[:, :p].T, along[:, -1]
-        return cls(total[:p, :p], own, np.maximum(size, 0.0), total[:p, -1], right, float(total[-1, -1]) + volume)
-
-    def integrated(self, level: float, density: np.ndarray, width: np.ndarray) -> tuple[float, float]:
-        """Integrate the mismatch of a level and the parameters out: log evidence, and the loss that is left.
-
-        `density` and `width` are log densities of the parameters' priors, (p,), and their precisions, (p, p).
-        """
-        p, inner = len(density), 1.0 + level**2 * self.size
-        shrunk = level**2 / inner
-        schur, g = self.h_oo - (self.h_or * shrunk) @ self.h_or.T, self.g_o - self.h_or @ (shrunk * self.g_r)
-        loss, volume = self.rr - float(shrunk @ self.g_r**2), -0.5 * float(np.log(inner).sum())
+    logs, losses = [], []
+    for level in levels:
+        s = spread[mismatch] * level
+        # in amplitudes of unit prior variance
+        inner = cho_factor(np.eye(len(s)) + s[:, None] * h_rr * s, lower=True)
+        cross = s[:, None] * h_or.T  # (m, p)
+        gr = s * g_r
+        solved = cho_solve(inner, np.column_stack([cross, gr]))
+        schur = h_oo - cross.T @ solved[:, :p]
+        g = g_o - cross.T @ solved[:, p]
+        loss = rr - gr @ solved[:, p]
+        volume = 0.0
         if p:
             schur = schur + width
             loss -= float(g @ np.linalg.solve(schur, g))
-            volume += 0.5 * p * np.log(2 * np.pi) - 0.5 * float(np.linalg.slogdet(schur).logabsdet)
-            volume += float(density.sum())
-        return volume - 0.5 * loss, loss
+            volume = 0.5 * p * np.log(2 * np.pi) - 0.5 * float(np.linalg.slogdet(schur).logabsdet) + density.sum()
+        logs.append(-0.5 * loss - float(np.log(np.diag(inner[0])).sum()) + volume)
+        losses.append(loss)
+    inverse = np.linalg.inv(h_oo + width)
+    moved = h_or * (spread[mismatch] * levels[int(np.argmax(logs))])
+    by_prior = np.diag(np.exp(-2 * every_density) / (2 * np.pi))  # of what rests on its bound: all of its prior
+    covariance = by_prior.copy()
+    scores = h_oo + moved @ moved.T
+    if system.episodes_differ:
+        scores += _between_episodes(around.gram[:, free, -1] / dispersion)
+    covariance[np.ix_(free, free)] = inverse @ scores @ inverse
+    by_prior[np.ix_(free, free)] = inverse @ width @ inverse
+    return Evidence(
+        float(np.logaddexp.reduce(logs) - np.log(len(levels))),
+        np.array(logs),
+        float(losses[levels.index(1.0)]) * dispersion,
+        covariance,
+        by_prior,
+        dispersion,
+    )
 
 
 def by_form(candidate: Candidate, context: Scope) -> np.ndarray:

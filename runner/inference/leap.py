@@ -16,10 +16,17 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from runner.effects.vocabulary import Candidate
-from runner.inference.directions import Direction, Sensitivities, sensitivities
-from runner.inference.evidence import clip, moved_by, trusted
+from runner.inference.evidence import (
+    Direction,
+    NormalEquations,
+    Sensitivities,
+    clip,
+    moved_by,
+    normal_equations,
+    sensitivities,
+    trusted,
+)
 from runner.inference.least_squares import Explanation, Fit, Fitter
-from runner.inference.normal_equations import NormalEquations, normal_equations
 from runner.settings import SETTINGS
 
 

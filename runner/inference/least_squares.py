@@ -237,7 +237,7 @@ class Fitter:
 
     def whitened(self, episode: int, runs: Sequence[Run]) -> np.ndarray:
         """Return whitened residuals of several simulations of one episode, (len(runs), n)."""
-        runs = [replace(run, effects=self.held + run.effects) for run in runs]
+        runs = [Run(self.held + run.effects, run.start) for run in runs]
         predicted = self.simulator.predict(episode, runs)
         return self.measured.whiten(episode, predicted - self.measured.values[episode]).reshape(len(runs), -1)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from runner.effects.vocabulary import Vocabulary
 from runner.inference.contender import Contender, contend
-from runner.inference.directions import directions, sensitivities
+from runner.inference.evidence import directions, sensitivities
 from runner.inference.least_squares import Explanation, Fitter
 from runner.inference.search import Search
 from runner.settings import SETTINGS

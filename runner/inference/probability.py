@@ -24,20 +24,7 @@ def unknown_by_excess(excess: float, nominal_excess: float, share: float) -> flo
     a small share of the gap: the larger an effect, the more of it small errors of its model leave. `share` is
     `AbstractSystem.unknown_share`.
     """
-    return _beyond(excess, allowed_excess(nominal_excess, share))
-
-
-def unknown_by_force(process: float, nominal: float, share: float) -> float:
-    """Probability that none of the explanations holds, from the force that has to act beside the best of them.
-
-    The same, of the square of that force's standard deviation in units of the usual one; `nominal` is what has to act
-    beside the nominal model.
-    """
-    return _beyond(process**2, SETTINGS.probability.unknown_force**2 + share * nominal**2)
-
-
-def _beyond(left: float, allowed: float) -> float:
-    score = np.log(max(left, 1e-4 * allowed) / allowed)
+    score = np.log(max(excess, 1e-4)) - np.log(allowed_excess(nominal_excess, share))
     return as_unknown(expit(score / SETTINGS.probability.unknown_log_width))
 
 
@@ -49,3 +36,13 @@ def as_unknown(probability: float) -> float:
 def allowed_excess(nominal_excess: float, share: float) -> float:
     """Return what an explanation may leave beyond the noise, in squared noises, and be as likely as none of them."""
     return SETTINGS.probability.unknown_excess + share * max(nominal_excess, 0.0)
+
+
+def not_none(gap: float) -> float:
+    """Probability that something is at work where no effect is named, from what the nominal model leaves.
+
+    In squared noises, of all episodes. How much of that small errors of the simulator could do says little: they could
+    do much of what anything does.
+    """
+    limits = SETTINGS.probability
+    return float(expit(np.log(max(gap, 1e-4) / limits.something_excess) / limits.something_log_width))

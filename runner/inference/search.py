@@ -14,12 +14,17 @@ import numpy as np
 
 from runner.effects.vocabulary import Candidate, Vocabulary
 from runner.inference.contender import Contender, Offer, are_confounded, contend, dispersion_of, offers
-from runner.inference.directions import Direction, Sensitivities, directions, sensitivities
-from runner.inference.evidence import joined
+from runner.inference.evidence import (
+    Direction,
+    Sensitivities,
+    directions,
+    joined,
+    sensitivities,
+)
 from runner.inference.exchange import one_for_another, one_for_two, other_variants
 from runner.inference.leap import leap
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter, are_near
-from runner.inference.probability import shares, unknown_by_excess
+from runner.inference.probability import not_none, shares, unknown_by_excess
 from runner.inference.shortlist import finished, gain, with_fit, without_one, worth_of
 from runner.inference.start_draws import begun_elsewhere, tried_from_the_air
 from runner.inference.warm_start import (
@@ -246,8 +251,7 @@ class _Rounds:
         best = max(finite, key=lambda c: c.log_posterior)
         alike = [c.fit.explanation.names == best.fit.explanation.names for c in finite]
         gap, left = ((t - self.count) / self.count for t in (self.nominal.total, best.evidence.loss))
-        share = self.fitter.system.unknown_share if best.fit.x.size else 0.0
-        unknown = unknown_by_excess(left, gap, share)
+        unknown = unknown_by_excess(left, gap, self.fitter.system.unknown_share) if best.fit.x.size else not_none(gap)
         probability = float(shares(finite)[alike].sum()) * (1.0 - unknown)
         noises = float(np.sqrt(best.fit.total / self.count))
         self.fitter.observer.best(best.fit.explanation.names, noises, probability)

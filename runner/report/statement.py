@@ -179,7 +179,7 @@ def _noises(table: pd.DataFrame) -> tuple[float, float] | None:
 
 def _fitted_closed(diagnosis: Diagnosis) -> float | None:
     gap = diagnosis.nominal_excess
-    return min(1.0 - diagnosis.fitted_excess / gap, 1.0) if gap > TRACE else None
+    return min(1.0 - diagnosis.excess / gap, 1.0) if gap > TRACE else None
 
 
 def _kind(top: Ranked) -> Kind:

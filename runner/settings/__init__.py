@@ -20,7 +20,6 @@ from runner.settings.held_out import BreakawaySettings, HeldOutSettings
 from runner.settings.noise import NoiseSettings
 from runner.settings.odds import OddsSettings, ProbabilitySettings
 from runner.settings.plausible import CommandSettings, ForceSettings, MotionSettings, UnitSettings
-from runner.settings.process import ProcessSettings
 from runner.settings.search import LeapSettings, PieceSettings, SearchSettings
 from runner.settings.where import DisturbanceSettings, LikenessSettings, WhereSettings
 
@@ -40,7 +39,6 @@ class Settings:
     leap: LeapSettings = field(default_factory=LeapSettings)
     breakaway: BreakawaySettings = field(default_factory=BreakawaySettings)
     held_out: HeldOutSettings = field(default_factory=HeldOutSettings)
-    process: ProcessSettings = field(default_factory=ProcessSettings)
     odds: OddsSettings = field(default_factory=OddsSettings)
     probability: ProbabilitySettings = field(default_factory=ProbabilitySettings)
     where: WhereSettings = field(default_factory=WhereSettings)

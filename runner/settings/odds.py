@@ -134,17 +134,25 @@ class ProbabilitySettings:
         "logarithm of an excess",
         "Calibration: what an explanation may leave is known to a factor of about one and a half.",
     )
-    unknown_force: float = setting(
-        0.005,
-        "of the usual force",
-        "Force sensors and drives are true to half a per cent: where more is missing all the time, that may be "
-        "something without a name.",
+    something_excess: float = setting(
+        0.45,
+        "squared noises",
+        "Residuals of the nominal model are a fifth larger than the noise then, about what an ill-known noise and "
+        "small errors of a simulator make together.",
+    )
+    something_log_width: float = setting(
+        0.15, "logarithm of an excess", "Calibration: the two add up to much the same in every recording."
     )
     min_unknown: float = setting(
         0.03,
         "probability",
         "Some of what has no name looks like what has one, however well that fits, and so may each effect of several:"
         " an answer of one is no surer than 0.97, of two than 0.94.",
+    )
+    failed_unknown: float = setting(
+        0.7,
+        "probability",
+        "Calibration: where most of a plain gap is left in unseen episodes, two to one that something else is at work.",
     )
     strained_log2_level: float = setting(
         2.5,

@@ -14,17 +14,10 @@ from runner.systems.windows import Windows
 
 @dataclass(frozen=True)
 class Run:
-    """One open-loop simulation.
-
-    Args:
-        effects: In the model.
-        start: That it begins from, (S,).
-        push: A generalised force that acts besides, from each sample to the next, (T, D); None: none does.
-    """
+    """One open-loop simulation: the effects that are in the model, and the start that it begins from, (S,)."""
 
     effects: Effects
     start: FloatArray
-    push: FloatArray | None = None
 
 
 class AbstractSimulator(ABC):

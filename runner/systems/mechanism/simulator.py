@@ -49,8 +49,7 @@ class Stretch:
         end: After the last.
         effects: In the model.
         start: The true start, (S,).
-        disturbance: A generalised force, constant (nv,) or from each sample to the next (T, nv), of the believed model;
-            None: none.
+        disturbance: A constant generalised force, (nv,) of the believed model; None: none.
     """
 
     episode: int
@@ -125,7 +124,7 @@ class MechanismSimulator(AbstractSimulator):
     def predict(self, episode: int, runs: Sequence[Run]) -> FloatArray:
         """Return the predicted channels at the samples of an episode, or span, (len(runs), T, C)."""
         span = self._spans[episode]
-        return self.simulate([Stretch(span.episode, span.begin, span.end, r.effects, r.start, r.push) for r in runs])
+        return self.simulate([Stretch(span.episode, span.begin, span.end, r.effects, r.start) for r in runs])
 
     def predict_windows(
         self, effects: Effects, windows: Windows, starts: FloatArray, disturbance: FloatArray | None = None
@@ -197,7 +196,7 @@ class MechanismSimulator(AbstractSimulator):
                     s.effects, s.episode, self._time(s), batch.steps + 1, batch.step_s, model
                 )
                 if s.disturbance is not None:
-                    control[r, :, model.nu :] = self._generalised(self._held(s, batch), batch.compiled)
+                    control[r, :, model.nu :] = self._generalised(s.disturbance, batch.compiled)
                 initial[r] = self._initial(s, batch, batch.models[r], control[r, 0, : model.nu])
             state, _ = self._pool.rollout(
                 list(batch.models),
@@ -253,19 +252,11 @@ class MechanismSimulator(AbstractSimulator):
             position, velocity = np.array(data.qpos), np.array(data.qvel)
         return position, velocity
 
-    def _held(self, stretch: Stretch, batch: _Batch) -> FloatArray:
-        """Return the disturbance of a stretch at each physics step, (n, nv), or of all, (nv,)."""
-        if stretch.disturbance is None or stretch.disturbance.ndim == 1:
-            return np.asarray(stretch.disturbance)
-        t = self.recording.episodes[stretch.episode].t_s[stretch.begin : stretch.end]
-        at = t[0] + (np.arange(batch.steps + 1) + 0.5) * batch.step_s
-        return stretch.disturbance[np.searchsorted(t, at, side="right") - 1]
-
     def _generalised(self, force: FloatArray, compiled: Compiled) -> FloatArray:
-        """Return a force on the believed joints, (..., nv), as one on those of a model, (..., nv)."""
-        out = np.zeros((*force.shape[:-1], compiled.model.nv))
+        """Return a force on the believed joints as one on those of a model, (nv,)."""
+        out = np.zeros(compiled.model.nv)
         for joint in self.models.believed_coordinates.joints:
-            out[..., compiled.coordinates.by_name[joint.name].v] = force[..., joint.v]
+            out[compiled.coordinates.by_name[joint.name].v] = force[joint.v]
         return out
 
     def _sampled(self, batch: _Batch, full: FloatArray, control: FloatArray) -> FloatArray:

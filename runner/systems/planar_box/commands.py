@@ -12,7 +12,6 @@ from runner.numerics.arrays import FloatArray
 from runner.physics import dry_friction
 from runner.physics.scene import push_columns
 from runner.recording import Episode, Recording
-from runner.systems.planar_box.motion import motion
 
 KEPT_BYTES = 100e6  # what was made last, as models and windows that ask for the same follow one another
 
@@ -27,7 +26,6 @@ class Commands:
     _kept: dict[tuple[tuple[PlanarEffect, ...], int], FloatArray] = field(
         init=False, default_factory=dict, repr=False, compare=False
     )
-    _yaw: list[FloatArray] = field(init=False, default_factory=list, repr=False, compare=False)
 
     def control(self, effects: Sequence[PlanarEffect], episode: int) -> FloatArray:
         """Return what the engine is given over a whole episode with these effects, (n, USERDATA_SIZE); not to write to.
@@ -42,13 +40,6 @@ class Commands:
                 self._kept.clear()
             self._kept[key] = made
         return self._kept[key]
-
-    def yaw(self, episode: int) -> FloatArray:
-        """Return how the body was turned at each physics step of an episode, as it was measured, (n,)."""
-        if not self._yaw:
-            states = (m[:, 2] for m in motion(self.recording))
-            self._yaw.extend(np.repeat(0.5 * (y[1:] + y[:-1]), self.steps_per_sample) for y in states)
-        return self._yaw[episode]
 
     def _control(self, effects: Sequence[PlanarEffect], episode: int) -> FloatArray:
         recorded = self.recording.episodes[episode]

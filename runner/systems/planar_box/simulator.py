@@ -26,16 +26,7 @@ from runner.recording import Form, Nominal, Recording, Span, Support
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.planar_box.commands import Commands
 from runner.systems.planar_box.motion import measured_columns
-from runner.systems.planar_box.windows import (
-    FULL,
-    USERDATA,
-    Effects,
-    WindowSimulator,
-    add_wrench,
-    planar,
-    shown_alike,
-    unseen,
-)
+from runner.systems.planar_box.windows import FULL, USERDATA, Effects, WindowSimulator, planar, shown_alike, unseen
 from runner.systems.simulator import AbstractSimulator, Run
 from runner.systems.windows import Windows
 
@@ -221,24 +212,13 @@ class Simulator(AbstractSimulator):
                 self._models[effects] = self.model(effects)
         models = [self._models[effects] for effects in members]
         controls = np.stack([self._commands.control(e, span.episode)[before : before + n] for e in members])
-        driven = which.copy()
-        if pushes := {i: run.push[:-1] for i, run in enumerate(runs) if run.push is not None}:
-            pushed = list(pushes)
-            driven[pushed] = len(controls) + np.arange(len(pushed))
-            more = controls[which[pushed]]
-            add_wrench(
-                more,
-                np.repeat(list(pushes.values()), self.steps_per_sample, axis=1),
-                self._commands.yaw(span.episode)[before : before + n],
-            )
-            controls = np.concatenate([controls, more])
         if dry_friction.is_all_that_acts(base.model):
-            after = dry_friction.rollout(models, controls, start[:, :7], (which, driven), self._threads)
+            after = dry_friction.rollout(models, controls, start[:, :7], (which, which), self._threads)
         else:
             each = [models[k] for k in which]
             with quiet():  # what runs away is told by its residuals
                 state, _ = self._pool.rollout(
-                    each, list(base.data), start, controls[driven], control_spec=USERDATA, chunk_size=1
+                    each, list(base.data), start, controls[which], control_spec=USERDATA, chunk_size=1
                 )
             after = state[:, :, 1:7]
         self.simulated_s += n * self.step_s * len(runs)

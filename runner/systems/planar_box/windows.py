@@ -16,7 +16,7 @@ from runner.effects.planar_box import ActuatorDelay, Motion, ObservationDelay, P
 from runner.physics import dry_friction
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.planar_box.commands import Commands
-from runner.systems.planar_box.motion import measured_columns
+from runner.systems.planar_box.motion import measured_columns, motion
 from runner.systems.windows import Windows
 
 Effects = tuple[PlanarEffect, ...]
@@ -48,13 +48,16 @@ class WindowSimulator:
     model: mujoco.MjModel
     effects: Effects
     simulated_s: float = field(init=False, default=0.0)
+    _yaw: list[np.ndarray] = field(init=False)
     _columns_seen: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
         threads = len(os.sched_getaffinity(0))
         self._data = [mujoco.MjData(self.model) for _ in range(threads)]
         self._pool = rollout.Rollout(nthread=threads if threads > 1 else 0)
-        self._columns_seen = measured_columns(self.commands.recording)
+        recording, n = self.commands.recording, self.commands.steps_per_sample
+        self._columns_seen = measured_columns(recording)
+        self._yaw = [np.repeat(0.5 * (states[1:, 2] + states[:-1, 2]), n) for states in motion(recording)]
 
     def predict(self, windows: Windows, starts: np.ndarray, wrench: np.ndarray | None = None) -> np.ndarray:
         """Return what would be measured in windows.
@@ -88,7 +91,7 @@ class WindowSimulator:
             span = slice(begin[w], begin[w] + steps)
             control[w] = self.commands.control(self.effects, int(windows.episode[w]))[span]
             if wrench is not None:
-                add_wrench(control[w], wrench[w, :, None], self.commands.yaw(int(windows.episode[w]))[span])
+                _add_wrench(control[w], wrench[w], self._yaw[windows.episode[w]][span])
         state = np.zeros((count, columns, mujoco.mj_stateSize(self.model, FULL)))
         state[:, :, 0] = (begin * step_s)[:, None]
         state[:, :, 1:7] = true
@@ -120,12 +123,12 @@ class WindowSimulator:
         return states[..., self._columns_seen]
 
 
-def add_wrench(control: np.ndarray, wrench: np.ndarray, yaw: np.ndarray) -> None:
-    """Add forces and moments (K, n or 1, 3) to commands (K, n, ...); a moment is a couple on a turning arm."""
-    control[:, :, :2] += wrench[:, :, :2]
+def _add_wrench(control: np.ndarray, wrench: np.ndarray, yaw: np.ndarray) -> None:
+    """Add forces and moments (K, 3) to commands (K, n, ...); a moment is a couple on a turning arm."""
+    control[:, :, :2] += wrench[:, None, :2]
     # the push moment about z is -sin S_xx + cos S_xy (see `runner.physics.dry_friction`)
-    control[:, :, 3] -= wrench[:, :, 2] * np.sin(yaw)
-    control[:, :, 4] += wrench[:, :, 2] * np.cos(yaw)
+    control[:, :, 3] -= wrench[:, 2:] * np.sin(yaw)
+    control[:, :, 4] += wrench[:, 2:] * np.cos(yaw)
 
 
 def unseen(effects: Sequence[PlanarEffect], shown: np.ndarray, step_s: float) -> np.ndarray:
