@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from runner.diagnosis import advice
@@ -50,11 +51,19 @@ def test_the_next_experiment_names_effects_as_the_ranking_does(monkeypatch: pyte
 
 def test_no_experiment_is_proposed_to_tell_what_is_one() -> None:
     """Of what such recordings cannot tell from the answer; of another rival an experiment is sought."""
-    system = SimpleNamespace(vocabulary=())
+    system = SimpleNamespace(vocabulary=(), experiment="toss", reach="these tosses", reach_further="toss harder")
     fitter: Any = SimpleNamespace(system=system, measured=None, context=None)
     ranked: Any = [SimpleNamespace(effects=("frame_tilt",), equivalent=(("gravity",),), probability=0.97)]
-    rivals: Any = [SimpleNamespace(confounded=True, rival="gravity", instead=object())]
     found: Any = SimpleNamespace(contenders=())
+
+    def rival(name: str) -> Any:
+        fit = SimpleNamespace(explanation=SimpleNamespace(names=(name,)), x=None, information=lambda: np.eye(1))
+        return SimpleNamespace(confounded=True, rival=name, instead=fit)
+
+    lead = SimpleNamespace(fit=SimpleNamespace(explanation=SimpleNamespace(names=("frame_tilt",)), x=None))
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(advice, "contender_of", lambda *_: SimpleNamespace(fit=None))
-        assert advice.next_push(ranked, found, rivals, fitter, None) is None
+        patched.setattr(advice, "contender_of", lambda *_: lead)
+        patched.setattr(advice, "best_experiment", lambda *_, **__: None)
+        assert advice.next_push(ranked, found, [rival("gravity")], fitter, None) is None
+        other = advice.next_push(ranked, found, [rival("gravity"), rival("air_drag")], fitter, None)
+    assert other == "No toss within these tosses would tell frame tilt from air drag; toss harder."

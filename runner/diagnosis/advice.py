@@ -40,7 +40,8 @@ def next_push(
     """
     named = [r for r in ranked if r.effects != ("unknown",)]
     lead, near = named[0], [r for r in rivals_found if r.confounded]
-    names = set(lead.effects) | {n for e in lead.equivalent for n in e} | {r.rival for r in near}
+    one = {n for e in lead.equivalent for n in e}
+    names = set(lead.effects) | one | {r.rival for r in near}
     if advice := _advice(names, fitter.system.vocabulary):
         return advice
     first = contender_of(found, lead, fitter.context).fit
@@ -49,7 +50,6 @@ def next_push(
         covariance, rival = second.evidence.covariance, second.fit
     else:
         # what is one with it no experiment of this kind tells from it
-        one = {n for e in lead.equivalent for n in e}
         instead = next((r.instead for r in near if r.instead is not None and r.rival not in one), None)
         if instead is None:
             return None
