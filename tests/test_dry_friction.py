@@ -75,8 +75,10 @@ def test_friction_agrees_with_independent_equations(
     lx, ly = c * body.com_m[0] - s * body.com_m[1], s * body.com_m[0] + c * body.com_m[1]
     linear = loads.force_n / (body.mass_kg * left) + turning * np.array([ly, -lx]) + state[5] ** 2 * np.array([lx, ly])
     np.testing.assert_allclose(got, [*linear, turning], atol=1e-5 * (G + np.abs(got).max()))
+    # a film's part does not go with the load, and may be several times that
+    size = max(loads.carried_n, float(np.hypot(*loads.friction_n)))
     np.testing.assert_allclose(
-        out[dry_friction.OUT_FORCE : dry_friction.OUT_FORCE + 2], loads.friction_n, atol=1e-5 * loads.carried_n
+        out[dry_friction.OUT_FORCE : dry_friction.OUT_FORCE + 2], loads.friction_n, atol=1e-5 * size
     )
     assert out[dry_friction.OUT_LOAD] == pytest.approx(loads.carried_n, rel=1e-6)
     np.testing.assert_allclose([c * cop[0] - s * cop[1], s * cop[0] + c * cop[1]], loads.centre_m, atol=1e-5)

@@ -8,7 +8,9 @@ from typing import NamedTuple
 import mujoco
 from numba import carray, cfunc, types
 
+from runner.physics import borrowed as borrowing
 from runner.physics import engine_memory, passive
+from runner.physics.borrowed import borrowed
 from runner.physics.dry_friction.planar import Engine, hand_over, step_planar
 from runner.physics.dry_friction.points import room_for
 from runner.physics.dry_friction.push import push_free, push_upright
@@ -19,7 +21,7 @@ from runner.storage.numba_cache import fingerprint
 JOINTS, POINTS = COLUMN["joints"], COLUMN["points"]
 
 # taken when this is imported: the files may be others by the time that something is compiled
-SOURCES = fingerprint(engine_memory.__file__, *Path(__file__).parent.glob("*.py"))
+SOURCES = fingerprint(engine_memory.__file__, borrowing.__file__, *Path(__file__).parent.glob("*.py"))
 
 
 class FrictionOffsets(NamedTuple):
@@ -133,8 +135,10 @@ def _compile(at: FrictionOffsets):
                     qfrc_applied=doubles(d, at.qfrc_applied, big),
                     qfrc_passive=passive,
                 )
-                end, lever, inertia = step_planar(record, body, dof, qadr, engine, room_for(int(record[POINTS])))
+                room = room_for(int(record[POINTS]))
+                end, lever, inertia = step_planar(record, body, dof, qadr, engine, borrowed(room))
                 hand_over(engine, body, dof, lever, inertia, end)
+                room[0] = 0.0  # its last use: until here it is not given back
 
     return dry_friction
 

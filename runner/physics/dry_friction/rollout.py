@@ -17,13 +17,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from runner.physics import borrowed as borrowing
+from runner.physics.borrowed import borrowed
 from runner.physics.dry_friction.planar import Engine, step_planar
 from runner.physics.dry_friction.points import room_for
 from runner.physics.dry_friction.record import COLUMN, MAGIC, PLANAR, STRIDE
 from runner.storage.numba_cache import fingerprint
 
-SOURCES = fingerprint(*Path(__file__).parent.glob("*.py"))  # see `binding`
+SOURCES = fingerprint(borrowing.__file__, *Path(__file__).parent.glob("*.py"))  # see `binding`
 MAGIC_AT, JOINTS, POINTS = COLUMN["magic"], COLUMN["joints"], COLUMN["points"]
+OWN = 15  # what a motion keeps besides the push: no applied forces (6), those of dampers, position, velocity
 
 
 def is_all_that_acts(model: mujoco.MjModel) -> bool:
@@ -66,9 +69,11 @@ def rollout(
     of_models, of_controls = (np.asarray(which, np.int64) for which in of)
     out = np.empty((len(start), controls.shape[1], 6))
     simulate, step_s = _compiled(), float(models[0].opt.timestep)
+    most = int(numbers[0][:, POINTS].max())
 
     def part(some: slice) -> None:
-        simulate(*numbers, step_s, controls, start[some], of_models[some], of_controls[some], out[some])
+        memory = room_for(most), np.zeros(OWN + controls.shape[2])
+        simulate(tuple(numbers), step_s, controls, start[some], of_models[some], of_controls[some], *memory, out[some])
 
     if threads == 1 or len(start) == 1:
         part(slice(None))
@@ -91,16 +96,16 @@ def _compiled():
     sources = SOURCES
 
     @njit(error_model="numpy", cache=True, nogil=True)
-    def simulate(
-        records, mass, inertia, ipos, iquat, damping, gravity, step_s, controls, start, of_models, of_controls, out
-    ):
+    def simulate(numbers, step_s, controls, start, of_models, of_controls, room, own, out):
         assert sources
-        nothing, passive = np.zeros(6), np.zeros(3)
-        qpos, qvel, user = np.empty(3), np.empty(3), np.empty(controls.shape[2])
+        records, mass, inertia, ipos, iquat, damping, gravity = numbers
+        records, mass, inertia, ipos = borrowed(records), borrowed(mass), borrowed(inertia), borrowed(ipos)
+        iquat, damping, gravity, room = borrowed(iquat), borrowed(damping), borrowed(gravity), borrowed(room)
+        own = borrowed(own)
+        nothing, passive, qpos, qvel, user = own[:6], own[6:9], own[9:12], own[12:15], own[15:]
         for r in range(len(start)):
             m, control, time = of_models[r], controls[of_controls[r]], start[r, 0]
             qpos[:], qvel[:] = start[r, 1:4], start[r, 4:7]
-            room = room_for(int(records[m, POINTS]))
             for k in range(len(control)):
                 user[:] = control[k]
                 for d in range(3):
