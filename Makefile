@@ -15,14 +15,17 @@ COMMA := ,
 ONE_BLAS_THREAD := OPENBLAS_NUM_THREADS=1
 
 # uv installs what pip does in a fraction of the time. It is told of the places that pip is told of by variables; where
-# it finds no way, pip does the same by whatever else it is set to. Nothing is compiled to bytecode beforehand: Python
-# does it for what it imports, which is a part.
+# it finds no way, pip does the same by whatever else it is set to. Of bytecode no more is written than of what a
+# diagnosis imports, a part of all. Containers often keep Python from writing any (PYTHONDONTWRITEBYTECODE): each command
+# would then compile the same sources for four seconds.
 ifdef PIP_INDEX_URL
 export UV_DEFAULT_INDEX ?= $(PIP_INDEX_URL)
 endif
 ifdef PIP_FIND_LINKS
 export UV_FIND_LINKS ?= $(PIP_FIND_LINKS)
 endif
+IMPORTED := runner.commands._execute, runner.commands.diagnose, runner.report.html, runner.report.record, \
+	runner.report.motion_figures, runner.viewer.rrd
 PINNED := --quiet --constraint constraints.txt
 install = { $(BIN)/uv pip install --python $(BIN)/python $(PINNED) $(1) 2>/dev/null || \
 	$(BIN)/pip install --no-compile $(PINNED) $(1); }
@@ -45,7 +48,7 @@ check: $(FULL)
 	@$(BIN)/pyright
 
 compiled: $(FULL)  # what every process of the tests would compile for itself, while types are checked
-	@$(ONE_BLAS_THREAD) $(BIN)/python -m tests.compiled
+	@env -u PYTHONDONTWRITEBYTECODE $(ONE_BLAS_THREAD) $(BIN)/python -m tests.compiled
 
 golden: $(FULL)  ## Every number of all golden verdicts; ARGS=--refresh writes them anew
 	@$(BIN)/python -m tests.golden $(ARGS)
@@ -79,7 +82,8 @@ $(STAMP): pyproject.toml constraints.txt
 			{ $(BIN)/pip install --no-compile $(PINNED) uv || echo "without uv: pip takes longer" >&2; } && \
 			$(call install,setuptools hatchling editables) && \
 			$(call install,--no-build-isolation --editable .) && \
-			$(BIN)/pip check --quiet && touch $(STAMP) && exit 0; \
+			$(BIN)/pip check --quiet && env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -c 'import $(IMPORTED)' && \
+			touch $(STAMP) && exit 0; \
 			exit 1; \
 		fi; \
 	done; \
