@@ -17,6 +17,7 @@ from runner.effects.base import Parameter, Vector
 from runner.effects.mechanism import Command, MechanismEffect, Reading, Scope
 from runner.effects.mechanism.actuator_delay import ActuatorDelay
 from runner.effects.mechanism.joint_friction import JointFriction
+from runner.effects.mechanism.observation_delay import ObservationDelay
 from runner.errors import ResultError
 from runner.recording import Span
 from runner.systems.mechanism import MechanismSystem, model_file, read_mechanism
@@ -456,3 +457,28 @@ def test_recordings_of_nothing_but_noise_are_predicted(name: str):
         prediction = system.simulator().predict(e, [Run((), system.initial.guess(signals, e))])[0]
         squares.append(((prediction - values) / signals.sigma) ** 2)
     assert np.mean(np.concatenate(squares)) < 1.25
+
+
+@pytest.mark.parametrize("delay_s", [0.002, 0.0062, 0.01, -0.003])
+def test_a_command_that_comes_between_two_steps_frees_what_sticks_when_it_comes(tmp_path: Path, delay_s: float) -> None:
+    """A carriage that sticks until 8 N come against 3 N of friction is from then on where x = (F - f) t^2 / 2 m says.
+
+    A step that got the mean of no force and 8 N would begin too slowly: half a millimetre in half a second.
+    """
+    friction_n, force_n, mass_kg = 3.0, 8.0, 2.0
+
+    def command(t_s: np.ndarray) -> np.ndarray:
+        return np.where(t_s >= 0.1 - 1e-9, force_n, 0.0)
+
+    case = slide_case(tmp_path, friction=friction_n, mass=mass_kg, command=command, length_s=0.6)
+    simulator = system_of(case).simulator(threads=1)
+    late: list[MechanismEffect] = [ObservationDelay(delay_s)]
+    if delay_s > 0.0:
+        late.append(ActuatorDelay("drive", delay_s))
+    for effect in late:
+        got = simulator.predict(0, [Run((effect,), np.zeros(2))])[0]
+        for_s = np.maximum(np.arange(len(got)) * 0.005 - 0.1 - delay_s, 0.0)
+        acceleration = (force_n - friction_n) / mass_kg
+        np.testing.assert_allclose(got[:, 0], 0.5 * acceleration * for_s**2, atol=1e-6)
+        # a sample just behind the jump is read between two steps, one of them before it
+        np.testing.assert_allclose(got[:, 1], acceleration * for_s, atol=2e-4)

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from runner.effects.base import Effects
-from runner.effects.mechanism import ActuatorDelay
+from runner.effects.mechanism import ActuatorDelay, ObservationDelay
 from runner.effects.mechanism.base import Command, MechanismEffect
 from runner.numerics.arrays import FloatArray
 from runner.recording.model_form import MechanismRecording
@@ -40,8 +40,45 @@ class Commands:
         # many runs one after the other are of one window
         self._last: tuple[tuple[Effects, int, float, float, int], FloatArray] | None = None
 
+    def ahead_s(self, effects: Effects, step_s: float) -> float:
+        """Return by how much steps begin before the samples, so that all delayed commands change between two steps.
+
+        A step that gets one command for a part and another for the rest gets their mean, which moves a joint as the two
+        do, but not one that sticks until the second comes. 0 where commands are not all late by the same.
+        """
+        late_s = self._late_s(effects)
+        if late_s is None or self._recording.mapping.forces:
+            return 0.0
+        steps = late_s / step_s
+        ahead = float(np.ceil(steps - ALIGNED) - steps)
+        return ahead * step_s if ahead > ALIGNED else 0.0
+
+    def _late_s(self, effects: Effects) -> float | None:
+        """Return by how much all commands are late; None: not all by the same."""
+        delays = [e for e in (*self._delays, *effects) if isinstance(e, ActuatorDelay | ObservationDelay)]
+        late = {
+            sum(e.delay_s for e in delays if isinstance(e, ObservationDelay) or e.target == name)
+            for name in self._names
+        }
+        return late.pop() if len(late) == 1 else None
+
+    def _edits(self, effects: Effects, ahead_s: float) -> tuple[MechanismEffect, ...]:
+        """Return what changes commands, the believed delays first; with steps that begin earlier, one delay for all."""
+        edits = (*self._delays, *_on_commands(effects))
+        if not ahead_s:
+            return edits
+        rest = (e for e in edits if not isinstance(e, ActuatorDelay | ObservationDelay))
+        return ObservationDelay((self._late_s(effects) or 0.0) + ahead_s), *rest
+
     def control(
-        self, effects: Effects, episode: int, begin_s: float, steps: int, step_s: float, model: mujoco.MjModel
+        self,
+        effects: Effects,
+        episode: int,
+        begin_s: float,
+        steps: int,
+        step_s: float,
+        model: mujoco.MjModel,
+        ahead_s: float = 0.0,
     ) -> FloatArray:
         """Return the mean command of every actuator of a model over each step, (steps, nu).
 
@@ -52,8 +89,9 @@ class Commands:
             steps: How many; after the end the last command is held.
             step_s: Length of each.
             model: Whose actuators are meant.
+            ahead_s: By how much the steps begin earlier than that, see `ahead_s`.
         """
-        editing = _on_commands(effects)
+        editing = self._edits(effects, ahead_s)
         columns = self._whole(editing, episode, step_s)
         key = editing, episode, step_s, begin_s, steps
         if self._last is None or self._last[0] != key:
@@ -91,7 +129,7 @@ class Commands:
             means = step_means(sent_s, commanded, since, before)
             columns = dict(zip(self._names, means.T, strict=True))
             command = Command(step_s, columns, dict(zip(self._names, before, strict=True)))
-            for effect in (*self._delays, *editing):
+            for effect in editing:
                 command = effect.edit_command(command)
             columns = {name: column[earlier:] for name, column in command.columns.items()}
             for i in range(len(self._recording.mapping.forces)):

@@ -34,7 +34,7 @@ class Readings:
         return begin == 0 and self._recording.mapping.rests
 
     def sampled(
-        self, effects: Effects, number: int, span: slice, shown: dict[str, FloatArray], step_s: float
+        self, effects: Effects, number: int, span: slice, shown: dict[str, FloatArray], grid: FloatArray
     ) -> FloatArray:
         """Return what the sensors report at the samples, (R, T, C).
 
@@ -42,12 +42,11 @@ class Readings:
             effects: At work, the same in all runs.
             number: Of the episode in the recording.
             span: Its samples.
-            shown: What is to be measured, by channel, on a grid from the first of the samples, (R, n); orientations as
-                quaternions by column, (R, n, 4).
-            step_s: Of the grid.
+            shown: What is to be measured, by channel, on a grid, (R, n); orientations as quaternions by column,
+                (R, n, 4).
+            grid: Even times since the first of the samples, (n,), s.
         """
         episode = self._recording.episodes[number]
-        grid = even_times(next(iter(shown.values())).shape[1], step_s)
         sampling = Sampling(grid, episode.t_s[span] - episode.t_s[span.start])
         numbers: dict[str, FloatArray] = {}
         for source in self._sources:

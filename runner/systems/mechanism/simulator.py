@@ -23,6 +23,7 @@ from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import is_servo
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.mechanism.commands import Commands
+from runner.systems.mechanism.held import even_times
 from runner.systems.mechanism.models import Compiled, Models, mechanical
 from runner.systems.mechanism.observer import Observer, States
 from runner.systems.mechanism.readings import Readings, on_readings
@@ -62,13 +63,17 @@ class Stretch:
 
 @dataclass(frozen=True)
 class _Batch:
-    """What one rollout simulates: stretches, their models, which are of one shape, and steps of one length."""
+    """What one rollout simulates: stretches, their models, which are of one shape, and steps of one length.
+
+    The first step begins `ahead_s` before the first samples.
+    """
 
     compiled: Compiled
     models: Sequence[mujoco.MjModel]
     stretches: Sequence[Stretch]
     steps: int
     step_s: float
+    ahead_s: float
 
 
 class MechanismSimulator(AbstractSimulator):
@@ -148,20 +153,22 @@ class MechanismSimulator(AbstractSimulator):
         """Return the predicted channels of stretches of equally many samples, (R, T, C); NaN once it has diverged."""
         samples = stretches[0].end - stretches[0].begin
         out = np.empty((len(stretches), samples, len(self.recording.mapping.sources)))
-        groups: dict[tuple[object, float], list[int]] = {}
+        groups: dict[tuple[object, float, float], list[int]] = {}
         for i, stretch in enumerate(stretches):
             compiled = self.models.compiled(stretch.effects)
-            groups.setdefault((compiled.signature, self._step(compiled, stretch.effects)), []).append(i)
-        for (_, step_s), members in groups.items():
+            step_s = self._step(compiled, stretch.effects)
+            ahead_s = self._commands.ahead_s(stretch.effects, step_s)
+            groups.setdefault((compiled.signature, step_s, ahead_s), []).append(i)
+        for (_, step_s, ahead_s), members in groups.items():
             compiled = self.models.compiled(stretches[members[0]].effects)
-            steps = max(self._steps(stretches[i], step_s) for i in members)
+            steps = max(self._steps(stretches[i], step_s, ahead_s) for i in members)
             width = mujoco.mj_stateSize(compiled.model, FULL) + mujoco.mj_stateSize(compiled.model, CONTROL)
             at_once = max(1, int(BYTES_AT_ONCE / (8.0 * steps * width)))
             for k in range(0, len(members), at_once):
                 some = members[k : k + at_once]
                 chosen = [stretches[i] for i in some]
                 models = [self.models.model(stretch.effects, step_s) for stretch in chosen]
-                out[some] = self._simulate(_Batch(compiled, models, chosen, steps, step_s))
+                out[some] = self._simulate(_Batch(compiled, models, chosen, steps, step_s, ahead_s))
         return out
 
     def _step(self, compiled: Compiled, effects: Effects) -> float:
@@ -180,10 +187,10 @@ class MechanismSimulator(AbstractSimulator):
             longest_s = min(longest_s, max(0.5 * contact_s, SHORTEST_STEP_S))
         return self.step_s / max(1, int(np.ceil(self.step_s / longest_s - 1e-9)))
 
-    def _steps(self, stretch: Stretch, step_s: float) -> int:
+    def _steps(self, stretch: Stretch, step_s: float, ahead_s: float) -> int:
         """Return how many physics steps reach the last sample."""
         t = self.recording.episodes[stretch.episode].t_s
-        return max(1, int(np.ceil((t[stretch.end - 1] - t[stretch.begin]) / step_s - 1e-6)))
+        return max(1, int(np.ceil((t[stretch.end - 1] - t[stretch.begin] + ahead_s) / step_s - 1e-6)))
 
     def _simulate(self, batch: _Batch) -> FloatArray:
         model, runs = batch.compiled.model, len(batch.stretches)
@@ -193,7 +200,7 @@ class MechanismSimulator(AbstractSimulator):
         with quiet():
             for r, s in enumerate(batch.stretches):
                 control[r, :, : model.nu] = self._commands.control(
-                    s.effects, s.episode, self._time(s), batch.steps + 1, batch.step_s, model
+                    s.effects, s.episode, self._time(s), batch.steps + 1, batch.step_s, model, batch.ahead_s
                 )
                 if s.disturbance is not None:
                     control[r, :, model.nu :] = self._generalised(s.disturbance, batch.compiled)
@@ -217,10 +224,11 @@ class MechanismSimulator(AbstractSimulator):
         nq, nv = model.nq, model.nv
         position, velocity = self._start(stretch, batch.compiled, model, command)
         out = np.zeros(mujoco.mj_stateSize(model, FULL))
-        out[0] = self._time(stretch)
+        out[0] = self._time(stretch) - batch.ahead_s
         out[1 + nq + nv : 1 + nq + nv + model.na] = _activation(model, position, command)
-        if self.models.leapfrog:
-            position = batch.compiled.coordinates.moved(position, 0.5 * batch.step_s * velocity)
+        later_s = (0.5 * batch.step_s if self.models.leapfrog else 0.0) - batch.ahead_s
+        if later_s:
+            position = batch.compiled.coordinates.moved(position, later_s * velocity)
         out[1 : 1 + nq], out[1 + nq : 1 + nq + nv] = position, velocity
         return out
 
@@ -277,7 +285,8 @@ class MechanismSimulator(AbstractSimulator):
         for rows in together.values():
             s = stretches[rows[0]]
             some = {name: values[rows] for name, values in shown.items()}
-            out[rows] = self._readings.sampled(s.effects, s.episode, slice(s.begin, s.end), some, batch.step_s)
+            grid = -batch.ahead_s + even_times(batch.steps + 1, batch.step_s)
+            out[rows] = self._readings.sampled(s.effects, s.episode, slice(s.begin, s.end), some, grid)
         return out
 
     def _sensordata(self, batch: _Batch, full: FloatArray, position: FloatArray, control: FloatArray) -> FloatArray:
