@@ -12,18 +12,20 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runner.diagnosis.ranking import unknown_by_episodes
 from runner.effects.base import Effects
 from runner.inference.breakaway import hanging
+from runner.inference.contender import log_density
 from runner.inference.held_out import Confirmed, confirm, start_states, unseen
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.multiple_shooting import begun, look, recut
 from runner.inference.outside import with_outside
 from runner.inference.search import Search, resumed, search
 from runner.inference.solver_choice import better_solved
-from runner.inference.warm_start import Beginning, Key, WarmStart
-from runner.noise.measured import materially_different, measure, refine, without_outliers
+from runner.inference.warm_start import Beginning, Key, WarmStart, key_of
+from runner.noise.measured import Measured, materially_different, materially_slower, measure, refine, without_outliers
 from runner.numerics.arrays import spread_over
 from runner.progress import UNOBSERVED, ProgressObserver
 from runner.recording import Span
@@ -119,6 +121,9 @@ def stretches_of(fitter: Fitter, episodes: Iterable[int]) -> tuple[int, ...]:
 def _to_search(fitter: Fitter, episodes: Iterable[int], share: float) -> tuple[int, ...]:
     """Return the positions of stretches that tell enough of some recorded episodes, spread over long ones.
 
+    What acts for a moment alone, a stop that is hit once or a push, may fall between them. So stretches of which the
+    model as believed misses far more than of those take the place of the nearest, up to half of them.
+
     Args:
         fitter: Of all stretches.
         episodes: Positions of the recorded ones.
@@ -127,7 +132,28 @@ def _to_search(fitter: Fitter, episodes: Iterable[int], share: float) -> tuple[i
     of, enough_s = stretches_of(fitter, episodes), share * fitter.system.searched_s
     total_s = sum(fitter.seconds(i) for i in of)
     count = max(min(SETTINGS.pieces.min_stretches, len(of)), int(len(of) * min(enough_s / total_s, 1.0)))
-    return tuple(of[i] for i in spread_over(len(of), count))
+    chosen = spread_over(len(of), count)
+    # a hit lets small errors grow to large ones: how much is missed tells nothing there of where something is missing
+    if len(chosen) < len(of) and fitter.measured.scatter is None:
+        left = fitter.best_starts((), fitter.first_starts(of)[:, None], of)[1]
+        missed = np.array([fitter.measured.excess(loss, [e]) + 1.0 for loss, e in zip(left, of, strict=True)])
+        chosen = _with_surprises(chosen, missed)
+    return tuple(of[i] for i in chosen)
+
+
+def _with_surprises(chosen: NDArray[np.int64], missed: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Let those that are missed by far more than the chosen ones take the place of the nearest of them.
+
+    Args:
+        chosen: Positions, ascending, (k,).
+        missed: Mean square of what is missed of each, (n,).
+    """
+    usual, places = missed[chosen].mean(), list(chosen)
+    surprises = [i for i in np.argsort(-missed) if missed[i] > SETTINGS.held_out.surprise_ratio * usual]
+    for i in (i for i in surprises[: len(chosen) // 2] if i not in chosen):
+        nearest = min((p for p in places if p not in surprises), key=lambda p: abs(p - i))
+        places[places.index(nearest)] = i
+    return np.sort(np.array(places))
 
 
 def unseen_only(found: Attempt) -> bool:
@@ -142,11 +168,15 @@ def unseen_only(found: Attempt) -> bool:
 
 @dataclass(frozen=True)
 class _FirstLook:
-    """What is replayed in which stretches, the nominal model's fit to what is fitted, and where a search begins."""
+    """What is replayed in which stretches, the nominal model's fit to what is fitted, and where a search begins.
+
+    `resting` has the noise as it shows where nothing moves, or in how samples differ: before any model was looked at.
+    """
 
     fitter: Fitter
     nominal: Fit
     beginning: Beginning | None
+    resting: Measured
 
     @property
     def seeds(self) -> Mapping[Key, WarmStart]:
@@ -165,15 +195,16 @@ def _first_look(
     observer.stage("searching")
     seen = look(fitter, nominal)
     if seen is None:
-        return _FirstLook(fitter, nominal, None)
+        return _FirstLook(fitter, nominal, None, root.measured)
     spans = root.pieces(seen.cut_s or np.inf, range(len(root.measured.values)))
     if seen.cut_s is None or {s.episode for s in spans} != set(range(len(root.measured.values))):
-        return _FirstLook(replace(fitter, measured=fitter.measured.without(seen.hung)), nominal, seen.beginning)
+        fitter = replace(fitter, measured=fitter.measured.without(seen.hung))
+        return _FirstLook(fitter, nominal, seen.beginning, root.measured)
     if fitter.simulator is not simulator:
         simulator.simulated_s += fitter.simulator.simulated_s
     fitter = root.stretched(spans)
     fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, SETTINGS.pieces.unexplained_share))
-    return _FirstLook(fitter, nominal, recut(seen.beginning, fitter, nominal))
+    return _FirstLook(fitter, nominal, recut(seen.beginning, fitter, nominal), root.measured)
 
 
 def _nearest(first: _FirstLook) -> Fit:
@@ -205,7 +236,7 @@ def _solved_otherwise(
     here = {
         key: replace(s, total=fitter.loss(s.explanation, s.x, s.starts, nominal.episodes)) for key, s in seeds.items()
     }
-    return _FirstLook(fitter, nominal, Beginning(here))
+    return _FirstLook(fitter, nominal, Beginning(here), before.resting)
 
 
 def _nominal(fitter: Fitter, stretches: Sequence[int]) -> tuple[Fitter, Fit]:
@@ -221,6 +252,43 @@ def _nominal(fitter: Fitter, stretches: Sequence[int]) -> tuple[Fitter, Fit]:
 
 def _explained(first: _FirstLook, held_out: Sequence[int]) -> tuple[Fitter, Search]:
     """Search for the explanation; what noise there is shows in what the best one leaves, so look twice."""
+    fitter, found = _searched(first)
+    if materially_slower(fitter.measured, first.resting) and (other := _less_noise(first, fitter, found)):
+        fitter, found = _searched(other)
+    if not found.best.fit.explanation.discontinuous:
+        return fitter, found
+    there = hanging(fitter, unseen(found.best, fitter, stretches_of(fitter, held_out), None))
+    return replace(fitter, measured=fitter.measured.without(there)), found
+
+
+def _less_noise(first: _FirstLook, fitter: Fitter, found: Search) -> _FirstLook | None:
+    """Return where to search with less slow noise, if that accounts for more; None: it does not.
+
+    What nothing explains yet passes for slow noise, beside which no explanation counts for much. So effects are looked
+    at beside the noise as it shows at rest, too: what the likeliest of them leaves is another account of the noise. Not
+    where the simulator's own errors beside any of them would be more than shows at rest.
+    """
+    resting, episodes = first.resting, first.nominal.episodes
+    if np.any(resting.sensor < SETTINGS.odds.mismatch_share * fitter.measured.sensor):
+        return None
+    still = replace(first.fitter.measured, sensor=resting.sensor, noise_model=resting.noise_model)
+    whiter = replace(first.fitter, measured=still)
+    seen = search(whiter, episodes, starts=found.nominal.starts, beginning=first.beginning, pieces=True).best.fit
+    fit = whiter.fit(seen.explanation, episodes, x=seen.x, starts=seen.starts)
+    left = _left(fit, fit.explanation.make(fit.x, whiter.context), whiter)
+    whiter = replace(whiter, measured=refine(still, whiter.system, left))
+    if not materially_slower(fitter.measured, whiter.measured):
+        return None
+    fit = whiter.fit(fit.explanation, episodes, x=fit.x, starts=fit.starts)
+    if log_density(fit, whiter.measured) <= log_density(found.best.fit, fitter.measured):
+        return None
+    nominal = whiter.fit(NONE, episodes, starts=found.nominal.starts, iterations=SETTINGS.fit.nominal_steps)
+    seed = WarmStart(fit.explanation, fit.x, fit.starts, fit.total)
+    return _FirstLook(whiter, nominal, Beginning({key_of(fit.explanation): seed}), resting)
+
+
+def _searched(first: _FirstLook) -> tuple[Fitter, Search]:
+    """Search, and once more where what the best explanation leaves shows other noise."""
     fitter, nominal = first.fitter, first.nominal
     # what hangs on a breakaway, by what the pieces suggested, is not forgotten by the noise
     measured = replace(fitter.measured, hung={})
@@ -237,10 +305,7 @@ def _explained(first: _FirstLook, held_out: Sequence[int]) -> tuple[Fitter, Sear
     if told and (again.hung != fitter.measured.hung or materially_different(measured, again)):
         fitter = replace(fitter, measured=again)
         found = search(fitter, episodes, starts=found.nominal.starts, beginning=resumed(found, fitter))
-    if not found.best.fit.explanation.discontinuous:
-        return fitter, found
-    there = hanging(fitter, unseen(found.best, fitter, stretches_of(fitter, held_out), None))
-    return replace(fitter, measured=fitter.measured.without(there)), found
+    return fitter, found
 
 
 def _without_outliers(fitter: Fitter, found: Search, held_out: Sequence[int]) -> Fitter:

@@ -17,6 +17,7 @@ from runner.inference.evidence import (
     predicted_gain,
 )
 from runner.inference.least_squares import Fit, Fitter
+from runner.noise.measured import Measured
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 
@@ -64,6 +65,20 @@ def contend(
     found = evidence(around, fitter.system, dispersion=dispersion)
     gains = predicted_gain(around, fitter.system.screening_level)
     return Contender(fit, around, found, against, log_posterior(fit, found, against), gains)
+
+
+def log_density(fit: Fit, measured: Measured) -> float:
+    """Return the log density of a recording by a fit and an account of its noise, up to a constant.
+
+    Of fits with different accounts, whose evidence is not comparable: that of Gaussian noise, less Schwarz's half
+    logarithm of the count of values for each parameter (Schwarz 1978), less the prior odds of the effects.
+    """
+    counts = np.sum([measured.counted(e).sum(axis=0) for e in fit.episodes], axis=0)
+    new = measured.sigma * measured.noise_model.innovation()
+    for_effects = 0.5 * len(fit.x) * np.log(counts.sum()) + SETTINGS.odds.effect_log_odds * len(
+        fit.explanation.candidates
+    )
+    return float(-0.5 * fit.total - counts @ np.log(new) - for_effects)
 
 
 def dispersion_of(fit: Fit, fitter: Fitter) -> float:

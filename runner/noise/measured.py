@@ -221,6 +221,12 @@ def materially_different(a: Measured, b: Measured) -> bool:
     )
 
 
+def materially_slower(a: Measured, b: Measured) -> bool:
+    """Whether one account of the noise of a recording has materially more slow noise than another."""
+    slower = a.noise_model.lag_one - b.noise_model.lag_one
+    return bool(np.any(slower > 2 * SETTINGS.noise.material_log_change))
+
+
 def off_from_stated(measured: Measured, system: AbstractSystem) -> dict[str, float]:
     """Return how many times as large as stated a sensor's noise is, where materially, by group of channels."""
     out = {}

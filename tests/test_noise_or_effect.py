@@ -1,0 +1,113 @@
+"""What a model leaves before anything explains it must not pass for slow noise, nor fall between what is looked at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from runner.diagnosis.attempt import _to_search
+from runner.diagnosis.pipeline import diagnose
+from runner.effects import mechanism as m
+from runner.inference.contender import log_density
+from runner.inference.least_squares import Fitter
+from runner.noise.measured import Measured, measure
+from runner.noise.model import NoiseModel
+from runner.recording import Span
+from runner.systems.simulator import Run
+from tests.mechanism_cases import SLIDE, joint_channels, slide_case, system_of, write_case
+
+SERVO = '<position name="drive" joint="slide" kp="3000" kv="60"/>'
+NOISE_M = 1.3e-4
+
+
+def targets(t_s: np.ndarray, seed: int) -> np.ndarray:
+    """Return a target that jumps every 0.3 s."""
+    held = np.random.default_rng(seed).uniform(-0.1, 0.1, int(t_s[-1] / 0.3) + 1)
+    return held[(t_s / 0.3 - 1e-9).astype(int)]
+
+
+def servo_case(folder: Path, measured: list[np.ndarray]) -> Path:
+    t = np.arange(len(measured[0])) * 0.005
+    return write_case(
+        folder,
+        SLIDE.format(friction=1.0, damping=4.0, mass=2.0, actuator=SERVO),
+        [{"t": t, "u": targets(t, seed), "q_slide": q} for seed, q in enumerate(measured)],
+        {
+            "commands": {"u": {"actuator": "drive"}},
+            "channels": joint_channels(["slide"], velocities=False),
+            "noise": None,
+            "start": "free",
+        },
+    )
+
+
+def test_what_a_servo_lacks_is_no_slow_noise(tmp_path: Path) -> None:
+    """A servo whose target jumps is late and damped too little, by 25 noises that nobody stated; both are named.
+
+    What the model as believed leaves of that is alike from sample to sample, as slow noise is.
+    """
+    system = system_of(servo_case(tmp_path / "still", [np.zeros(601)] * 2))
+    planted = m.ActuatorDelay("drive", 0.0049), m.ServoDamping("drive", 0.94)
+    rng = np.random.default_rng(3)
+    motions = [system.simulator(threads=1).predict(e, [Run(planted, np.zeros(2))])[0, :, 0] for e in range(2)]
+    measured = [q + NOISE_M * rng.standard_normal(len(q)) for q in motions]
+    found = diagnose(system_of(servo_case(tmp_path / "moved", measured)), threads=1, advise=False)
+    assert set(found.ranked[0].effects) == {"actuator_delay[drive]", "joint_damping[slide]"}
+    assert found.ranked[0].probability > 0.9
+    assert found.measured.sensor == pytest.approx([NOISE_M], rel=0.1)
+
+
+def test_what_acts_for_a_moment_is_looked_at(tmp_path: Path) -> None:
+    """Of two minutes a quarter is searched; the one second in which something pushes is part of it."""
+    t = np.arange(24_001) * 0.005
+    pushed_s = 87.4, 88.2
+    speed = 0.2 * np.sin(0.7 * t) + 0.3 * np.clip((t - pushed_s[0]) / 0.8, 0.0, 1.0)
+    place = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * 0.005)])
+    rng = np.random.default_rng(5)
+
+    def motion(t_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return place + 1e-3 * rng.standard_normal(len(t_s)), speed + 1e-2 * rng.standard_normal(len(t_s))
+
+    def command(t_s: np.ndarray) -> np.ndarray:
+        return 2.0 * 0.2 * 0.7 * np.cos(0.7 * t_s)
+
+    system = system_of(slide_case(tmp_path, command=command, motion=motion, length_s=120.0))
+    root = Fitter(system, system.simulator(threads=1), measure(system))
+    fitter = root.stretched(tuple(Span(0, k, min(k + 200, 24_001)) for k in range(0, 24_000, 200)))
+    chosen = _to_search(fitter, [0], 1.0)
+    missed = {i for i, s in enumerate(fitter.measured.spans) if s.begin < 17_640 and s.end > 17_480}
+    assert len(chosen) == 30
+    assert len(set(chosen)) == 30
+    assert missed <= set(chosen)
+    # the others are spread as evenly as before
+    assert np.diff(chosen).max() < 10
+
+
+@pytest.mark.parametrize(("share", "memory"), [(0.0, 0.0), (0.7, 0.9)])
+def test_densities_with_other_noise_are_comparable(share: float, memory: float) -> None:
+    """That of a long series by its innovations is that of the joint Gaussian, up to what all series of it share."""
+    n, normal = 400, cast(Any, multivariate_normal)
+    rng = np.random.default_rng(2)
+    lag = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    covariance = share * memory**lag + (1.0 - share) * np.eye(n)
+
+    def density(sigma: float) -> tuple[float, float]:
+        values = sigma * normal(np.zeros(n), covariance).rvs(random_state=rng)
+        model = NoiseModel(np.array([share]), np.array([memory]))
+        spans, valid = (Span(0, 0, n),), (np.ones((n, 1), bool),)
+        measured = Measured(spans, (values[:, None],), np.array([sigma]), model, valid, np.array([np.nan]))
+        white = measured.whiten(0, values[:, None])
+        fit = SimpleNamespace(
+            episodes=(0,), total=float((white**2).sum()), x=np.zeros(0), explanation=SimpleNamespace(candidates=())
+        )
+        exact = normal(np.zeros(n), sigma**2 * covariance).logpdf(values)
+        return log_density(cast(Any, fit), measured), float(exact)
+
+    for sigma in (1e-3, 0.3):
+        ours, exact = density(sigma)
+        assert ours - 0.5 * n * np.log(2.0 * np.pi) == pytest.approx(exact, abs=1.5)
