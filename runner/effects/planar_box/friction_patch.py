@@ -42,11 +42,13 @@ class FrictionPatch(PlanarEffect):
     @classmethod
     def parameters(cls, context: Context) -> tuple[Parameter, ...]:
         (cx, cy), reach = context.centre_m, context.reach_m
+        # what reaches further than the body has been is another floor, no patch of one
+        largest = max(6 * context.size_m, reach)
         return (
             Parameter("change", "", 0.3, -0.95, 3.0),
             Parameter("x_m", "m", reach / 2, cx - 1.3 * reach, cx + 1.3 * reach, may_rest=True),
             Parameter("y_m", "m", reach / 2, cy - 1.3 * reach, cy + 1.3 * reach, may_rest=True),
-            Parameter("log_radius", "", 0.6, math.log(0.3 * context.size_m), math.log(6 * context.size_m)),
+            Parameter("log_radius", "", 0.6, math.log(0.3 * context.size_m), math.log(largest)),
         )
 
     @classmethod
