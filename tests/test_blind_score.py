@@ -115,6 +115,7 @@ def test_every_bar_counts_its_own_cases() -> None:
     [
         (["mass"], ["mass"], {"mass"}, True),
         (["actuator_gain"], ["mass"], {"mass", "actuator_gain"}, True),
+        (["armature[slide]"], ["mass[carriage]"], {"armature[slide]", "mass[carriage]"}, True),
         (["mass", "friction"], ["mass"], {"mass"}, False),
         (["stiction", "observation_delay"], ["actuator_delay", "stiction"],
          {"actuator_delay", "observation_delay", "stiction"}, True),

@@ -170,7 +170,8 @@ def _stands_for(
     if planted in own:
         return name not in truth and (name in own[planted] or f"{plain}[*]" in own[planted])
     accepted = name in accept or f"{plain}[*]" in accept
-    confounded = [pair for pair in always_confounded() if plain in pair]
+    # of several effects the case's list does not say which of them a name counts for
+    confounded = [pair for pair in always_confounded() if plain in pair] if len(truth) > 1 else []
     return accepted and name not in truth and (not confounded or any(other in pair for pair in confounded))
 
 
