@@ -36,7 +36,12 @@ def nearest(diagnosis: Diagnosis) -> list[str]:
 def _nearest(diagnosis: Diagnosis, one: Nearest) -> str:
     against = [f"it leaves {percent(one.left_fitted)} of what is missed where it was fitted (mean squares)"]
     if one.left_unseen > max(PLAIN, 1.5 * one.left_fitted):
-        against.append(f"it does not hold on episodes that were not fitted: {percent(one.left_unseen)} is left there")
+        worse = (
+            "more is missed there than without it"
+            if one.left_unseen > 1.0
+            else f"{percent(one.left_unseen)} is left there"
+        )
+        against.append(f"it does not hold on episodes that were not fitted: {worse}")
     if one.behind > LEAST_BEHIND:
         against.append(f"it is {number(one.behind, 2)} natural log units less likely than the first")
     if one.unsure:
