@@ -14,6 +14,7 @@ import numpy as np
 
 from runner.numerics.arrays import FloatArray
 from runner.recording.data import WARNING, Nominal
+from runner.recording.force_noise import force_noise
 from runner.recording.plausible_pairs import place
 from runner.recording.table import Table
 from runner.settings import SETTINGS
@@ -71,6 +72,20 @@ def force_notes(table: Table, spans: Sequence[slice], nominal: Nominal) -> list[
             f"{WARNING}the body gains {gained_j:.3g} J of motion, the forces 'fx', 'fy' give at most {given_j:.3g} J"
         )
     return notes if notes or not enough else _places(used, nominal)
+
+
+def measured_notes(table: Table, spans: Sequence[slice]) -> list[str]:
+    """Return a note on forces that a sensor has measured: a replay of them says little where the motion is imposed."""
+    pushes = {name: [table[name][s] for s in spans] for name in ("fx", "fy")}
+    largest = max((float(np.abs(f).max(initial=0.0)) for each in pushes.values() for f in each), default=0.0)
+    noise_n = max(force_noise(each) for each in pushes.values())
+    if noise_n <= FORCES.least_noise * largest:
+        return []
+    return [
+        f"{WARNING}the force 'fx', 'fy' was measured, with noise of {noise_n:.2g} N, and is replayed as it stands; "
+        "where an arm or a hand decides the motion, the force follows from it, and what answers a force least leaves "
+        "least: a wrong mass, friction or gain pass for each other. Give the path of what pushes as a `pin`"
+    ]
 
 
 def _outside(table: Table, nominal: Nominal) -> list[str]:

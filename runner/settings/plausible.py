@@ -108,6 +108,9 @@ class ForceSettings:
         "half diagonals",
         "Nobody is wrong by a factor of two about a body's size: beyond, a force acts on nothing.",
     )
+    least_noise: float = setting(
+        0.001, "of the largest force", "Numbers of a table are rounded to less; no force sensor is better than that."
+    )
     explained_share: float = setting(
         0.3, "of what is needed", "Where a force explains less of the motion, its size and its sign say nothing."
     )

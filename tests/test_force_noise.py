@@ -1,0 +1,51 @@
+"""The noise of a force: found where a sensor has measured it, none where it was commanded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from runner.recording import read_case, write_case
+from runner.recording.force_noise import force_noise
+from tests.cases import made
+
+RATE_HZ = 30.0
+
+
+def smooth(n: int) -> np.ndarray:
+    return 6.0 + 2.0 * np.sin(2.0 * np.arange(n) / RATE_HZ)
+
+
+@pytest.mark.parametrize("level", [0.01, 0.08, 0.5])
+def test_noise_is_found_on_a_smooth_force_and_on_lines_between_its_samples(level: float) -> None:
+    noisy = [smooth(400) + level * np.random.default_rng(k).standard_normal(400) for k in range(8)]
+    assert force_noise(noisy) == pytest.approx(level, rel=0.1)
+    assert force_noise([0.5 * (f[1:] + f[:-1]) for f in noisy]) == pytest.approx(level, rel=0.15)
+
+
+def test_a_force_that_was_commanded_has_no_noise() -> None:
+    """Not by more than the rounding of its numbers, whatever its course; nor has one that is too short to tell."""
+    t = np.arange(900) / RATE_HZ
+    square, bursts = np.where(t % 2 < 1, 8.0, -8.0), 8.0 * np.sin(0.6 * t**2 * (t < 6))
+    for force in (smooth(900), square, bursts, np.zeros(900)):
+        assert force_noise([force]) < 1e-12
+    assert force_noise([np.random.default_rng(0).standard_normal(5)]) == 0.0
+    assert force_noise([]) == 0.0
+    rounded = force_noise([np.round(smooth(900), 3)])
+    assert 0.0 < rounded < 0.001
+
+
+def test_a_measured_force_is_warned_of(tmp_path: Path) -> None:
+    write_case(made(episodes=2, seconds=3.0)[0], tmp_path / "case")
+    assert read_case(tmp_path / "case").notes == ()
+    table = pd.read_parquet(tmp_path / "case/recording.parquet")
+    rng = np.random.default_rng(4)
+    for name in ("fx", "fy"):
+        table[name] += 0.05 * rng.standard_normal(len(table))
+    table.to_parquet(tmp_path / "case/recording.parquet", index=False)
+    (note,) = read_case(tmp_path / "case").notes
+    assert note.startswith("warning: the force 'fx', 'fy' was measured, with noise of 0.0")
+    assert "Give the path of what pushes as a `pin`" in note
