@@ -29,12 +29,13 @@ def test_noise_is_found_on_a_smooth_force_and_on_lines_between_its_samples(level
 def test_a_force_that_was_commanded_has_no_noise() -> None:
     """Not by more than the rounding of its numbers, whatever its course; nor has one that is too short to tell."""
     t = np.arange(900) / RATE_HZ
-    square, bursts = np.where(t % 2 < 1, 8.0, -8.0), 8.0 * np.sin(0.6 * t**2 * (t < 6))
-    for force in (smooth(900), square, bursts, np.zeros(900)):
+    square, bursts = 8.0 * np.sign(1.0 - t % 2), 8.0 * np.sin(0.6 * t**2 * (t < 6))
+    forces: tuple[np.ndarray, ...] = smooth(900), square, bursts, np.zeros(900)
+    for force in forces:
         assert force_noise([force]) < 1e-12
     assert force_noise([np.random.default_rng(0).standard_normal(5)]) == 0.0
     assert force_noise([]) == 0.0
-    rounded = force_noise([np.round(smooth(900), 3)])
+    rounded = force_noise([smooth(900).round(3)])
     assert 0.0 < rounded < 0.001
 
 

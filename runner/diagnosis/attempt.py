@@ -19,6 +19,7 @@ from runner.effects.base import Effects
 from runner.inference.breakaway import hanging
 from runner.inference.contender import log_density
 from runner.inference.held_out import Confirmed, confirm, start_states, unseen
+from runner.inference.leap import leapt
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.multiple_shooting import begun, look, recut
 from runner.inference.outside import with_outside
@@ -264,17 +265,19 @@ def _explained(first: _FirstLook, held_out: Sequence[int]) -> tuple[Fitter, Sear
 def _less_noise(first: _FirstLook, fitter: Fitter, found: Search) -> _FirstLook | None:
     """Return where to search with less slow noise, if that accounts for more; None: it does not.
 
-    What nothing explains yet passes for slow noise, beside which no explanation counts for much. So effects are looked
-    at beside the noise as it shows at rest, too: what the likeliest of them leaves is another account of the noise. Not
-    where the simulator's own errors beside any of them would be more than shows at rest.
+    What nothing explains yet passes for slow noise, beside which no explanation counts for much. So leaps are made from
+    the likeliest beside the noise as it shows at rest, too: what is left where they lead is another account of the
+    noise. Not where the simulator's own errors beside any effect would be more than shows at rest.
     """
-    resting, episodes = first.resting, first.nominal.episodes
-    if np.any(resting.sensor < SETTINGS.odds.mismatch_share * fitter.measured.sensor):
+    resting, best = first.resting, found.best.fit
+    episodes = best.episodes
+    hopeless = np.any(resting.sensor < SETTINGS.odds.mismatch_share * fitter.measured.sensor)
+    if hopeless or fitter.until_hit(episodes):  # through a hit no linear model holds
         return None
     still = replace(first.fitter.measured, sensor=resting.sensor, noise_model=resting.noise_model)
     whiter = replace(first.fitter, measured=still)
-    seen = search(whiter, episodes, starts=found.nominal.starts, beginning=first.beginning, pieces=True).best.fit
-    fit = whiter.fit(seen.explanation, episodes, x=seen.x, starts=seen.starts)
+    fit = whiter.fit(best.explanation, episodes, x=best.x, starts=best.starts)
+    fit = leapt(whiter, fit)
     left = _left(fit, fit.explanation.make(fit.x, whiter.context), whiter)
     whiter = replace(whiter, measured=refine(still, whiter.system, left))
     if not materially_slower(fitter.measured, whiter.measured):

@@ -21,12 +21,14 @@ from runner.inference.evidence import (
     NormalEquations,
     Sensitivities,
     clip,
+    directions,
     moved_by,
     normal_equations,
     sensitivities,
     trusted,
 )
 from runner.inference.least_squares import Explanation, Fit, Fitter
+from runner.inference.shortlist import worth_of
 from runner.settings import SETTINGS
 
 
@@ -63,6 +65,17 @@ def leap(
             break
         fit = _tied(fitter, _split(fitter, tried))
     return fit, (surveyed, known)
+
+
+def leapt(fitter: Fitter, fit: Fit) -> Fit:
+    """Return the fit, at rest, that leaps from another one lead to; that one, where none leaves less."""
+    every, count = directions(fitter.system), fitter.measured.count(fit.episodes)
+
+    def worth_beside(total: float) -> float:
+        return worth_of(fitter.system, count, fit.total, total)
+
+    there, _ = leap(fitter, fit, every, sensitivities(fitter, fit, every), worth_beside)
+    return fit if there is fit else fitter.fit(there.explanation, there.episodes, x=there.x, starts=there.starts)
 
 
 @dataclass
