@@ -136,7 +136,7 @@ def _to_search(fitter: Fitter, episodes: Iterable[int], share: float) -> tuple[i
     chosen = spread_over(len(of), count)
     # a hit lets small errors grow to large ones: how much is missed tells nothing there of where something is missing
     if len(chosen) < len(of) and fitter.measured.scatter is None:
-        left = fitter.best_starts((), fitter.first_starts(of)[:, None], of)[1]
+        _, left = fitter.best_starts((), np.empty((len(of), 0, fitter.system.initial.size)), of)  # the measured ones
         missed = np.array([fitter.measured.excess(loss, [e]) + 1.0 for loss, e in zip(left, of, strict=True)])
         chosen = _with_surprises(chosen, missed)
     return tuple(of[i] for i in chosen)

@@ -16,6 +16,7 @@ from runner.recording.model_form_mapping import is_servo
 from runner.systems.mechanism.held import even_times, step_means
 from runner.systems.mechanism.models import force_actuators, force_weights
 
+DELAYS = ActuatorDelay | ObservationDelay
 KEPT = 512  # commands of whole episodes
 ALIGNED = 1e-6  # of a step: what begins so near to the border of one begins there
 
@@ -55,7 +56,7 @@ class Commands:
 
     def _late_s(self, effects: Effects) -> float | None:
         """Return by how much all commands are late; None: not all by the same."""
-        delays = [e for e in (*self._delays, *effects) if isinstance(e, ActuatorDelay | ObservationDelay)]
+        delays = [e for e in (*self._delays, *effects) if isinstance(e, DELAYS)]
         late = {
             sum(e.delay_s for e in delays if isinstance(e, ObservationDelay) or e.target == name)
             for name in self._names
@@ -67,7 +68,7 @@ class Commands:
         edits = (*self._delays, *_on_commands(effects))
         if not ahead_s:
             return edits
-        rest = (e for e in edits if not isinstance(e, ActuatorDelay | ObservationDelay))
+        rest = (e for e in edits if not isinstance(e, DELAYS))
         return ObservationDelay((self._late_s(effects) or 0.0) + ahead_s), *rest
 
     def control(
