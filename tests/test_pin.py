@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from test_outline import BENT, DISC, HEX, WEDGE, G, around, fine
 from runner.effects.planar_box import ActuatorDelay, ObservationDelay, PinFriction, PinOffset, PressureShape
 from runner.numerics.polygon import Polygon
 from runner.physics import dry_friction
-from runner.recording import BelievedPin, Episode, Form, Nominal, Recording, Support
+from runner.recording import BelievedPin, Episode, Form, Nominal, Recording, Support, read_case, write_case
 from runner.systems.planar_box.simulator import Simulator
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.simulator import Run
@@ -239,3 +240,26 @@ def test_a_body_rests_before_its_pin_moves_and_some_time_after() -> None:
     assert after.start == pytest.approx(50 + (0.6 + 0.2) * RATE_HZ, abs=2)
     still = PlanarBox(case(plate(HEX, around(HEX, 0.0065), 0.25), np.tile([0.0, -0.1], (50, 1))))
     assert still.rests()[0] == (0, slice(0, 50))
+
+
+@pytest.mark.parametrize("outline", [None, Polygon.ellipse(0.05, 0.05)])
+def test_a_pin_that_is_in_the_body_or_far_off_is_noted(tmp_path: Path, outline: Polygon | None) -> None:
+    """A pin touches what it pushes: with the tip's place off by 2 cm either way, or a wrong radius, a line says so."""
+    nominal = plate(None, (0.05, 0.05, 0.02), 0.3)
+    path = line((-0.056, 0.0), (0.05, 0.0), 1.0)
+    pushed = moved(nominal, path)
+    nominal = replace(nominal, outline=outline)
+
+    def notes(shift_m: float, radius_m: float = RADIUS_M) -> tuple[str, ...]:
+        made = case(replace(nominal, pin=BelievedPin(radius_m, 0.3)), path + [shift_m, 0.0])
+        episode = replace(made.episodes[0], pose=pushed[:, :3], twist=pushed[:, 3:])
+        write_case(replace(made, episodes=(episode,)), tmp_path / "case")
+        return read_case(tmp_path / "case").notes
+
+    assert notes(0.0) == ()
+    (inside,) = notes(0.02)
+    assert inside.startswith("warning: where the pin touches the body as believed it is 20 mm inside it by the median")
+    (off,) = notes(-0.02)
+    assert off.startswith("warning: the pin pushes nothing: it stays 20 mm or more off the body as believed.")
+    (large,) = notes(0.0, 0.02)
+    assert "15 mm inside it by the median, most at data row" in large

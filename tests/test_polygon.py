@@ -37,6 +37,17 @@ def test_moments_of_an_ellipse() -> None:
     np.testing.assert_allclose(figure.spread_m2, [[1, 0], [0, 1 / 16]], rtol=1e-4, atol=1e-12)
 
 
+def test_distances_from_a_boundary() -> None:
+    """Of a figure that is bent inwards, beside sides, corners and inside; and of a disc, of many places at once."""
+    figure = Polygon.of(BENT)
+    places = np.array([[3.0, 0.5], [5.0, -4.0], [0.5, 0.5], [1.5, 2.0], [0.7, 2.0], [1.0, 5.0], [2.0, 1.0]])
+    np.testing.assert_allclose(figure.distance_m(places), [1.0, 5.0, -0.5, 0.5, -0.3, 2.0, 0.0], atol=1e-12)
+    many = np.random.default_rng(2).uniform(-1, 1, (5000, 2))
+    off = Polygon.ellipse(0.5, 0.5).distance_m(many)
+    np.testing.assert_allclose(off, np.hypot(*many.T) - 0.5, atol=1e-4)
+    assert Polygon.ellipse(0.5, 0.5).distance_m(np.empty((0, 2))).shape == (0,)
+
+
 @given(CORNERS)
 def test_triangles_fill_a_figure(radii: list[float]) -> None:
     """Ears add up to the area and its centre, and none is turned over."""

@@ -67,6 +67,7 @@ def search(
     """
     rounds = _Rounds.begun(fitter, episodes, starts, beginning or Beginning(), pieces=pieces)
     beam = list(rounds.contenders)
+    rounds.tell()
     most = fitter.system.most_effects if most is None else most
     for size in range(1, most + 1):
         fits = rounds.fitted(size, beam)
@@ -197,6 +198,8 @@ class _Rounds:
             for _, candidate, vector in self._worth_a_fit(contender, size):
                 fit = self._with_one_more(contender, candidate, vector, size, target)
                 if fit is not None and (size == 1 or gain(fit, self.contenders) > self.worth):
+                    if size == 1 and fit.total < min((f.total for f in fits), default=contender.fit.total):
+                        self.tell(self._worthy(fit, self.alone))  # all single fits may take minutes
                     fits = with_fit(fits, fit)
                     target = min(target, fit.total)
         for key in [k for k in self.seeds if len(k) == size]:
@@ -227,7 +230,7 @@ class _Rounds:
         if size == 1:
             new = self._and_with_another(new, around_best)
         new.sort(key=lambda c: -c.log_posterior)
-        self._tell_best()
+        self.tell()
         if size == 1:
             return new
         if not self.pieces:
@@ -245,9 +248,9 @@ class _Rounds:
         if self.dispersion != before:
             self.contenders = [c.weighed(self.fitter.system, self.dispersion) for c in self.contenders]
 
-    def _tell_best(self) -> None:
-        """Tell the observer of the likeliest so far."""
-        finite = [c for c in self.contenders if np.isfinite(c.log_posterior)]
+    def tell(self, *begun: Contender) -> None:
+        """Tell the observer of the likeliest so far, of all contenders and of others that are not finished."""
+        finite = [c for c in (*self.contenders, *begun) if np.isfinite(c.log_posterior)]
         best = max(finite, key=lambda c: c.log_posterior)
         alike = [c.fit.explanation.names == best.fit.explanation.names for c in finite]
         gap, left = ((t - self.count) / self.count for t in (self.nominal.total, best.evidence.loss))

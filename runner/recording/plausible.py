@@ -16,6 +16,7 @@ import numpy as np
 from runner.recording.data import Form, Nominal
 from runner.recording.plausible_forces import force_notes, measured_notes
 from runner.recording.plausible_pairs import apart, follows_of, lone_notes, pair_notes
+from runner.recording.plausible_pin import pin_notes
 from runner.recording.table import POSE, TWIST, Table
 from runner.settings import SETTINGS
 
@@ -76,7 +77,9 @@ def note_motion(table: Table, spans: Sequence[slice], nominal: Nominal) -> None:
         enough, limit = limits[pose], least[pose]
         table.notes.extend(pair_notes(table, spans, pose, twist, UNITS[pose], least=limit, enough=enough))
     moves = not any(apart(follows_of(table, spans, *pair), limits[pair[0]]) for pair in PAIRS)
-    if moves and nominal.pin is None:  # what a pin does with a body does not follow from its force
+    if nominal.pin is not None:  # what a pin does with a body does not follow from its force
+        table.notes.extend(pin_notes(table, nominal.pin, nominal))
+    elif moves:
         table.notes.extend(force_notes(table, spans, nominal) or measured_notes(table, spans))
 
 

@@ -108,6 +108,11 @@ class ForceSettings:
         "half diagonals",
         "Nobody is wrong by a factor of two about a body's size: beyond, a force acts on nothing.",
     )
+    max_pin_depth: float = setting(
+        0.1,
+        "of the least half size",
+        "A pin can't be in a body: sensors, and sizes that are a little wrong, put it there by some hundredths.",
+    )
     least_noise: float = setting(
         0.001, "of the largest force", "Numbers of a table are rounded to less; no force sensor is better than that."
     )

@@ -1,0 +1,51 @@
+"""Whether the path of a pin is one on which it pushes the body: it touches it, and does not go through it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from runner.numerics.arrays import FloatArray
+from runner.numerics.polygon import Polygon
+from runner.recording.data import WARNING, BelievedPin, Nominal
+from runner.recording.plausible_pairs import place
+from runner.recording.table import PIN, Table
+from runner.settings import SETTINGS
+
+
+def pin_notes(table: Table, pin: BelievedPin, nominal: Nominal) -> list[str]:
+    """Return a note where the pin is inside the body as believed while it touches it, or never comes near it.
+
+    Args:
+        table: Of a planar body, without gaps.
+        pin: As believed.
+        nominal: What is believed of the body.
+    """
+    depth = pin.radius_m - _outline(nominal).distance_m(_in_body_axes(table))
+    allowed, row = SETTINGS.forces.max_pin_depth * min(nominal.half_size_m[:2]), int(np.argmax(depth))
+    if depth[row] < -allowed:
+        return [
+            f"{WARNING}the pin pushes nothing: it stays {-1e3 * depth[row]:.3g} mm or more off the body as believed. "
+            "Are 'tip_x', 'tip_y' of its middle, and 'x', 'y' of the body's?"
+        ]
+    inside = depth[depth > 0.0]
+    usual = float(np.median(inside)) if len(inside) else 0.0
+    if usual <= allowed:
+        return []
+    return [
+        f"{WARNING}where the pin touches the body as believed it is {1e3 * usual:.3g} mm inside it by the median, most "
+        f"at {place(table, row)}: is 'half_size' half of the edges, 'pin: radius' right, and are 'tip_x', 'tip_y' of "
+        "the pin's middle?"
+    ]
+
+
+def _outline(nominal: Nominal) -> Polygon:
+    """Return the body seen from above, in its own axes."""
+    x, y = nominal.half_size_m[:2]
+    return nominal.outline or Polygon(((-x, -y), (x, -y), (x, y), (-x, y)))
+
+
+def _in_body_axes(table: Table) -> FloatArray:
+    """Return the pin's middle relative to the body's, in the body's axes, (T, 2)."""
+    cos, sin = np.cos(table["yaw"]), np.sin(table["yaw"])
+    x, y = (table.stack(PIN) - table.stack(("x", "y"))).T
+    return np.column_stack([cos * x + sin * y, cos * y - sin * x])

@@ -1,0 +1,43 @@
+"""A search says what it has from its first fit on: all the fits of single effects may take minutes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from runner.effects import planar_box as fx
+from runner.inference.search import search
+from tests.cases import fitter_of
+from tests.test_multiple_shooting import pushed, random_pushes
+
+
+class Told:
+    """Keeps what it is told, in order: what is fitted, and what is best so far with its probability."""
+
+    def __init__(self) -> None:
+        self.fitted: list[tuple[str, ...]] = []
+        self.best_after: list[tuple[int, tuple[str, ...], float]] = []
+
+    def stage(self, name: str) -> None:
+        """Ignore it."""
+
+    def fitting(self, effects: Sequence[str]) -> None:
+        """Count it."""
+        self.fitted.append(tuple(effects))
+
+    def best(self, effects: Sequence[str], noises: float, probability: float) -> None:
+        """Keep it, with how many fits had begun by then."""
+        self.best_after.append((len(self.fitted), tuple(effects), probability))
+
+
+def test_the_best_so_far_is_told_before_all_single_effects_are_fitted() -> None:
+    """The nominal model first, then what takes most off as soon as it is fitted, with a probability."""
+    recording = pushed(random_pushes(3, 2.0), [(fx.ActuatorGain(1.3),)] * 3)
+    told = Told()
+    found = search(replace(fitter_of(recording), observer=told), range(3), most=1)
+    assert found.best.fit.explanation.names == ("actuator_gain",)
+    assert told.best_after[0][1] == ()
+    singles = [i for i, names in enumerate(told.fitted, 1) if len(names) == 1]
+    first = next(after for after, names, _ in told.best_after if names == ("actuator_gain",))
+    assert first <= singles[len(singles) // 4]
+    assert all(0.0 <= p <= 1.0 for _, _, p in told.best_after)
