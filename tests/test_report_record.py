@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -65,6 +66,24 @@ def test_log_holds_all_motions(found: Any, log: Path) -> None:
     assert np.all(np.diff(time_s) > 0)
     assert len(set(colours)) > 3
     assert rr.chunk.RrdReader(log).blueprints()
+
+
+def test_one_window_is_a_line(found: Any, tmp_path: Path) -> None:
+    """A toss of a third of a second has one window, of which a plot of points that are joined would show nothing."""
+    where = replace(
+        found.where,
+        windows=found.where.windows.groupby("episode").head(1),
+        missing_force=found.where.missing_force.groupby("episode").head(1),
+    )
+    shown: dict[str, int] = {}
+    for chunk in rr.chunk.RrdReader(write_rrd(changed(found, where=where), tmp_path)).stream():
+        if "sim_time" in (batch := chunk.to_record_batch()).schema.names:
+            entity = chunk.entity_path.lstrip("/")
+            shown[entity] = shown.get(entity, 0) + batch.num_rows
+    forces = {entity: n for entity, n in shown.items() if "/missing_force/" in entity}
+    assert forces
+    assert set(forces.values()) == {2}
+    assert shown[f"episode_{found.recording.episodes[0].index}/gap"] == 2
 
 
 def test_shares_of_the_gap_are_those_of_the_windows(found: Any) -> None:

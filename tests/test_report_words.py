@@ -17,7 +17,7 @@ from rich.console import Console
 from runner.diagnosis.notes import notes
 from runner.diagnosis.result import Abstention, Nearest
 from runner.effects.planar_box import EFFECTS
-from runner.effects.wording import percent_between, plus_minus
+from runner.effects.wording import percent, percent_between, plus_minus
 from runner.localise.likeness import Likeness
 from runner.recording.data import BelievedPin
 from runner.report import html, words
@@ -248,6 +248,15 @@ def test_lost_samples_are_no_outliers(found: Any) -> None:
 def test_ends_of_an_interval_differ(share: float, low: float, high: float, text: str) -> None:
     """As many decimals as that takes, alike in all three figures."""
     assert percent_between(share, low, high) == text
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [(0.87, "87 %"), (0.994, "99.4 %"), (0.99974, "99.97 %"), (1.0, "100 %"), (4e-5, "0.004 %"), (0.0, "0 %")],
+)
+def test_nearly_all_is_not_all(share: float, text: str) -> None:
+    """Of a gap of thousands of noises a hundredth of a per cent is still tens of them."""
+    assert percent(share) == text
 
 
 def test_cells_come_joint_by_joint_in_the_order_of_their_numbers() -> None:

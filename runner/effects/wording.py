@@ -57,14 +57,21 @@ def plus_minus(value: float, error: float | None = None, unit: str = "") -> str:
     return f"{shown} ± {round(error, place):.{decimals}f}".replace("-", "−") + tail
 
 
+FINEST_PERCENT = 1e-3  # nobody asks for less
+
+
 def percent(share: float) -> str:
-    """Return a share of 1 in percent: whole numbers, one decimal above 99 and below 1."""
+    """Return a share of 1 in percent: whole numbers; above 99 and below 1 what is lacking, or there, has a digit.
+
+    So nearly all is not all, which may still be fifty times the noise, and next to nothing is not nothing.
+    """
     p = 100 * share
     return f"{p:.{_decimals(p)}f} %".replace("-", "−") if math.isfinite(p) else "?"
 
 
 def _decimals(p: float) -> int:
-    return 1 if 99.0 < p < 99.95 or 0.05 <= abs(p) < 1 else 0
+    small = min(abs(p), 100.0 - p)
+    return math.ceil(-math.log10(small)) if FINEST_PERCENT <= small < 1.0 else 0
 
 
 def percent_between(share: float, low: float, high: float) -> str:

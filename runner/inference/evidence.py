@@ -27,11 +27,10 @@ from runner.systems.base import AbstractSystem
 
 @dataclass(frozen=True)
 class Direction:
-    """One way in which an effect can move the prediction: from a vector, by a step of one entry or to another vector.
+    """One way in which an effect can move the prediction: from where it is absent, or from what a fit has, to a vector.
 
     Args:
         candidate: The effect.
-        origin: The vector that it is seen from; None: without the effect.
         vector: The vector that it goes to.
         per: How much of the unit amplitude that is; the column is divided by it.
         mismatch: Standard deviation that the simulator's own error has in this direction, in units of the amplitude.

@@ -425,7 +425,8 @@ class _Rounds:
         another has by its side would be thanked for nothing but the other side.
         """
         leaders = _likeliest_first([c for c in self.contenders if np.isfinite(c.log_posterior)])
-        leaders = leaders[: SETTINGS.held_out.max_leaders]
+        hopeless = leaders[0].log_posterior - SETTINGS.held_out.hopeless_log_odds
+        leaders = [c for c in leaders[: SETTINGS.held_out.max_leaders] if c.log_posterior > hopeless]
         starts = np.stack([c.fit.starts for c in leaders], axis=1)
         for c in leaders:
             # what a start takes off at once, a descent from it may go on to take off a few times

@@ -17,6 +17,8 @@ from runner.effects.wording import Values
 from runner.errors import check_range
 
 USUAL_CYCLES = 4.0
+# per turn, or over the range of a slide: an eccentric gear has one, and what has less is as good as any smooth force
+FEWEST_CYCLES = 0.9
 TRIED_CYCLES = (1.0, 2.0, 3.0, 4.0, 6.0, 7.0, 8.0, 12.0, 24.0)  # per turn: eccentric gears, poles and slots
 
 
@@ -59,7 +61,7 @@ class TorqueRipple(MechanismEffect):
         return (
             Parameter("sine", unit, 0.1 * force, -3 * force, 3 * force),
             Parameter("cosine", unit, 0.1 * force, -3 * force, 3 * force),
-            Parameter("log_cycles_ratio", "", 1.0, -3.0, 3.5, may_rest=True),
+            Parameter("log_cycles_ratio", "", 1.0, math.log(FEWEST_CYCLES / USUAL_CYCLES), 3.5, may_rest=True),
         )
 
     @classmethod
