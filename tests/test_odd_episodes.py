@@ -34,7 +34,7 @@ def fitted(odd_from: float, *, parameters: tuple[Parameter, ...] = PARAMETERS, s
     measured = episodes()
     basis = [orthonormal(np.ones((len(T), 1))) for _ in measured]
 
-    def linearise(x: NDArray[np.float64], starts: NDArray[np.float64], _: Basis | None) -> FitPoint:
+    def linearise(x: NDArray[np.float64], starts: NDArray[np.float64], _: Basis | None, checked: bool) -> FitPoint:
         residual = [s[0] + x[0] * T - y for s, y in zip(starts, measured, strict=True)]
         squares, counts = np.array([r @ r for r in residual]), np.full(len(residual), len(T))
         spread = Spread.beyond(odd_from, squares, counts) if np.isfinite(odd_from) else Spread.none(len(residual))
@@ -45,7 +45,7 @@ def fitted(odd_from: float, *, parameters: tuple[Parameter, ...] = PARAMETERS, s
         raise AssertionError("the problem is smooth: no step is refused")
 
     descent = Descent(parameters, linearise, best, len(T) * len(measured), np.inf, 0, 1e-9, polish=True)
-    return descent.down(linearise(np.zeros(1), np.zeros((len(measured), 1)), None), steps)
+    return descent.down(linearise(np.zeros(1), np.zeros((len(measured), 1)), None, False), steps)
 
 
 def left(slope: float) -> NDArray[np.float64]:
@@ -114,7 +114,7 @@ def test_an_episode_that_cannot_follow_does_not_hold_the_others() -> None:
         shown = [100.0 * abs(s[0]) if e == 0 else s[0] for e, s in enumerate(starts)]
         return [s + x[0] * T - y for s, y in zip(shown, measured, strict=True)]
 
-    def linearise(x: NDArray[np.float64], starts: NDArray[np.float64], _: Basis | None) -> FitPoint:
+    def linearise(x: NDArray[np.float64], starts: NDArray[np.float64], _: Basis | None, checked: bool) -> FitPoint:
         residual = residuals(x, starts)
         basis = Basis(*zip(*[orthonormal(ones) for _ in measured], strict=True))
         return FitPoint(x, starts, residual, [T[:, None] for _ in residual], Spread.none(7), basis, fresh=True)
@@ -124,7 +124,7 @@ def test_an_episode_that_cannot_follow_does_not_hold_the_others() -> None:
         return starts[np.arange(len(starts)), left.argmin(axis=1)], left.min(axis=1)
 
     descent = Descent(PARAMETERS, linearise, best, len(T) * 7, np.inf, 0, 1e-9, polish=True)
-    found = descent.down(linearise(np.zeros(1), np.zeros((7, 1)), None), 50)
+    found = descent.down(linearise(np.zeros(1), np.zeros((7, 1)), None, False), 50)
     assert found.x[0] == pytest.approx(SHARED, abs=4 * np.sqrt(12.0 / (len(T) * 7)))
 
 

@@ -251,7 +251,7 @@ def test_a_pin_that_is_in_the_body_or_far_off_is_noted(tmp_path: Path, outline: 
     nominal = replace(nominal, outline=outline)
 
     def notes(shift_m: float, radius_m: float = RADIUS_M) -> tuple[str, ...]:
-        made = case(replace(nominal, pin=BelievedPin(radius_m, 0.3)), path + [shift_m, 0.0])
+        made = case(replace(nominal, pin=BelievedPin(radius_m, 0.3)), path + np.array([shift_m, 0.0]))
         episode = replace(made.episodes[0], pose=pushed[:, :3], twist=pushed[:, 3:])
         write_case(replace(made, episodes=(episode,)), tmp_path / "case")
         return read_case(tmp_path / "case").notes

@@ -13,7 +13,7 @@ from runner.inference.evidence import by_form
 from runner.inference.held_out import Confirmed
 from runner.inference.least_squares import Fit, Fitter
 from runner.inference.outside import is_outside
-from runner.inference.probability import as_unknown, not_none, shares, unknown_by_excess
+from runner.inference.probability import as_unknown, shares, unknown_by_excess
 from runner.inference.search import Search
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
@@ -28,13 +28,9 @@ def ranking(confirmed: Confirmed, nominal_excess: float, fitter: Fitter) -> tupl
         fitter: Of the episodes, or stretches, that were searched.
     """
     found = confirmed.search
-    if found.best.fit.x.size:
-        unknown = max(
-            *unknown_by_episodes(confirmed, nominal_excess, fitter.system),
-            SETTINGS.probability.failed_unknown if confirmed.fails else 0.0,
-        )
-    else:
-        unknown = not_none(confirmed.gap)
+    unknown = max(unknown_by_episodes(confirmed, nominal_excess, fitter.system))
+    if found.best.fit.x.size and confirmed.fails:
+        unknown = max(unknown, SETTINGS.probability.failed_unknown)
     known = (1.0 - unknown) * (1.0 - strained(found.best, found.nominal, fitter))
     # each effect beside the first may be the doing of something without a name, too
     further = max(len(found.best.fit.explanation.candidates) - 1, 0)
@@ -111,11 +107,12 @@ def unknown_by_episodes(confirmed: Confirmed, nominal_excess: float, system: Abs
     """Return `unknown_by_excess` of the fitted episodes and of those left out.
 
     A machine may have been driven so much harder in those left out that the gap is many times as large there: what an
-    explanation leaves of them is then held against that.
+    explanation leaves of them is then held against that. Where nothing is claimed, nothing may leave a share of a gap.
     """
-    there = max(nominal_excess, confirmed.gap_unseen)
+    claimed = confirmed.search.best.fit.x.size > 0
+    here, there = (nominal_excess, max(nominal_excess, confirmed.gap_unseen)) if claimed else (0.0, 0.0)
     return (
-        unknown_by_excess(confirmed.excess_fitted, nominal_excess, system.unknown_share),
+        unknown_by_excess(confirmed.excess_fitted, here, system.unknown_share),
         unknown_by_excess(confirmed.excess_unseen, there, system.unknown_share),
     )
 
@@ -123,12 +120,10 @@ def unknown_by_episodes(confirmed: Confirmed, nominal_excess: float, system: Abs
 def strained(best: Contender, nominal: Fit, fitter: Fitter) -> float:
     """Probability that none of the explanations holds, from how far the simulator must be off for the best to do so.
 
-    Mismatch of many times the usual size can make up for a wrong explanation, and leave no excess. So where the
-    evidence asks for that much, and the explanation alone leaves more of the gap than effects of the vocabulary do,
-    something else is going on.
+    Mismatch of many times the usual size can make up for a wrong explanation, or for the want of one, and leave no
+    excess. So where the evidence asks for that much, and the explanation alone leaves more of the gap than effects of
+    the vocabulary do, something else is going on.
     """
-    if not best.fit.x.size:
-        return 0.0  # nothing is claimed
     levels, limits = fitter.system.mismatch_levels, SETTINGS.probability
     left, gap = (max(fitter.measured.excess(f.total, f.episodes), 1e-4) for f in (best.fit, nominal))
     asked = float(softmax(best.evidence.level) @ np.log2(levels))

@@ -334,8 +334,8 @@ class Fitter:
             starts = self.first_starts(episodes) if near is None else near.starts
             basis = None if near is None else near.basis
 
-        def linearise(x: np.ndarray, starts: np.ndarray, basis: Basis | None) -> FitPoint:
-            return self._linearise(explanation, x, starts, episodes, basis)
+        def linearise(x: np.ndarray, starts: np.ndarray, basis: Basis | None, checked: bool) -> FitPoint:
+            return self._linearise(explanation, x, starts, episodes, basis, checked=checked)
 
         def best(x: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             return self.best_starts(explanation.make(x, self.context), starts, episodes)
@@ -377,27 +377,55 @@ class Fitter:
         return np.array(chosen), np.array(losses)
 
     def _linearise(
-        self, explanation: Explanation, x: np.ndarray, starts: np.ndarray, episodes: Sequence[int], basis: Basis | None
+        self,
+        explanation: Explanation,
+        x: np.ndarray,
+        starts: np.ndarray,
+        episodes: Sequence[int],
+        basis: Basis | None,
+        *,
+        checked: bool,
     ) -> FitPoint:
         parameters = explanation.parameters(self.context)
         steps = difference_steps(parameters, x, self.system.difference_share)
         effects = [explanation.make(x + d, self.context) for d in (np.zeros(len(x)), *np.diag(steps))]
         residual, jacobian, qs, rs = [], [], [], []
+        if checked and self.measured.scatter is not None:
+            basis = None  # what a start does through a hit is taken over far more than its standard error
         for k, e in enumerate(episodes):
             runs = [Run(f, starts[k]) for f in effects]
+            move, moves = basis.probe(k) if basis is not None and checked else (None, np.empty(0))
             if basis is None:
-                runs += [Run(effects[0], starts[k] + d) for d in np.diag(self.system.initial.steps)]
+                runs += self._moved_starts(effects[0], starts[k])
+            elif move is not None:
+                runs.append(Run(effects[0], starts[k] + move))
             rows = self.whitened(e, runs)
             residual.append(rows[0])
             jacobian.append((finite(rows[1 : len(effects)] - rows[0]) / steps[:, None]).T)
-            if basis is None:
-                by_start = (finite(rows[len(effects) :] - rows[0]) / self.system.initial.steps[:, None]).T
-                q, r = orthonormal(by_start)
-                qs.append(q)
-                rs.append(r)
-        fresh = basis is None
-        basis = Basis(tuple(qs), tuple(rs)) if basis is None else basis
+            moved = rows[len(effects) :]
+            if basis is not None:
+                qs.append(basis.q[k])
+                rs.append(basis.r[k])
+                if move is None or _holds(moves, moved[0] - rows[0]):
+                    continue
+                del qs[-1], rs[-1]
+                moved = self.whitened(e, self._moved_starts(effects[0], starts[k]))
+            q, r = orthonormal((finite(moved - rows[0]) / self.system.initial.steps[:, None]).T)
+            qs.append(q)
+            rs.append(r)
+        fresh = basis is None or checked
+        basis = Basis(tuple(qs), tuple(rs))
         return FitPoint(x, starts, residual, jacobian, self._spread(residual, episodes), basis, fresh)
+
+    def _moved_starts(self, effects: Effects, start: np.ndarray) -> list[Run]:
+        """Return the runs by which derivatives by a start state are taken."""
+        return [Run(effects, start + d) for d in np.diag(self.system.initial.steps)]
+
+
+def _holds(foretold: np.ndarray, shown: np.ndarray) -> bool:
+    """Whether derivatives foretell what a move of the start does, (n,), closely enough."""
+    off = np.linalg.norm(shown - foretold)
+    return bool(off <= SETTINGS.fit.stale_share * np.linalg.norm(foretold))
 
 
 def _first_point(
@@ -410,11 +438,11 @@ def _first_point(
     """Return where a fit begins: at `x`, or nearer to the effect's absence where the motion diverges there."""
     low, high = bounds(parameters)
     x = np.clip(np.zeros(len(parameters)) if x is None else np.asarray(x, float), low, high)
-    point = linearise(x, starts, basis)
+    point = linearise(x, starts, basis, False)
     for _ in range(SETTINGS.fit.divergence_halvings):
         if np.isfinite(point.total):
             break
         # where the motion diverges there is no way down
         x = np.clip(0.5 * x, low, high)
-        point = linearise(x, starts, basis)
+        point = linearise(x, starts, basis, False)
     return point

@@ -36,13 +36,3 @@ def as_unknown(probability: float) -> float:
 def allowed_excess(nominal_excess: float, share: float) -> float:
     """Return what an explanation may leave beyond the noise, in squared noises, and be as likely as none of them."""
     return SETTINGS.probability.unknown_excess + share * max(nominal_excess, 0.0)
-
-
-def not_none(gap: float) -> float:
-    """Probability that something is at work where no effect is named, from what the nominal model leaves.
-
-    In squared noises, of all episodes. How much of that small errors of the simulator could do says little: they could
-    do much of what anything does.
-    """
-    limits = SETTINGS.probability
-    return float(expit(np.log(max(gap, 1e-4) / limits.something_excess) / limits.something_log_width))

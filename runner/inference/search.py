@@ -24,7 +24,7 @@ from runner.inference.evidence import (
 from runner.inference.exchange import one_for_another, one_for_two, other_variants
 from runner.inference.leap import leap
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter, are_near
-from runner.inference.probability import not_none, shares, unknown_by_excess
+from runner.inference.probability import shares, unknown_by_excess
 from runner.inference.shortlist import finished, gain, with_fit, without_one, worth_of
 from runner.inference.start_draws import begun_elsewhere, tried_from_the_air
 from runner.inference.warm_start import (
@@ -253,8 +253,9 @@ class _Rounds:
         finite = [c for c in (*self.contenders, *begun) if np.isfinite(c.log_posterior)]
         best = max(finite, key=lambda c: c.log_posterior)
         alike = [c.fit.explanation.names == best.fit.explanation.names for c in finite]
-        gap, left = ((t - self.count) / self.count for t in (self.nominal.total, best.evidence.loss))
-        unknown = unknown_by_excess(left, gap, self.fitter.system.unknown_share) if best.fit.x.size else not_none(gap)
+        claimed = best.fit.x.size > 0  # where nothing is, nothing may leave a share of a gap
+        gap, left = ((t - self.count) / self.count for t in (claimed * self.nominal.total, best.evidence.loss))
+        unknown = unknown_by_excess(left, gap, self.fitter.system.unknown_share)
         probability = float(shares(finite)[alike].sum()) * (1.0 - unknown)
         noises = float(np.sqrt(best.fit.total / self.count))
         self.fitter.observer.best(best.fit.explanation.names, noises, probability)

@@ -30,6 +30,19 @@ class Basis:
     q: tuple[np.ndarray, ...]
     r: tuple[np.ndarray, ...]
 
+    def probe(self, episode: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return a move of an episode's start state, (S,), and what these derivatives say that it does, (n,).
+
+        All that residuals tell of the start moves by about a standard error, whichever way: derivatives that have
+        changed would have to have changed at right angles to it to pass.
+        """
+        q, r = self.q[episode], self.r[episode]
+        size = np.abs(np.diag(r))
+        told = size > SETTINGS.fit.information_ridge * size.max(initial=0.0)
+        signs = np.where(np.arange(len(r)) % 2, -1.0, 1.0) * told
+        along = np.where(told[:, None] & told, r, np.eye(len(r)))
+        return solve_triangular(along, signs, check_finite=False), q @ signs
+
 
 class Ending(Enum):
     """Why a descent went no further."""
@@ -89,7 +102,7 @@ class FitPoint:
     jacobian: list[np.ndarray]
     spread: Spread
     basis: Basis
-    fresh: bool  # whether the basis was taken at this point
+    fresh: bool  # whether the basis was taken at this point, or found to hold there
     ending: Ending | None = None
     reach: float = SETTINGS.fit.trust_radius
 
@@ -103,8 +116,9 @@ class FitPoint:
         return tuple(project(j, q) for j, q in zip(self.jacobian, self.basis.q, strict=True))
 
 
-# from x, start states, and derivatives by those, or None where they are to be taken anew
-Linearise = Callable[[np.ndarray, np.ndarray, Basis | None], FitPoint]
+# from x, start states, and derivatives by those, or None where they are to be taken; and whether these are to be checked,
+# and taken anew where they do not hold
+Linearise = Callable[[np.ndarray, np.ndarray, Basis | None, bool], FitPoint]
 # from x and K start states of each episode, (E, K, S), to the best of each, (E, S), and what it leaves, (E,)
 Best = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -153,7 +167,7 @@ class Descent:
                 return Trial(replace(point, ending=Ending.RESTED), rests=True)
             return Trial(self._renewed(point))
         # the start states' derivatives change slowly: keep them while they predict well
-        trial = replace(self.linearise(point.x + dx, point.starts + ds, point.basis), reach=point.reach)
+        trial = replace(self.linearise(point.x + dx, point.starts + ds, point.basis, False), reach=point.reach)
         gain, trusted = point.total - trial.total, limits.min_gain_ratio * promised
         if np.isfinite(trial.total) and gain > 0:
             if gain < trusted and gain > enough:
@@ -178,7 +192,7 @@ class Descent:
         x = point.x + dx
         shares = np.array(SETTINGS.fit.start_shares)
         starts, left = self.best(x, point.starts[:, None] + shares[:, None] * ds[:, None])
-        return self.linearise(x, starts, point.basis) if left.sum() < point.total else None
+        return self.linearise(x, starts, point.basis, False) if left.sum() < point.total else None
 
     def _is_as_far_as_it_may(self, point: FitPoint, dx: np.ndarray) -> bool:
         """Whether a step (p,) has taken a parameter as far as one may go from a point."""
@@ -186,7 +200,7 @@ class Descent:
         return bool(np.any(np.abs(dx) > 0.999 * point.reach * widths))
 
     def _renewed(self, point: FitPoint) -> FitPoint:
-        return replace(self.linearise(point.x, point.starts, None), reach=point.reach)
+        return replace(self.linearise(point.x, point.starts, point.basis, True), reach=point.reach)
 
 
 def _step(point: FitPoint, parameters: Sequence[Parameter], damping: float) -> tuple[np.ndarray, np.ndarray, float]:

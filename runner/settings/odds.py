@@ -134,15 +134,6 @@ class ProbabilitySettings:
         "logarithm of an excess",
         "Calibration: what an explanation may leave is known to a factor of about one and a half.",
     )
-    something_excess: float = setting(
-        0.45,
-        "squared noises",
-        "Residuals of the nominal model are a fifth larger than the noise then, about what an ill-known noise and "
-        "small errors of a simulator make together.",
-    )
-    something_log_width: float = setting(
-        0.15, "logarithm of an excess", "Calibration: the two add up to much the same in every recording."
-    )
     min_unknown: float = setting(
         0.03,
         "probability",
