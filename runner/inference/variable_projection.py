@@ -116,8 +116,8 @@ class FitPoint:
         return tuple(project(j, q) for j, q in zip(self.jacobian, self.basis.q, strict=True))
 
 
-# from x, start states, and derivatives by those, or None where they are to be taken; and whether these are to be checked,
-# and taken anew where they do not hold
+# from x, start states, derivatives by those (None: they are to be taken), and whether they are to be checked, and taken
+# anew where they do not hold
 Linearise = Callable[[np.ndarray, np.ndarray, Basis | None, bool], FitPoint]
 # from x and K start states of each episode, (E, K, S), to the best of each, (E, S), and what it leaves, (E,)
 Best = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
