@@ -25,6 +25,7 @@ from runner.inference.variable_projection import (
     Spread,
     finite,
     orthonormal,
+    probing_move,
     project,
 )
 from runner.noise.measured import Measured
@@ -389,43 +390,33 @@ class Fitter:
         parameters = explanation.parameters(self.context)
         steps = difference_steps(parameters, x, self.system.difference_share)
         effects = [explanation.make(x + d, self.context) for d in (np.zeros(len(x)), *np.diag(steps))]
-        residual, jacobian, qs, rs = [], [], [], []
         if checked and self.measured.scatter is not None:
             basis = None  # what a start does through a hit is taken over far more than its standard error
+        residual, jacobian, by_starts = [], [], []
+        each = list(np.diag(self.system.initial.steps))
         for k, e in enumerate(episodes):
-            runs = [Run(f, starts[k]) for f in effects]
-            move, moves = basis.probe(k) if basis is not None and checked else (None, np.empty(0))
-            if basis is None:
-                runs += self._moved_starts(effects[0], starts[k])
-            elif move is not None:
-                runs.append(Run(effects[0], starts[k] + move))
-            rows = self.whitened(e, runs)
+            known = None if basis is None else (basis.q[k], basis.r[k])
+            moves = each if known is None else [probing_move(known[1])] if checked else []
+            rows = self.whitened(e, [*(Run(f, starts[k]) for f in effects), *_moved(effects[0], starts[k], moves)])
+            by_x, by_move = np.split(rows[1:] - rows[0], [len(x)])
+            if known is not None and checked and not _foretold(*known, moves[0], by_move[0]):
+                known, by_move = None, self.whitened(e, _moved(effects[0], starts[k], each)) - rows[0]
             residual.append(rows[0])
-            jacobian.append((finite(rows[1 : len(effects)] - rows[0]) / steps[:, None]).T)
-            moved = rows[len(effects) :]
-            if basis is not None:
-                qs.append(basis.q[k])
-                rs.append(basis.r[k])
-                if move is None or _holds(moves, moved[0] - rows[0]):
-                    continue
-                del qs[-1], rs[-1]
-                moved = self.whitened(e, self._moved_starts(effects[0], starts[k]))
-            q, r = orthonormal((finite(moved - rows[0]) / self.system.initial.steps[:, None]).T)
-            qs.append(q)
-            rs.append(r)
+            jacobian.append((finite(by_x) / steps[:, None]).T)
+            by_starts.append(known or orthonormal((finite(by_move) / self.system.initial.steps[:, None]).T))
         fresh = basis is None or checked
-        basis = Basis(tuple(qs), tuple(rs))
+        basis = Basis(tuple(q for q, _ in by_starts), tuple(r for _, r in by_starts))
         return FitPoint(x, starts, residual, jacobian, self._spread(residual, episodes), basis, fresh)
 
-    def _moved_starts(self, effects: Effects, start: np.ndarray) -> list[Run]:
-        """Return the runs by which derivatives by a start state are taken."""
-        return [Run(effects, start + d) for d in np.diag(self.system.initial.steps)]
+
+def _moved(effects: Effects, start: np.ndarray, moves: Sequence[np.ndarray]) -> list[Run]:
+    return [Run(effects, start + move) for move in moves]
 
 
-def _holds(foretold: np.ndarray, shown: np.ndarray) -> bool:
-    """Whether derivatives foretell what a move of the start does, (n,), closely enough."""
-    off = np.linalg.norm(shown - foretold)
-    return bool(off <= SETTINGS.fit.stale_share * np.linalg.norm(foretold))
+def _foretold(q: np.ndarray, r: np.ndarray, move: np.ndarray, shown: np.ndarray) -> bool:
+    """Whether derivatives q r by a start, (n, S) and (S, S), foretell what a move of it (S,) does, (n,)."""
+    foretold = q @ (r @ move)
+    return bool(np.linalg.norm(shown - foretold) <= SETTINGS.fit.stale_share * np.linalg.norm(foretold))
 
 
 def _first_point(

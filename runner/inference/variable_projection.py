@@ -30,19 +30,6 @@ class Basis:
     q: tuple[np.ndarray, ...]
     r: tuple[np.ndarray, ...]
 
-    def probe(self, episode: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return a move of an episode's start state, (S,), and what these derivatives say that it does, (n,).
-
-        All that residuals tell of the start moves by about a standard error, whichever way: derivatives that have
-        changed would have to have changed at right angles to it to pass.
-        """
-        q, r = self.q[episode], self.r[episode]
-        size = np.abs(np.diag(r))
-        told = size > SETTINGS.fit.information_ridge * size.max(initial=0.0)
-        signs = np.where(np.arange(len(r)) % 2, -1.0, 1.0) * told
-        along = np.where(told[:, None] & told, r, np.eye(len(r)))
-        return solve_triangular(along, signs, check_finite=False), q @ signs
-
 
 class Ending(Enum):
     """Why a descent went no further."""
@@ -257,6 +244,17 @@ def orthonormal(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     q, r = np.zeros_like(columns), np.eye(columns.shape[1])
     q[:, live], r[np.ix_(live, live)] = np.linalg.qr(columns[:, live])
     return q, r
+
+
+def probing_move(triangle: np.ndarray) -> np.ndarray:
+    """Return a move of a start state, (S,), by a standard error in each direction that its derivatives (S, S) know.
+
+    Derivatives that have changed since would have to have changed at right angles to it to foretell what it does.
+    """
+    size = np.abs(np.diag(triangle))
+    told = size > SETTINGS.fit.information_ridge * size.max(initial=0.0)
+    signs = np.where(np.arange(len(size)) % 2, -1.0, 1.0) * told
+    return solve_triangular(np.where(told[:, None] & told, triangle, np.eye(len(size))), signs, check_finite=False)
 
 
 def project(columns: np.ndarray, basis: np.ndarray) -> np.ndarray:
