@@ -130,9 +130,9 @@ class FitSettings:
         "them, so many more are looked at.",
     )
     stale_share: float = setting(
-        0.05,
+        0.03,
         "of what a start's standard error does",
-        "Derivatives by starts that are off by a twentieth leave a four-hundredth of a unit of the loss for each.",
+        "Derivatives by starts that are off by so much leave a thousandth of what is left, less than rest does.",
     )
     start_shares: tuple[float, ...] = setting(
         (1.0, 0.25, 0.0625, 0.0),
