@@ -148,7 +148,8 @@ def test_corrected_model_closes_the_gap(found: runner.CaseDiagnosis, tmp_path: P
     again = runner.gap(found.case, model=tmp_path / "corrected").table
     pd.testing.assert_frame_equal(again, after, rtol=1e-9)
     friction = mujoco.MjModel.from_xml_path(str(tmp_path / "corrected/model.xml")).dof_frictionloss[0]
-    assert friction == pytest.approx(found.corrected.values["value"].to_numpy()[0])
+    # MuJoCo writes six digits, of which the last may be half a unit off
+    assert friction == pytest.approx(found.corrected.values["value"].to_numpy()[0], rel=5e-6)
 
 
 def test_report_is_that_of_the_command(
