@@ -364,6 +364,14 @@ def test_torque_ripple() -> None:
             assert force == pytest.approx(0.4 * math.sin(rate * q + 0.7), abs=1e-12)
 
 
+def test_a_ripple_goes_round() -> None:
+    """Less than about once per turn, or over the way of a slide, is any smooth force, and not what this stands for."""
+    for xml, joint, once in ((SLIDER, "slide", 1.0 / (2 * 0.6)), (ARM, "elbow", 1.0)):
+        where = scope(xml, joint)
+        slowest = np.array([p.lower for p in m.TorqueRipple.parameters(where)])
+        assert m.TorqueRipple.from_vector(slowest, where).cycles == pytest.approx(once, rel=0.11)
+
+
 def test_disturbance() -> None:
     """A force for some time gives its impulse, and nothing before and after."""
     _, _, v = move(compiled(FREE_SLIDER, m.Disturbance("slide", -3.0, 0.1001, 0.2503)), 0.4)
