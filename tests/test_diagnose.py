@@ -336,7 +336,7 @@ def test_each_effect_of_an_answer_may_be_the_work_of_something_else(
         fit = fitter.fit(Explanation(tuple(Candidate(k) for k in kinds)), episodes, near=nominal, iterations=2)
         around = normal_equations(fit, known)
         best = Contender(fit, around, evidence(around, fitter.system), 0.0, 0.0, {})
-        confirmed = Confirmed(Search((best,), nominal), nominal, {}, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+        confirmed = Confirmed(Search((best,), nominal), nominal, {}, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
         first = ranking(confirmed, 1.0, fitter)[0]
         assert first.probability == pytest.approx(most ** len(kinds), abs=1e-3)
 

@@ -30,7 +30,7 @@ FITTER: Any = SimpleNamespace(measured=SimpleNamespace(excess=lambda loss, _: lo
 def confirmed(before: Any, after: Any, fitted: float = 0.0) -> Confirmed:
     gap, left = (sum(f.loss) / COUNT / len(f.loss) - 1.0 for f in (before, after))
     none: Any = None
-    return Confirmed(none, none, {}, 0.0, 0.0, gap, gap, left, fitted, usually_left(before, after, FITTER))
+    return Confirmed(none, none, {}, 0.0, 0.0, gap, left, fitted, usually_left(before, after, FITTER))
 
 
 def test_it_is_the_geometric_mean_over_episodes_in_which_there_is_a_gap() -> None:

@@ -38,8 +38,7 @@ class Confirmed:
         after: The same with each explanation that was weighed, by the identity of its fit.
         excess_fitted: What the best explanation leaves, as a share: whitened mean square minus one, mismatch taken out.
         excess_unseen: The same of the episodes left out.
-        gap: What the nominal model leaves of all episodes, nothing taken out.
-        gap_unseen: The same of the episodes left out.
+        gap_unseen: What the nominal model leaves of the episodes left out, nothing taken out.
         left_unseen: What the best explanation does.
         left_fitted: And what it leaves of the fitted ones.
         usually_left: Share of the gap that it leaves of an unseen episode in which there is one, see `usually_left`.
@@ -51,7 +50,6 @@ class Confirmed:
     after: dict[int, Fit]
     excess_fitted: float
     excess_unseen: float
-    gap: float
     gap_unseen: float
     left_unseen: float
     left_fitted: float
@@ -140,7 +138,6 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
         after=fits,
         excess_fitted=float(fitted),
         excess_unseen=float(there),
-        gap=whole_gap,
         gap_unseen=gap_unseen,
         left_unseen=left,
         left_fitted=left_fitted,

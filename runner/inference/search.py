@@ -253,8 +253,8 @@ class _Rounds:
         finite = [c for c in (*self.contenders, *begun) if np.isfinite(c.log_posterior)]
         best = max(finite, key=lambda c: c.log_posterior)
         alike = [c.fit.explanation.names == best.fit.explanation.names for c in finite]
-        claimed = best.fit.x.size > 0  # where nothing is, nothing may leave a share of a gap
-        gap, left = ((t - self.count) / self.count for t in (claimed * self.nominal.total, best.evidence.loss))
+        gap, left = ((t - self.count) / self.count for t in (self.nominal.total, best.evidence.loss))
+        gap = gap if best.fit.x.size else 0.0  # where nothing is claimed, nothing may leave a share of one
         unknown = unknown_by_excess(left, gap, self.fitter.system.unknown_share)
         probability = float(shares(finite)[alike].sum()) * (1.0 - unknown)
         noises = float(np.sqrt(best.fit.total / self.count))

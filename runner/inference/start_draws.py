@@ -17,6 +17,7 @@ from runner.effects.vocabulary import Candidate
 from runner.inference.contender import Offer
 from runner.inference.evidence import clip, joined
 from runner.inference.least_squares import NONE, Fit, Fitter
+from runner.inference.variable_projection import invertible
 from runner.inference.warm_start import WarmStart
 from runner.numerics.arrays import FloatArray
 from runner.settings import SETTINGS
@@ -36,7 +37,7 @@ def improved_starts(held: Fitter, episodes: Sequence[int], starts: FloatArray) -
         return starts
     # the same draws whatever they are for: explanations are compared by what they leave
     normal = np.random.default_rng(0).normal(size=(starts.shape[1], SETTINGS.fit.drawn_starts))
-    moved = [solve_triangular(_invertible(r), normal, check_finite=False).T for r in flown.basis.r]
+    moved = [solve_triangular(invertible(r)[0], normal, check_finite=False).T for r in flown.basis.r]
     chosen = starts.copy()
     chosen[at], _ = held.best_starts((), flown.starts[:, None] + np.array(moved), [order[k] for k in at])
     before = held.fit(NONE, order, starts=starts, iterations=0)
@@ -112,13 +113,3 @@ def begun_elsewhere(fitter: Fitter, fit: Fit, starts: FloatArray, enough: float)
     begin = improved_starts(held, fit.episodes, held.best_starts((), starts, fit.episodes)[0])
     left = fitter.loss(fit.explanation, fit.x, begin, fit.episodes)
     return None if left > fit.total - max(enough, SETTINGS.held_out.stuck_loss) else begin
-
-
-def _invertible(triangle: FloatArray) -> FloatArray:
-    """Return a triangle (S, S) with what nothing tells of held where it is."""
-    size = np.abs(np.diag(triangle))
-    untold = size < SETTINGS.fit.information_ridge * size.max()
-    out = triangle.copy()
-    out[untold, :], out[:, untold] = 0.0, 0.0
-    out[untold, untold] = 1e12
-    return out

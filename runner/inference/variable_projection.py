@@ -246,15 +246,21 @@ def orthonormal(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return q, r
 
 
+def invertible(triangle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a triangle (S, S) with what nothing tells of held where it is, and what is told, (S,)."""
+    size = np.abs(np.diag(triangle))
+    told = size >= SETTINGS.fit.information_ridge * size.max()
+    return np.where(told[:, None] & told, triangle, np.diag(np.full(len(size), 1e12))), told
+
+
 def probing_move(triangle: np.ndarray) -> np.ndarray:
     """Return a move of a start state, (S,), by a standard error in each direction that its derivatives (S, S) know.
 
     Derivatives that have changed since would have to have changed at right angles to it to foretell what it does.
     """
-    size = np.abs(np.diag(triangle))
-    told = size > SETTINGS.fit.information_ridge * size.max(initial=0.0)
-    signs = np.where(np.arange(len(size)) % 2, -1.0, 1.0) * told
-    return solve_triangular(np.where(told[:, None] & told, triangle, np.eye(len(size))), signs, check_finite=False)
+    solvable, told = invertible(triangle)
+    signs = np.where(np.arange(len(told)) % 2, -1.0, 1.0) * told
+    return solve_triangular(solvable, signs, check_finite=False)
 
 
 def project(columns: np.ndarray, basis: np.ndarray) -> np.ndarray:

@@ -255,9 +255,9 @@ def _episodes(table: Table, spans: Iterable[slice], nominal: Nominal) -> tuple[l
         speed = np.linalg.norm(between[:, :2], axis=1)
         ahead = between[:, :2] / np.maximum(speed, 1e-12)[:, None]
         change = np.diff(velocity, axis=0) / block_s
-        pushes = _turned(force, -table["yaw"][span])
+        pushes = turned(force, -table["yaw"][span])
         arm = table.stack(("px", "py"))[span] - nominal.centre_of_mass_m[:2]
-        mirrored = _turned(force, table["yaw"][span])
+        mirrored = turned(force, table["yaw"][span])
         moments = [_moment(arm, pushes), _moment(arm[:, ::-1], pushes), _moment(arm, mirrored)]
         means = _mean(np.column_stack([force, *moments, pushes]), count, block)
         pushed = (means[1:] + means[:-1]) / 2
@@ -280,7 +280,8 @@ def _episodes(table: Table, spans: Iterable[slice], nominal: Nominal) -> tuple[l
     return episodes, gained, given
 
 
-def _turned(vectors: FloatArray, angles: FloatArray) -> FloatArray:
+def turned(vectors: FloatArray, angles: FloatArray) -> FloatArray:
+    """Return vectors (T, 2) turned by angles (T,)."""
     c, s = np.cos(angles), np.sin(angles)
     return np.column_stack([c * vectors[:, 0] - s * vectors[:, 1], s * vectors[:, 0] + c * vectors[:, 1]])
 

@@ -7,6 +7,7 @@ import numpy as np
 from runner.numerics.arrays import FloatArray
 from runner.numerics.polygon import Polygon
 from runner.recording.data import WARNING, BelievedPin, Nominal
+from runner.recording.plausible_forces import turned
 from runner.recording.plausible_pairs import place
 from runner.recording.table import PIN, Table
 from runner.settings import SETTINGS
@@ -46,6 +47,4 @@ def _outline(nominal: Nominal) -> Polygon:
 
 def _in_body_axes(table: Table) -> FloatArray:
     """Return the pin's middle relative to the body's, in the body's axes, (T, 2)."""
-    cos, sin = np.cos(table["yaw"]), np.sin(table["yaw"])
-    x, y = (table.stack(PIN) - table.stack(("x", "y"))).T
-    return np.column_stack([cos * x + sin * y, cos * y - sin * x])
+    return turned(table.stack(PIN) - table.stack(("x", "y")), -table["yaw"])
