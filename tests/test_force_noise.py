@@ -22,20 +22,28 @@ def smooth(n: int) -> np.ndarray:
 @pytest.mark.parametrize("level", [0.01, 0.08, 0.5])
 def test_noise_is_found_on_a_smooth_force_and_on_lines_between_its_samples(level: float) -> None:
     noisy = [smooth(400) + level * np.random.default_rng(k).standard_normal(400) for k in range(8)]
-    assert force_noise(noisy) == pytest.approx(level, rel=0.1)
-    assert force_noise([0.5 * (f[1:] + f[:-1]) for f in noisy]) == pytest.approx(level, rel=0.15)
+    assert force_noise([noisy])[0] == pytest.approx(level, rel=0.1)
+    assert force_noise([[0.5 * (f[1:] + f[:-1]) for f in noisy]])[0] == pytest.approx(level, rel=0.15)
+
+
+def test_what_is_noise_along_one_axis_is_noise_of_the_whole_force() -> None:
+    """A push straight along x shows nothing along y but the noise of its sensor."""
+    noise = 0.08 * np.random.default_rng(1).standard_normal((2, 3000))
+    assert force_noise([[smooth(3000) + noise[0]], [noise[1]]]) == pytest.approx([0.08, 0.08], rel=0.1)
 
 
 def test_a_force_that_was_commanded_has_no_noise() -> None:
     """Not by more than the rounding of its numbers, whatever its course; nor has one that is too short to tell."""
     t = np.arange(900) / RATE_HZ
     square, bursts = 8.0 * np.sign(1.0 - t % 2), 8.0 * np.sin(0.6 * t**2 * (t < 6))
-    forces: tuple[np.ndarray, ...] = smooth(900), square, bursts, np.zeros(900)
-    for force in forces:
-        assert force_noise([force]) < 1e-12
-    assert force_noise([np.random.default_rng(0).standard_normal(5)]) == 0.0
-    assert force_noise([]) == 0.0
-    rounded = force_noise([smooth(900).round(3)])
+    rng = np.random.default_rng(3)
+    held = [13.0 + np.repeat(rng.uniform(-5, 5, 900 // n + 1), n)[:900] for n in (2, 3, 6, 8)]
+    binary = 8.0 * rng.choice([-1.0, 1.0], 900)
+    tones = [13.0 + 4.0 * np.sin(2 * np.pi * hz * t) for hz in (5.0, 8.0, 10.0, 11.0, 14.0)]
+    for force in (smooth(900), square, bursts, np.zeros(900), binary, rng.uniform(-5, 5, 900), *held, *tones):
+        assert force_noise([[force]])[0] < 1e-12
+    assert not force_noise([[np.random.default_rng(0).standard_normal(5)], []]).any()
+    (rounded,) = force_noise([[smooth(900).round(3)]])
     assert 0.0 < rounded < 0.001
 
 

@@ -17,9 +17,10 @@ from runner.inference.contender import log_density
 from runner.inference.least_squares import Fitter
 from runner.noise.measured import Measured, measure
 from runner.noise.model import NoiseModel
+from runner.numerics.arrays import spread_over
 from runner.recording import Span
 from runner.systems.simulator import Run
-from tests.mechanism_cases import SLIDE, joint_channels, slide_case, system_of, write_case
+from tests.mechanism_cases import MOTOR, SLIDE, joint_channels, system_of, write_case
 
 SERVO = '<position name="drive" joint="slide" kp="3000" kv="60"/>'
 NOISE_M = 1.3e-4
@@ -62,30 +63,45 @@ def test_what_a_servo_lacks_is_no_slow_noise(tmp_path: Path) -> None:
     assert found.measured.sensor == pytest.approx([NOISE_M], rel=0.1)
 
 
-def test_what_acts_for_a_moment_is_looked_at(tmp_path: Path) -> None:
-    """Of two minutes a quarter is searched; the one second in which something pushes is part of it."""
+@pytest.mark.parametrize("velocities", [True, False])
+def test_what_acts_for_a_moment_is_looked_at(tmp_path: Path, *, velocities: bool) -> None:
+    """Of two minutes a quarter is searched; the one second in which something pushes is part of it.
+
+    Whatever is measured: how far a measured start is off says nothing, and without a push the spread stays even.
+    """
     t = np.arange(24_001) * 0.005
     pushed_s = 87.4, 88.2
-    speed = 0.2 * np.sin(0.7 * t) + 0.3 * np.clip((t - pushed_s[0]) / 0.8, 0.0, 1.0)
-    place = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * 0.005)])
     rng = np.random.default_rng(5)
 
-    def motion(t_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return place + 1e-3 * rng.standard_normal(len(t_s)), speed + 1e-2 * rng.standard_normal(len(t_s))
+    def searched(pushed_m_s: float) -> tuple[Fitter, tuple[int, ...]]:
+        speed = 0.2 * np.sin(0.7 * t) + pushed_m_s * np.clip((t - pushed_s[0]) / 0.8, 0.0, 1.0)
+        place = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * 0.005)])
+        shown = {"q_slide": place + 1e-3 * rng.standard_normal(len(t))}
+        if velocities:
+            shown["dq_slide"] = speed + 1e-2 * rng.standard_normal(len(t))
+        stated = {"q_slide": 1e-3, "dq_slide": 1e-2}
+        case = write_case(
+            tmp_path / f"{pushed_m_s}",
+            SLIDE.format(friction=0.0, damping=0.0, mass=2.0, actuator=MOTOR),
+            [{"t": t, "u": 2.0 * 0.2 * 0.7 * np.cos(0.7 * t), **shown}],
+            {
+                "commands": {"u": {"actuator": "drive"}},
+                "channels": joint_channels(["slide"], velocities=velocities),
+                "noise": {name: stated[name] for name in shown},
+                "start": "free",
+            },
+        )
+        system = system_of(case)
+        root = Fitter(system, system.simulator(threads=1), measure(system))
+        fitter = root.stretched(tuple(Span(0, k, min(k + 200, 24_001)) for k in range(0, 24_000, 200)))
+        return fitter, _to_search(fitter, [0], 1.0)
 
-    def command(t_s: np.ndarray) -> np.ndarray:
-        return 2.0 * 0.2 * 0.7 * np.cos(0.7 * t_s)
-
-    system = system_of(slide_case(tmp_path, command=command, motion=motion, length_s=120.0))
-    root = Fitter(system, system.simulator(threads=1), measure(system))
-    fitter = root.stretched(tuple(Span(0, k, min(k + 200, 24_001)) for k in range(0, 24_000, 200)))
-    chosen = _to_search(fitter, [0], 1.0)
-    missed = {i for i, s in enumerate(fitter.measured.spans) if s.begin < 17_640 and s.end > 17_480}
-    assert len(chosen) == 30
-    assert len(set(chosen)) == 30
-    assert missed <= set(chosen)
-    # the others are spread as evenly as before
-    assert np.diff(chosen).max() < 10
+    _, even = searched(0.0)
+    assert list(even) == spread_over(120, 30).tolist()
+    fitter, chosen = searched(0.1)
+    missed = next(i for i, s in enumerate(fitter.measured.spans) if s.begin <= 17_480 < s.end)
+    assert len(chosen) == len(set(chosen)) == 30
+    assert set(chosen) - set(even) == {missed}
 
 
 @pytest.mark.parametrize(("share", "memory"), [(0.0, 0.0), (0.7, 0.9)])

@@ -86,6 +86,21 @@ def test_one_window_is_a_line(found: Any, tmp_path: Path) -> None:
     assert shown[f"episode_{found.recording.episodes[0].index}/gap"] == 2
 
 
+def test_one_window_that_is_seen_is_not_the_whole_episode(found: Any, tmp_path: Path) -> None:
+    """Where a force is told in one window of many, nothing is drawn where none was told."""
+    force = found.where.missing_force.copy()
+    name = found.system.disturbance.names[0]
+    first = force.groupby("episode").cumcount() == 3
+    force.loc[~first, [name, f"{name}_se"]] = np.nan
+    log = write_rrd(changed(found, where=replace(found.where, missing_force=force)), tmp_path)
+    shown: dict[str, int] = {}
+    for chunk in rr.chunk.RrdReader(log).stream():
+        if "sim_time" in (batch := chunk.to_record_batch()).schema.names:
+            entity = chunk.entity_path.lstrip("/")
+            shown[entity] = shown.get(entity, 0) + batch.num_rows
+    assert {n for entity, n in shown.items() if entity.endswith(f"/missing_force/{name}")} == {1}
+
+
 def test_shares_of_the_gap_are_those_of_the_windows(found: Any) -> None:
     """All windows together are the whole gap; the darkest has most of it."""
     paths = [SimpleNamespace(episode=e) for e in range(3)]

@@ -252,7 +252,15 @@ def test_ends_of_an_interval_differ(share: float, low: float, high: float, text:
 
 @pytest.mark.parametrize(
     ("share", "text"),
-    [(0.87, "87 %"), (0.994, "99.4 %"), (0.99974, "99.97 %"), (1.0, "100 %"), (4e-5, "0.004 %"), (0.0, "0 %")],
+    [
+        (0.87, "87 %"),
+        (0.994, "99.4 %"),
+        (0.999, "99.9 %"),
+        (0.99974, "99.97 %"),
+        (1.0, "100 %"),
+        (4e-5, "0.004 %"),
+        (0.0, "0 %"),
+    ],
 )
 def test_nearly_all_is_not_all(share: float, text: str) -> None:
     """Of a gap of thousands of noises a hundredth of a per cent is still tens of them."""

@@ -18,7 +18,7 @@ from runner.diagnosis.ranking import unknown_by_episodes
 from runner.effects.base import Effects
 from runner.inference.breakaway import hanging
 from runner.inference.contender import log_density
-from runner.inference.held_out import Confirmed, confirm, start_states, unseen
+from runner.inference.held_out import Confirmed, confirm, portions, start_states, unseen
 from runner.inference.leap import leapt
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.multiple_shooting import begun, look, recut
@@ -123,7 +123,7 @@ def _to_search(fitter: Fitter, episodes: Iterable[int], share: float) -> tuple[i
     """Return the positions of stretches that tell enough of some recorded episodes, spread over long ones.
 
     What acts for a moment alone, a stop that is hit once or a push, may fall between them. So stretches of which the
-    model as believed misses far more than of those take the place of the nearest, up to half of them.
+    model as believed misses far more than is usual take the place of the nearest, up to half of them.
 
     Args:
         fitter: Of all stretches.
@@ -136,21 +136,33 @@ def _to_search(fitter: Fitter, episodes: Iterable[int], share: float) -> tuple[i
     chosen = spread_over(len(of), count)
     # a hit lets small errors grow to large ones: how much is missed tells nothing there of where something is missing
     if len(chosen) < len(of) and fitter.measured.scatter is None:
-        _, left = fitter.best_starts((), np.empty((len(of), 0, fitter.system.initial.size)), of)  # the measured ones
-        missed = np.array([fitter.measured.excess(loss, [e]) + 1.0 for loss, e in zip(left, of, strict=True)])
-        chosen = _with_surprises(chosen, missed)
+        chosen = _with_surprises(chosen, _missed(fitter, of))
     return tuple(of[i] for i in chosen)
 
 
+def _missed(fitter: Fitter, stretches: Sequence[int]) -> NDArray[np.float64]:
+    """Return what the model as believed misses of each of some stretches, whatever their start states: (n,).
+
+    A mean square in noises, infinite where the motion is. What a measured start is off by, its derivatives take out.
+    """
+    missed = []
+    for some in portions(fitter, stretches):
+        fit = fitter.fit(NONE, some, iterations=0)
+        counts = [fitter.measured.count([e]) for e in some]
+        for r, q, n in zip(fit.residual, fit.basis.q, counts, strict=True):
+            missed.append((r @ r - np.sum((q.T @ r) ** 2)) / max(n, 1))
+    return np.nan_to_num(np.array(missed), nan=np.inf, posinf=np.inf)
+
+
 def _with_surprises(chosen: NDArray[np.int64], missed: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Let those that are missed by far more than the chosen ones take the place of the nearest of them.
+    """Let those that are missed by far more than is usual take the place of the nearest of the chosen ones.
 
     Args:
         chosen: Positions, ascending, (k,).
         missed: Mean square of what is missed of each, (n,).
     """
-    usual, places = missed[chosen].mean(), list(chosen)
-    surprises = [i for i in np.argsort(-missed) if missed[i] > SETTINGS.held_out.surprise_ratio * usual]
+    places = list(chosen)
+    surprises = [i for i in np.argsort(-missed) if missed[i] > SETTINGS.pieces.surprise_ratio * np.median(missed)]
     for i in (i for i in surprises[: len(chosen) // 2] if i not in chosen):
         nearest = min((p for p in places if p not in surprises), key=lambda p: abs(p - i))
         places[places.index(nearest)] = i
@@ -163,7 +175,7 @@ def unseen_only(found: Attempt) -> bool:
     surprise = SETTINGS.held_out.surprise_ratio
     if confirmed.fails and confirmed.gap_unseen > surprise * max(gap, 0.0):
         return True
-    seen, unseen = unknown_by_episodes(confirmed, gap, found.fitter.system)
+    seen, unseen = unknown_by_episodes(confirmed, gap, found.fitter)
     return seen < 0.5 < unseen and confirmed.excess_unseen > surprise * max(confirmed.excess_fitted, 0.0)
 
 
@@ -320,8 +332,16 @@ def _without_outliers(fitter: Fitter, found: Search, held_out: Sequence[int]) ->
 
 
 def _left(fit: Fit, effects: Effects, fitter: Fitter) -> dict[int, np.ndarray]:
-    """Return what a fit leaves, per episode of the fitter (T, C), physical units."""
-    return {e: _residual(fitter, e, effects, start) for e, start in zip(fit.episodes, fit.starts, strict=True)}
+    """Return what a fit leaves, per episode of the fitter (T, C), physical units, as large as the noise is in it.
+
+    What its start takes of the noise is a share of it, in short stretches a large one.
+    """
+    left = {}
+    for e, start, q in zip(fit.episodes, fit.starts, fit.basis.q, strict=True):
+        residual, there = _residual(fitter, e, effects, start), fitter.measured.counted(e).sum(axis=0)
+        taken = (q[: residual.size].reshape(*residual.shape, -1) ** 2).sum(axis=(0, 2))
+        left[e] = residual * np.sqrt(np.maximum(there, 1) / np.maximum(there - taken, 1.0))
+    return left
 
 
 def _residual(fitter: Fitter, episode: int, effects: Effects, start: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from runner.inference.evidence import by_form
 from runner.inference.held_out import Confirmed
 from runner.inference.least_squares import Fit, Fitter
 from runner.inference.outside import is_outside
-from runner.inference.probability import as_unknown, shares, unknown_by_excess
+from runner.inference.probability import as_unknown, error_of_excess, shares, unknown_by_excess
 from runner.inference.search import Search
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
@@ -28,7 +28,7 @@ def ranking(confirmed: Confirmed, nominal_excess: float, fitter: Fitter) -> tupl
         fitter: Of the episodes, or stretches, that were searched.
     """
     found = confirmed.search
-    unknown = max(unknown_by_episodes(confirmed, nominal_excess, fitter.system))
+    unknown = max(unknown_by_episodes(confirmed, nominal_excess, fitter))
     if found.best.fit.x.size and confirmed.fails:
         unknown = max(unknown, SETTINGS.probability.failed_unknown)
     known = (1.0 - unknown) * (1.0 - strained(found.best, found.nominal, fitter))
@@ -103,7 +103,7 @@ def _commonness(fit: Fit) -> tuple[int, ...]:
     return tuple(commonness[name] for name in fit.explanation.names)
 
 
-def unknown_by_episodes(confirmed: Confirmed, nominal_excess: float, system: AbstractSystem) -> tuple[float, float]:
+def unknown_by_episodes(confirmed: Confirmed, nominal_excess: float, fitter: Fitter) -> tuple[float, float]:
     """Return `unknown_by_excess` of the fitted episodes and of those left out.
 
     A machine may have been driven so much harder in those left out that the gap is many times as large there: what an
@@ -111,9 +111,12 @@ def unknown_by_episodes(confirmed: Confirmed, nominal_excess: float, system: Abs
     """
     claimed = confirmed.search.best.fit.x.size > 0
     here, there = (nominal_excess, max(nominal_excess, confirmed.gap_unseen)) if claimed else (0.0, 0.0)
+    share, count = fitter.system.unknown_share, fitter.measured.count
+    fitted = count(confirmed.search.nominal.episodes)
+    unseen = count(e for e in confirmed.before.episodes if e not in confirmed.astray)
     return (
-        unknown_by_excess(confirmed.excess_fitted, here, system.unknown_share),
-        unknown_by_excess(confirmed.excess_unseen, there, system.unknown_share),
+        unknown_by_excess(confirmed.excess_fitted, here, share, error_of_excess(fitted)),
+        unknown_by_excess(confirmed.excess_unseen, there, share, error_of_excess(unseen, fitted)),
     )
 
 

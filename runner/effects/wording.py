@@ -70,7 +70,7 @@ def percent(share: float) -> str:
 
 
 def _decimals(p: float) -> int:
-    small = min(abs(p), 100.0 - p)
+    small = round(min(abs(p), 100.0 - p), 9)  # 100 - 99.9 is not quite 0.1
     return math.ceil(-math.log10(small)) if FINEST_PERCENT <= small < 1.0 else 0
 
 

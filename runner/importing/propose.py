@@ -39,6 +39,7 @@ from runner.importing.signals import Log, Part, Signal
 from runner.importing.units import UNITS, allowed
 from runner.numerics.arrays import FloatArray
 from runner.recording import Form, Nominal
+from runner.recording.force_noise import force_noise
 from runner.recording.table import FORCE, POINT, REQUIRED
 
 SENT = frozenset(["cmd", "command", "commanded", "set", "setpoint", "desired", "des", "target", "goal", "ref"])
@@ -159,7 +160,8 @@ def _lines(draft: _Draft, part: Part, times_s: FloatArray | None) -> None:
     if not names or any(SENT.intersection(words_of(name)) for name in names):
         return
     known = times_s is not None and all(len(v) == len(times_s) for v in values)
-    if moves_on(values, times_s if known else None):
+    measured = force_noise([[v[np.isfinite(v)]] for v in values]).any()  # noise hides that it moves on
+    if measured or moves_on(values, times_s if known else None):
         for entry in forces:
             entry["between"] = Between.LINE.value
         verb = "moves" if len(names) == 1 else "move"

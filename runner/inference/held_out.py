@@ -344,13 +344,13 @@ def _grown_start(held: Fitter, episode: int, start: np.ndarray) -> np.ndarray:
 def start_states(contender: Contender, fitter: Fitter, episodes: Sequence[int]) -> dict[int, np.ndarray]:
     """Return start states (S,), by which nothing is chosen, of stretches, with a contender at its parameters."""
     held, starts = _holding(contender, fitter), dict[int, np.ndarray]()
-    for some in _portions(fitter, episodes):
+    for some in portions(fitter, episodes):
         fit = held.fit(NONE, some, iterations=SETTINGS.held_out.rough_steps, polish=False)
         starts |= zip(fit.episodes, fit.starts, strict=True)
     return starts
 
 
-def _portions(fitter: Fitter, episodes: Sequence[int]) -> list[list[int]]:
+def portions(fitter: Fitter, episodes: Sequence[int]) -> list[list[int]]:
     """Part stretches into portions that memory allows; none of them depends on another."""
     out, count = list[list[int]](), np.inf
     for e in episodes:

@@ -17,14 +17,19 @@ def shares(contenders: Sequence[Contender]) -> FloatArray:
     return softmax(np.array([c.log_posterior for c in contenders]) / SETTINGS.probability.temperature)
 
 
-def unknown_by_excess(excess: float, nominal_excess: float, share: float) -> float:
+def unknown_by_excess(excess: float, nominal_excess: float, share: float, error: float = 0.0) -> float:
     """Probability that none of the explanations holds, from what the best one leaves behind.
 
     A logistic in the log of the residual's excess over the noise, which is held against a fixed share of the noise and
-    a small share of the gap: the larger an effect, the more of it small errors of its model leave. `share` is
-    `AbstractSystem.unknown_share`.
+    a small share of the gap: the larger an effect, the more of it small errors of its model leave.
+
+    Args:
+        excess: In squared noises.
+        nominal_excess: The same of the nominal model: the gap.
+        share: `AbstractSystem.unknown_share`.
+        error: Standard error of the excess, see `error_of_excess`.
     """
-    score = np.log(max(excess, 1e-4)) - np.log(allowed_excess(nominal_excess, share))
+    score = np.log(max(excess, 1e-4)) - np.log(allowed_excess(nominal_excess, share, error))
     return as_unknown(expit(score / SETTINGS.probability.unknown_log_width))
 
 
@@ -33,6 +38,12 @@ def as_unknown(probability: float) -> float:
     return float(np.clip(probability, SETTINGS.probability.min_unknown, SETTINGS.probability.max_unknown))
 
 
-def allowed_excess(nominal_excess: float, share: float) -> float:
+def allowed_excess(nominal_excess: float, share: float, error: float = 0.0) -> float:
     """Return what an explanation may leave beyond the noise, in squared noises, and be as likely as none of them."""
-    return SETTINGS.probability.unknown_excess + share * max(nominal_excess, 0.0)
+    limits = SETTINGS.probability
+    return float(np.hypot(limits.unknown_excess, limits.chance_errors * error)) + share * max(nominal_excess, 0.0)
+
+
+def error_of_excess(*counts: int) -> float:
+    """Return the standard error of a mean square in squared noises: of the values, and of those that told the noise."""
+    return float(np.sqrt(sum(2.0 / max(n, 1) for n in counts)))

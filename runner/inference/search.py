@@ -24,7 +24,7 @@ from runner.inference.evidence import (
 from runner.inference.exchange import one_for_another, one_for_two, other_variants
 from runner.inference.leap import leap
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter, are_near
-from runner.inference.probability import shares, unknown_by_excess
+from runner.inference.probability import error_of_excess, shares, unknown_by_excess
 from runner.inference.shortlist import finished, gain, with_fit, without_one, worth_of
 from runner.inference.start_draws import begun_elsewhere, tried_from_the_air
 from runner.inference.warm_start import (
@@ -255,7 +255,7 @@ class _Rounds:
         alike = [c.fit.explanation.names == best.fit.explanation.names for c in finite]
         gap, left = ((t - self.count) / self.count for t in (self.nominal.total, best.evidence.loss))
         gap = gap if best.fit.x.size else 0.0  # where nothing is claimed, nothing may leave a share of one
-        unknown = unknown_by_excess(left, gap, self.fitter.system.unknown_share)
+        unknown = unknown_by_excess(left, gap, self.fitter.system.unknown_share, error_of_excess(self.count))
         probability = float(shares(finite)[alike].sum()) * (1.0 - unknown)
         noises = float(np.sqrt(best.fit.total / self.count))
         self.fitter.observer.best(best.fit.explanation.names, noises, probability)

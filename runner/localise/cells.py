@@ -40,8 +40,8 @@ def tested_cells(system: AbstractSystem, windows: WindowExcess) -> pd.DataFrame:
         for name, which, p in zip(of.names, of.inside.T, by_chance[factor], strict=True):
             row = _row(factor, name, int(which.sum()), float(amount[which].sum()), total, float(which.mean()))
             x, y = windows.labels.places.get(name, (np.nan, np.nan)) if factor == "place" else (np.nan, np.nan)
-            # a cell without excess is none that stands out, and the one cell of a factor stands out from nothing
-            fine = float(amount[which].sum()) > 0 and len(of.names) > 1
+            # a cell with no more than its share is none that stands out, nor is the one cell of a factor
+            fine = row["lift"] > 1.0 and float(amount[which].sum()) > 0 and len(of.names) > 1
             rows.append(row | {"p": float(p) if fine else 1.0, "x_m": x, "y_m": y})
     cells = pd.DataFrame(rows)
     cells["q"] = 1.0

@@ -3,38 +3,68 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from runner.numerics.arrays import FloatArray
+from runner.settings import SETTINGS
 
 ORDER = 5  # of differences that leave next to nothing of what a hand or an arm does, and most of white noise
 OF_MEANS, OF_SMOOTH = 0.5, 1.5  # powers of cos^2 between those of single samples (0), of means of two (1), and of more
+LATER = range(ORDER + 2, ORDER + 22)  # samples; means of two are alike up to one more than their differences
+GAUSSIAN = 0.6745  # median of the size of what has a standard deviation of one
 
 
-def force_noise(series: Iterable[FloatArray]) -> float:
-    """Return the standard deviation of the noise of a recorded force, in its unit; 0: it has none.
+def force_noise(components: Iterable[Iterable[FloatArray]]) -> FloatArray:
+    """Return the standard deviation of the noise of each component of a recorded force, in its unit; 0: it shows none.
 
-    That of white noise that is as dense at low frequencies. A force that is held, or changes smoothly, has none: most
-    differences of the first vanish, and those of the second become less from order to order.
+    That of white noise that is as dense at low frequencies. A force that changes smoothly has none, as its differences
+    become less from order to order. Nor has one that is held over some samples, a tone however fast, or what is as
+    large as all of the force: a command may be random, a sensor that shows nothing else is not replayed.
 
     Noise whose density by frequency w falls with cos(w / 2)^(2 p) has (k + 1) / (k + 1 + p) times the variance of white
     noise in differences of the order k + 1 that it has in those of the order k: p is 0 of samples as they are, 1 of
     means of two, as a line between samples leaves them, and more of what is smooth.
 
     Args:
-        series: The force of each episode, (T,).
+        components: Of each the series of every episode, (T,) each, evenly sampled.
+
+    Returns:
+        (components,).
     """
-    series = tuple(series)
-    sizes = []
-    for order in (ORDER, ORDER + 1):
-        change = np.abs(np.concatenate([np.empty(0), *(np.diff(f, order) for f in series)]))
-        sizes.append(float(np.median(change)) / 0.6745 / math.sqrt(math.comb(2 * order, order)) if len(change) else 0.0)
-    lower, higher = sizes
-    if not (lower > 0.0 and higher > 0.0):
+    each = [tuple(series) for series in components]
+    size = math.sqrt(sum(float(np.mean(np.concatenate([np.zeros(1), *series]) ** 2)) for series in each))
+    return np.array([_noise(series, SETTINGS.forces.most_noise * size) for series in each])
+
+
+def _noise(series: Sequence[FloatArray], most: float) -> float:
+    lower, higher = (_differences(series, order) for order in (ORDER, ORDER + 1))
+    small, smaller = (float(np.median(d)) / GAUSSIAN if len(d) else 0.0 for d in (lower, higher))
+    if not (small > 0.0 and smaller > 0.0) or _is_held(series) or _is_a_tone(series):
         return 0.0
-    p = (ORDER + 1) * ((lower / higher) ** 2 - 1.0)
+    p = (ORDER + 1) * ((small / smaller) ** 2 - 1.0)
     if p > OF_SMOOTH:
         return 0.0
-    return lower * math.sqrt(2 * ORDER + 2) if p > OF_MEANS else lower
+    noise = small * math.sqrt(2 * ORDER + 2) if p > OF_MEANS else small
+    return noise if noise < most else 0.0
+
+
+def _differences(series: Sequence[FloatArray], order: int) -> FloatArray:
+    """Return how large differences of an order are, (n,), of white noise as large as itself."""
+    change = np.concatenate([np.empty(0), *(np.diff(f, order) for f in series)])
+    return np.abs(change) / math.sqrt(math.comb(2 * order, order))
+
+
+def _is_held(series: Sequence[FloatArray]) -> bool:
+    """Whether a force mostly stays what it was until the next command comes; where there is none it says nothing."""
+    acts = [np.column_stack([f[:-1], np.diff(f)])[f[:-1] != 0.0] for f in series]
+    return bool(np.mean(np.concatenate(acts)[:, 1] == 0.0) > SETTINGS.forces.held_share)
+
+
+def _is_a_tone(series: Sequence[FloatArray]) -> bool:
+    """Whether what is left of a force goes on as it did: differences of noise have nothing to do with later ones."""
+    parts = [np.diff(f, ORDER) for f in series if len(f) > ORDER + max(LATER)]
+    power = sum(float(d @ d) for d in parts)
+    alike = [sum(float(d[k:] @ d[:-k]) for d in parts) / power for k in LATER] if power else [0.0]
+    return float(np.sqrt(np.mean(np.square(alike)))) > SETTINGS.forces.tone_correlation

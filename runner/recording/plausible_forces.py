@@ -78,7 +78,7 @@ def measured_notes(table: Table, spans: Sequence[slice]) -> list[str]:
     """Return a note on forces that a sensor has measured: a replay of them says little where the motion is imposed."""
     pushes = {name: [table[name][s] for s in spans] for name in ("fx", "fy")}
     largest = max((float(np.abs(f).max(initial=0.0)) for each in pushes.values() for f in each), default=0.0)
-    noise_n = max(force_noise(each) for each in pushes.values())
+    noise_n = float(force_noise(pushes.values()).max())
     if noise_n <= FORCES.least_noise * largest:
         return []
     return [

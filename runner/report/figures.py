@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import ScalarFormatter
 
 # colours that stand for the page's: what is drawn in them follows the theme
 INK, GREY, ORANGE, FAINT, BAND, ACCENT = "#010203", "#8a8d91", "#d55e01", "#c1c2c3", "#e1e2e3", "#0b5a8e"
@@ -28,6 +29,7 @@ VARIABLES = {
     ACCENT: "--accent",
 }
 LETTER, LINE = 0.085, 0.17  # width of a bold letter of a title, distance of its lines, inches
+DIGIT, BESIDE = 0.075, 0.13  # width of a digit beside an axis, and what its mark and a gap take, inches
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "runner",
@@ -55,6 +57,7 @@ STYLE: dict[Any, Any] = {
 
 def svg(figure: Figure, name: str, description: str) -> str:
     """Return a figure as an `<svg>` element with ids of its own, a text for screen readers, and themed colours."""
+    _make_room(figure)
     out = io.StringIO()
     figure.savefig(out, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     text = out.getvalue()
@@ -71,6 +74,19 @@ def svg(figure: Figure, name: str, description: str) -> str:
     text = re.sub(r"<svg ", f'<svg role="img" aria-label="{_escaped(description)}" ', text, count=1)
     # coordinates go as far as the eye; what stands between tags is read
     return re.sub(r"<[^>]*>", lambda tag: re.sub(r"(\d+\.\d{2})\d+", r"\1", tag[0]), text)
+
+
+def _make_room(figure: Figure) -> None:
+    """Widen the left margin to what the longest number beside an axis takes, and its label."""
+    width, left = float(figure.get_figwidth()), figure.subplotpars.left
+    for ax in figure.axes:
+        numbers = ax.yaxis.get_major_formatter()
+        if isinstance(numbers, ScalarFormatter) and ax.axison:
+            low, high = sorted(ax.get_ylim())
+            shown = numbers.format_ticks([y for y in ax.get_yticks() if low <= y <= high])
+            taken = BESIDE + DIGIT * max(map(len, shown), default=0) + (LINE if ax.get_ylabel() else 0.0)
+            left = max(left, taken / width)
+    figure.subplots_adjust(left=left)
 
 
 def _escaped(text: str) -> str:

@@ -208,21 +208,19 @@ class _Episode:
             yield f"{self.root}/residual/{channel.name}", Curve(path.t_s, np.column_stack([*missed, band]), lines)
         if self.gap is not None:
             gap = rr.SeriesLines(colors=[MISSING], names=["gap"], widths=[3.0])
-            yield f"{self.root}/gap", self._of_windows(self.gap.t_s, 100 * self.gap.share[:, None], gap)
+            every = np.ones(len(self.gap.t_s), bool)
+            yield f"{self.root}/gap", self._of_windows(self.gap.t_s, 100 * self.gap.share[:, None], every, gap)
         if self.force is not None:
             lacks = rr.SeriesLines(colors=[MISSING], names=["missing"], widths=[2.0])
             for i, name in enumerate(self.system.disturbance.names):
-                seen = self.force.seen[:, i]
-                yield (
-                    f"{self.root}/missing_force/{name}",
-                    self._of_windows(self.force.t_s[seen], self.force.value[seen, i : i + 1], lacks),
-                )
+                values, seen = self.force.value[:, i : i + 1], self.force.seen[:, i]
+                yield f"{self.root}/missing_force/{name}", self._of_windows(self.force.t_s, values, seen, lacks)
 
-    def _of_windows(self, t_s: np.ndarray, values: np.ndarray, lines: rr.SeriesLines) -> Curve:
-        """Return the curve of values in windows; the one window of a short episode is a line over all of it."""
+    def _of_windows(self, t_s: np.ndarray, values: np.ndarray, seen: np.ndarray, lines: rr.SeriesLines) -> Curve:
+        """Return the curve of values in windows, of those that are seen; the one of a short episode is all of it."""
         if len(t_s) == 1:
-            t_s, values = self.path.t_s[[0, -1]], np.repeat(values, 2, axis=0)
-        return Curve(t_s, values, lines)
+            t_s, values, seen = self.path.t_s[[0, -1]], np.repeat(values, 2, axis=0), np.repeat(seen, 2)
+        return Curve(t_s[seen], values[seen], lines)
 
     def send_curves(self, log: rr.RecordingStream) -> None:
         """Send all that is plotted over time."""

@@ -223,7 +223,7 @@ def _over_time(
 ) -> dict[str, Any] | None:
     for path in worst:
         before, after = (missing_force(diagnosis, w, path.episode) for w in (found, alike))
-        if before is not None:
+        if before is not None and len(before.t_s) > 1:  # one window makes no course
             panels = where_figures.over_time(before, after, diagnosis.system.disturbance.labels, "force")
             episode = diagnosis.recording.episodes[path.episode].index
             return {"episode": episode, "panels": _marked(panels)} if panels else None

@@ -129,6 +129,9 @@ class ProbabilitySettings:
         "Residuals are 6 % larger than the noise then, and the noise is known no better: nothing may be going on "
         "beside the explanation, or something.",
     )
+    chance_errors: float = setting(
+        2.0, "standard errors", "A mean square of few values scatters: what lies within two of its errors is chance."
+    )
     unknown_log_width: float = setting(
         0.4,
         "logarithm of an excess",

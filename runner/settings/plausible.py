@@ -116,6 +116,22 @@ class ForceSettings:
     least_noise: float = setting(
         0.001, "of the largest force", "Numbers of a table are rounded to less; no force sensor is better than that."
     )
+    most_noise: float = setting(
+        0.3,
+        "of the force's root mean square",
+        "A sensor of which a third is noise is read by nobody; a command that is random is as large as itself.",
+    )
+    held_share: float = setting(
+        0.4,
+        "of the samples",
+        "A command that is held over two samples stays what it was at half of them; noise that is as small as the step"
+        " of its sensor does so at less than a third.",
+    )
+    tone_correlation: float = setting(
+        0.3,
+        "correlation",
+        "A sine has 0.7 in the mean over lags, white noise one over the root of its samples: a tenth in a hundred.",
+    )
     explained_share: float = setting(
         0.3, "of what is needed", "Where a force explains less of the motion, its size and its sign say nothing."
     )

@@ -50,6 +50,12 @@ class PieceSettings:
     min_stretches: int = setting(
         4, "stretches", "Fewer than that may all lie where the object did one and the same thing."
     )
+    surprise_ratio: float = setting(
+        3.0,
+        "times the median, mean square in noises",
+        "By that much more is missed where something acts that does not act elsewhere; how fast an object moves makes "
+        "less of a difference.",
+    )
     unexplained_share: float = setting(
         0.2,
         "of what is searched otherwise",
