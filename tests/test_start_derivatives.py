@@ -8,18 +8,28 @@ import pytest
 from runner.effects import planar_box as fx
 from runner.effects.vocabulary import Candidate
 from runner.inference.least_squares import NONE, Explanation, Fitter
-from runner.inference.variable_projection import probing_move
+from runner.inference.variable_projection import orthonormal, probing_move, told_move
 from tests.cases import fitter_of
 from tests.test_multiple_shooting import pushed, random_pushes
 
 
 def test_a_probe_moves_all_that_is_told_by_a_standard_error() -> None:
-    """What nothing measured depends on stays where it is."""
-    r = np.triu(np.random.default_rng(0).uniform(1.0, 3.0, (4, 4)))
-    r[2], r[:, 2] = 0.0, 0.0
-    move = probing_move(r)
-    assert move[2] == 0.0
-    assert np.abs(r @ move) == pytest.approx([1.0, 1.0, 0.0, 1.0])
+    """What nothing measured depends on stays where it is, however coarse the measurement of the rest."""
+    for noise in (1e-6, 1.0, 1e6):
+        columns = np.random.default_rng(0).uniform(1.0, 3.0, (9, 4)) / noise
+        columns[:, 2] = 0.0
+        q, r = orthonormal(columns)
+        assert q @ r == pytest.approx(columns)
+        move = probing_move(r)
+        assert move[2] == 0.0
+        assert np.abs(q.T @ columns @ move) == pytest.approx([1.0, 1.0, 0.0, 1.0])
+
+
+def test_a_start_of_which_nothing_is_told_stays() -> None:
+    """So it does where a motion diverges whichever way its start is moved."""
+    _, r = orthonormal(np.zeros((5, 3)))
+    assert not probing_move(r).any()
+    assert not told_move(r, np.ones((3, 2)), least_share=0.0).any()
 
 
 def _from_near(fitter: Fitter, near_x: float) -> tuple[float, float]:

@@ -10,14 +10,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from runner.effects.base import Scope
 from runner.effects.vocabulary import Candidate
 from runner.inference.contender import Offer
 from runner.inference.evidence import clip, joined
 from runner.inference.least_squares import NONE, Fit, Fitter
-from runner.inference.variable_projection import invertible
+from runner.inference.variable_projection import told_move
 from runner.inference.warm_start import WarmStart
 from runner.numerics.arrays import FloatArray
 from runner.settings import SETTINGS
@@ -37,7 +36,7 @@ def improved_starts(held: Fitter, episodes: Sequence[int], starts: FloatArray) -
         return starts
     # the same draws whatever they are for: explanations are compared by what they leave
     normal = np.random.default_rng(0).normal(size=(starts.shape[1], SETTINGS.fit.drawn_starts))
-    moved = [solve_triangular(invertible(r)[0], normal, check_finite=False).T for r in flown.basis.r]
+    moved = [told_move(r, normal).T for r in flown.basis.r]
     chosen = starts.copy()
     chosen[at], _ = held.best_starts((), flown.starts[:, None] + np.array(moved), [order[k] for k in at])
     before = held.fit(NONE, order, starts=starts, iterations=0)

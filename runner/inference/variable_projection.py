@@ -198,7 +198,7 @@ def _step(point: FitPoint, parameters: Sequence[Parameter], damping: float) -> t
     for r, j, q, t, dispersion in episodes:
         moved = r + j @ dx
         along = q.T @ moved
-        ds.append(-solve_triangular(t, along, check_finite=False) / (1 + damping))
+        ds.append(-told_move(t, along, least_share=0.0) / (1 + damping))
         left = moved - q @ along
         promised += (float(r @ r) - float(left @ left)) / float(dispersion)
     return dx, np.array(ds), promised
@@ -235,22 +235,32 @@ def finite(changes: np.ndarray) -> np.ndarray:
 def orthonormal(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the QR decomposition of columns (n, S): (n, S) and (S, S).
 
-    A start that nothing measured depends on (the speed of what begins at rest) has a column of zeros: it stays where
-    it is, and takes nothing out of the others.
+    A start that nothing measured depends on (the speed of what begins at rest) has a column of zeros: it takes nothing
+    out of the others, and its row and column of the triangle are zero, so that `told_move` leaves it where it is.
     """
     live = np.linalg.norm(columns, axis=0) > 0
     if live.all():
         return np.linalg.qr(columns)
-    q, r = np.zeros_like(columns), np.eye(columns.shape[1])
+    q, r = np.zeros_like(columns), np.zeros((columns.shape[1], columns.shape[1]))
     q[:, live], r[np.ix_(live, live)] = np.linalg.qr(columns[:, live])
     return q, r
 
 
-def invertible(triangle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a triangle (S, S) with what nothing tells of held where it is, and what is told, (S,)."""
+def told_move(
+    triangle: np.ndarray, along: np.ndarray, least_share: float = SETTINGS.fit.information_ridge
+) -> np.ndarray:
+    """Return the move of a start state, (S,) or (S, k), that shows so much along its basis; what is untold stays.
+
+    Args:
+        triangle: Of its derivatives, (S, S).
+        along: Whitened changes of the prediction, (S,) or (S, k).
+        least_share: A direction is told where it shows more than this share of what the plainest one does.
+    """
     size = np.abs(np.diag(triangle))
-    told = size >= SETTINGS.fit.information_ridge * size.max()
-    return np.where(told[:, None] & told, triangle, np.diag(np.full(len(size), 1e12))), told
+    told = size > least_share * size.max()
+    move = np.zeros_like(along)
+    move[told] = solve_triangular(triangle[np.ix_(told, told)], along[told], check_finite=False)
+    return move
 
 
 def probing_move(triangle: np.ndarray) -> np.ndarray:
@@ -258,9 +268,7 @@ def probing_move(triangle: np.ndarray) -> np.ndarray:
 
     Derivatives that have changed since would have to have changed at right angles to it to foretell what it does.
     """
-    solvable, told = invertible(triangle)
-    signs = np.where(np.arange(len(told)) % 2, -1.0, 1.0) * told
-    return solve_triangular(solvable, signs, check_finite=False)
+    return told_move(triangle, np.where(np.arange(len(triangle)) % 2, -1.0, 1.0))
 
 
 def project(columns: np.ndarray, basis: np.ndarray) -> np.ndarray:
