@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 from runner.diagnosis.attempt import _to_search
 from runner.diagnosis.pipeline import diagnose
 from runner.effects import mechanism as m
-from runner.inference.contender import log_density
-from runner.inference.least_squares import Fitter
+from runner.effects import planar_box as fx
+from runner.effects.vocabulary import Candidate
+from runner.inference.contender import account_densities, log_density
+from runner.inference.least_squares import Explanation, Fit, Fitter
 from runner.noise.measured import Measured, measure
 from runner.noise.model import NoiseModel
 from runner.numerics.arrays import spread_over
 from runner.recording import Span
+from runner.settings import SETTINGS
+from runner.systems.channels import Scatter
 from runner.systems.simulator import Run
 from tests.mechanism_cases import MOTOR, SLIDE, joint_channels, system_of, write_case
 
@@ -104,6 +110,29 @@ def test_what_acts_for_a_moment_is_looked_at(tmp_path: Path, *, velocities: bool
     assert set(chosen) - set(even) == {missed}
 
 
+@dataclass(frozen=True)
+class Still:
+    """A fitter of a model in which nothing moves: all that is measured is noise."""
+
+    measured: Measured
+
+    def fit(self, explanation: Explanation, episodes: Sequence[int], *, x: np.ndarray, starts: np.ndarray) -> Fit:
+        left = sum(float((self.measured.whiten(e, self.measured.values[e]) ** 2).sum()) for e in episodes)
+        fit = SimpleNamespace(explanation=explanation, episodes=tuple(episodes), x=x, starts=starts, total=left)
+        return cast(Any, fit)
+
+
+def account(
+    values: np.ndarray, sensor: float, colour: NoiseModel, effects: int = 0, **otherwise: Any
+) -> tuple[Fitter, Fit]:
+    """Return an account of the noise of one channel, (n,), beside a fit of effects of one number each."""
+    spans, valid = (Span(0, 0, len(values)),), (np.ones((len(values), 1), bool),)
+    measured = Measured(spans, (values[:, None],), np.array([sensor]), colour, valid, np.array([np.nan]))
+    still = Still(replace(measured, **otherwise))
+    explanation = Explanation((Candidate(fx.Friction),) * effects)
+    return cast(Any, still), still.fit(explanation, (0,), x=np.zeros(effects), starts=np.zeros((1, 0)))
+
+
 @pytest.mark.parametrize(("share", "memory"), [(0.0, 0.0), (0.7, 0.9)])
 def test_densities_with_other_noise_are_comparable(share: float, memory: float) -> None:
     """That of a long series by its innovations is that of the joint Gaussian, up to what all series of it share."""
@@ -111,19 +140,38 @@ def test_densities_with_other_noise_are_comparable(share: float, memory: float) 
     rng = np.random.default_rng(2)
     lag = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     covariance = share * memory**lag + (1.0 - share) * np.eye(n)
-
-    def density(sigma: float) -> tuple[float, float]:
-        values = sigma * normal(np.zeros(n), covariance).rvs(random_state=rng)
-        model = NoiseModel(np.array([share]), np.array([memory]))
-        spans, valid = (Span(0, 0, n),), (np.ones((n, 1), bool),)
-        measured = Measured(spans, (values[:, None],), np.array([sigma]), model, valid, np.array([np.nan]))
-        white = measured.whiten(0, values[:, None])
-        fit = SimpleNamespace(
-            episodes=(0,), total=float((white**2).sum()), x=np.zeros(0), explanation=SimpleNamespace(candidates=())
-        )
-        exact = normal(np.zeros(n), sigma**2 * covariance).logpdf(values)
-        return log_density(cast(Any, fit), measured), float(exact)
-
+    colour = NoiseModel(np.array([share]), np.array([memory]))
     for sigma in (1e-3, 0.3):
-        ours, exact = density(sigma)
-        assert ours - 0.5 * n * np.log(2.0 * np.pi) == pytest.approx(exact, abs=1.5)
+        values = sigma * normal(np.zeros(n), covariance).rvs(random_state=rng)
+        fitter, fit = account(values, sigma, colour)
+        exact = normal(np.zeros(n), sigma**2 * covariance).logpdf(values)
+        assert log_density(fit, fitter.measured) - 0.5 * n * np.log(2.0 * np.pi) == pytest.approx(exact, abs=1.5)
+
+
+def test_a_hit_counts_as_noise_from_there_on() -> None:
+    """Before it the density is that by the sensor's noise."""
+    n, sensor, level = 400, 1.0, 20.0
+    begun = np.arange(n) >= 250
+    sigma = np.where(begun, level, sensor)
+    values = sigma * np.random.default_rng(4).standard_normal(n)
+    fitter, fit = account(values, sensor, NoiseModel.white(1), scatter=Scatter(np.array([level]), (~begun,)))
+    exact = norm.logpdf(values, scale=sigma).sum() + 0.5 * n * np.log(2.0 * np.pi)
+    assert log_density(fit, fitter.measured) == pytest.approx(exact)
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+def test_a_unit_decides_nothing_between_two_accounts(unit: float) -> None:
+    """Of one recording, whatever counts by one of them alone: the right noise is likelier than three times as much."""
+    n, white = 400, NoiseModel.white(1)
+    values = unit * np.random.default_rng(0).standard_normal(n)
+    valid = np.ones((n, 1), bool)
+    valid[[5, 6, 7]] = False
+    right = account(values, unit, white, valid=(valid,), hung={0: 300})
+    right_density, wrong_density = account_densities([right, account(values, 3.0 * unit, white, odd_from=3.0)])
+    shared = values[:300][valid[:300, 0]]
+    likelier = norm.logpdf(shared, scale=unit).sum() - norm.logpdf(shared, scale=3.0 * unit).sum()
+    assert right_density - wrong_density == pytest.approx(likelier)
+    assert likelier > 0.0
+    plain, by_effects = account_densities([right, account(values, unit, white, effects=2)])
+    price = np.log(len(shared)) + 2.0 * SETTINGS.odds.effect_log_odds
+    assert plain - by_effects == pytest.approx(price)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from runner.diagnosis.ranking import unknown_by_episodes
 from runner.effects.base import Effects
 from runner.inference.breakaway import hanging
-from runner.inference.contender import log_density
+from runner.inference.contender import account_densities
 from runner.inference.held_out import Confirmed, confirm, portions, start_states, unseen
 from runner.inference.leap import leapt
 from runner.inference.least_squares import NONE, Fit, Fitter
@@ -295,7 +295,8 @@ def _less_noise(first: _FirstLook, fitter: Fitter, found: Search) -> _FirstLook 
     if not materially_slower(fitter.measured, whiter.measured):
         return None
     fit = whiter.fit(fit.explanation, episodes, x=fit.x, starts=fit.starts)
-    if log_density(fit, whiter.measured) <= log_density(found.best.fit, fitter.measured):
+    before, after = account_densities([(fitter, best), (whiter, fit)])
+    if after <= before:
         return None
     nominal = whiter.fit(NONE, episodes, starts=found.nominal.starts, iterations=SETTINGS.fit.nominal_steps)
     seed = WarmStart(fit.explanation, fit.x, fit.starts, fit.total)

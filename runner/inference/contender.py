@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from runner.inference.evidence import (
     predicted_gain,
 )
 from runner.inference.least_squares import Fit, Fitter
-from runner.noise.measured import Measured
+from runner.noise.measured import Measured, counting_alike
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 
@@ -67,18 +68,32 @@ def contend(
     return Contender(fit, around, found, against, log_posterior(fit, found, against), gains)
 
 
-def log_density(fit: Fit, measured: Measured) -> float:
-    """Return the log density of a recording by a fit and an account of its noise, up to a constant.
+def account_densities(accounts: Sequence[tuple[Fitter, Fit]]) -> list[float]:
+    """Return the log density of a recording by each of several fits with an account of the noise of its own.
 
-    Of fits with different accounts, whose evidence is not comparable: that of Gaussian noise, less Schwarz's half
-    logarithm of the count of values for each parameter (Schwarz 1978), less the prior odds of the effects.
+    Up to a constant that all share: each is fitted anew to the values that count by all of the accounts.
+
+    Args:
+        accounts: Of the same episodes, each with its fitter, whose noise it is.
     """
-    counts = np.sum([measured.counted(e).sum(axis=0) for e in fit.episodes], axis=0)
-    new = measured.sigma * measured.noise_model.innovation()
-    for_effects = 0.5 * len(fit.x) * np.log(counts.sum()) + SETTINGS.odds.effect_log_odds * len(
-        fit.explanation.candidates
-    )
-    return float(-0.5 * fit.total - counts @ np.log(new) - for_effects)
+    alike = counting_alike([fitter.measured for fitter, _ in accounts])
+    out = []
+    for (fitter, fit), measured in zip(accounts, alike, strict=True):
+        again = replace(fitter, measured=measured).fit(fit.explanation, fit.episodes, x=fit.x, starts=fit.starts)
+        out.append(log_density(again, measured))
+    return out
+
+
+def log_density(fit: Fit, measured: Measured) -> float:
+    """Return the log density of what counts of a recording by a fit and an account of its noise, up to a constant.
+
+    Of fits whose evidence is not comparable, as their noise is another: that of Gaussian noise, less Schwarz's half
+    logarithm of the count of values for each parameter (Schwarz 1978), less the prior odds of the effects. The constant
+    hangs on which values count, and on their units: see `account_densities`.
+    """
+    for_parameters = 0.5 * len(fit.x) * np.log(measured.count(fit.episodes))
+    for_effects = SETTINGS.odds.effect_log_odds * len(fit.explanation.candidates)
+    return float(-0.5 * fit.total - measured.volume(fit.episodes) - for_parameters - for_effects)
 
 
 def dispersion_of(fit: Fit, fitter: Fitter) -> float:

@@ -79,6 +79,11 @@ class Measured:
             return self.sensor
         return np.where(self.scatter.begun(episode)[:, None], self.sigma, self.sensor)
 
+    def volume(self, episodes: Iterable[int]) -> float:
+        """Return the sum of the log standard deviations of what is new in each value of these episodes that counts."""
+        new = self.noise_model.innovation()
+        return float(sum((self.counted(e) * np.log(self._scale(e) * new)).sum() for e in episodes))
+
     def parts(self, spans: Sequence[Span]) -> Measured:
         """Return parts of the episodes as episodes of their own; the noise is what it was."""
         values, valid = (tuple(v[s.episode][s.begin : s.end] for s in spans) for v in (self.values, self.valid))
@@ -225,6 +230,16 @@ def materially_slower(a: Measured, b: Measured) -> bool:
     """Whether one account of the noise of a recording has materially more slow noise than another."""
     slower = a.noise_model.lag_one - b.noise_model.lag_one
     return bool(np.any(slower > 2 * SETTINGS.noise.material_log_change))
+
+
+def counting_alike(accounts: Sequence[Measured]) -> list[Measured]:
+    """Return accounts of the noise of one recording of which the same values count: those that do by each of them.
+
+    And the same mean square makes an episode odd, the largest of theirs: none weighs lightly what it leaves much of.
+    """
+    every, odd_from = range(len(accounts[0].valid)), max(a.odd_from for a in accounts)
+    valid = tuple(np.logical_and.reduce([a.counted(e) for a in accounts]) for e in every)
+    return [replace(a, valid=valid, hung={}, odd_from=odd_from) for a in accounts]
 
 
 def off_from_stated(measured: Measured, system: AbstractSystem) -> dict[str, float]:
