@@ -18,10 +18,12 @@ from runner.effects import mechanism as m
 from runner.effects import planar_box as fx
 from runner.effects.vocabulary import Candidate
 from runner.inference.contender import account_densities, log_density
+from runner.inference.evidence import Direction, Sensitivities, least_errors
 from runner.inference.least_squares import Explanation, Fit, Fitter
 from runner.noise.measured import Measured, measure
 from runner.noise.model import NoiseModel
 from runner.numerics.arrays import spread_over
+from runner.numerics.recursive_filter import filtered
 from runner.recording import Span
 from runner.settings import SETTINGS
 from runner.systems.channels import Scatter
@@ -110,6 +112,30 @@ def test_what_acts_for_a_moment_is_looked_at(tmp_path: Path, *, velocities: bool
     assert set(chosen) - set(even) == {missed}
 
 
+def test_slow_noise_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where nothing differs and noise is truly slow, what leaps fit to it accounts for less, and nothing is named."""
+    system = system_of(servo_case(tmp_path / "still", [np.zeros(601)] * 2))
+    rng, share, memory = np.random.default_rng(1), 0.8, 0.97
+    measured = []
+    for e in range(2):
+        motion = system.simulator(threads=1).predict(e, [Run((), np.zeros(2))])[0, :, 0]
+        new = np.sqrt(1.0 - memory**2) * rng.standard_normal(len(motion) + 300)
+        slow, white = filtered(new, 1.0, 0.0, memory, 0.0)[300:], rng.standard_normal(len(motion))
+        measured.append(motion + NOISE_M * (np.sqrt(share) * slow + np.sqrt(1.0 - share) * white))
+    compared: list[list[float]] = []
+
+    def heard(accounts: Sequence[tuple[Fitter, Fit]]) -> list[float]:
+        compared.append(account_densities(accounts))
+        return compared[-1]
+
+    monkeypatch.setattr("runner.diagnosis.attempt.account_densities", heard)
+    found = diagnose(system_of(servo_case(tmp_path / "moved", measured)), threads=1, advise=False)
+    ((slow_noise, less),) = compared
+    assert slow_noise > less
+    assert found.ranked[0].effects == ("none",)
+    assert found.measured.noise_model.lag_one > 0.5
+
+
 @dataclass(frozen=True)
 class Still:
     """A fitter of a model in which nothing moves: all that is measured is noise."""
@@ -175,3 +201,29 @@ def test_a_unit_decides_nothing_between_two_accounts(unit: float) -> None:
     plain, by_effects = account_densities([right, account(values, unit, white, effects=2)])
     price = np.log(len(shared)) + 2.0 * SETTINGS.odds.effect_log_odds
     assert plain - by_effects == pytest.approx(price)
+
+
+def test_a_hit_may_come_at_once_or_never() -> None:
+    """Too little before it to tell a start is no flight without a hit, and all of an episode is one."""
+    calm = np.arange(100) < 8, np.ones(100, bool)
+    spans, values = (Span(0, 0, 100), Span(1, 0, 100)), (np.zeros((100, 1)),) * 2
+    valid = (np.ones((100, 1), bool),) * 2
+    scatter = Scatter(np.ones(1), calm)
+    measured = Measured(spans, values, np.ones(1), NoiseModel.white(1), valid, np.array([np.nan]), scatter)
+    assert measured.hits([0, 1])
+    assert measured.hits([0])
+    assert not measured.hits([1])
+    assert not replace(measured, scatter=None).hits([0])
+
+
+def test_a_simulator_has_errors_of_its_own_in_every_channel() -> None:
+    """At the least level of mismatch, an eighth, as far as values count."""
+    directions = tuple(Direction(Candidate(fx.Friction), np.ones(1), 1.0, mismatch) for mismatch in (0.08, 0.0))
+    columns = np.zeros((50, 2, 2))
+    columns[:, 0] = 200.0, 1e6  # of the first channel, by each direction
+    columns[:, 1] = 5.0, 1e6
+    system = SimpleNamespace(mismatch_levels=(0.125, 1.0), channels="xy")
+    measured = SimpleNamespace(counted=lambda _: np.ones((50, 2), bool))
+    fitter, fit = cast(Any, SimpleNamespace(system=system, measured=measured)), SimpleNamespace(episodes=(0,))
+    own = least_errors(cast(Any, fit), Sensitivities(directions, (columns.reshape(100, 2),)), fitter)
+    assert own == pytest.approx([4.0, 0.0025])

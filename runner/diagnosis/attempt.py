@@ -18,6 +18,7 @@ from runner.diagnosis.ranking import unknown_by_episodes
 from runner.effects.base import Effects
 from runner.inference.breakaway import hanging
 from runner.inference.contender import account_densities
+from runner.inference.evidence import directions, least_errors, sensitivities
 from runner.inference.held_out import Confirmed, confirm, portions, start_states, unseen
 from runner.inference.leap import leapt
 from runner.inference.least_squares import NONE, Fit, Fitter
@@ -267,7 +268,8 @@ def _explained(first: _FirstLook, held_out: Sequence[int]) -> tuple[Fitter, Sear
     """Search for the explanation; what noise there is shows in what the best one leaves, so look twice."""
     fitter, found = _searched(first)
     if materially_slower(fitter.measured, first.resting) and (other := _less_noise(first, fitter, found)):
-        fitter, found = _searched(other)
+        accounts = [(fitter, found), _searched(other)]
+        fitter, found = accounts[int(np.argmax(account_densities([(f, s.best.fit) for f, s in accounts])))]
     if not found.best.fit.explanation.discontinuous:
         return fitter, found
     there = hanging(fitter, unseen(found.best, fitter, stretches_of(fitter, held_out), None))
@@ -279,28 +281,38 @@ def _less_noise(first: _FirstLook, fitter: Fitter, found: Search) -> _FirstLook 
 
     What nothing explains yet passes for slow noise, beside which no explanation counts for much. So leaps are made from
     the likeliest beside the noise as it shows at rest, too: what is left where they lead is another account of the
-    noise. Not where the simulator's own errors beside any effect would be more than shows at rest.
+    noise. Not where even the least own errors that a simulator may have beside any effect would be more, in every
+    channel, than shows at rest: no leap leads to so little.
     """
-    resting, best = first.resting, found.best.fit
-    episodes = best.episodes
-    hopeless = np.any(resting.sensor < SETTINGS.odds.mismatch_share * fitter.measured.sensor)
-    if hopeless or fitter.until_hit(episodes):  # through a hit no linear model holds
+    best, episodes = found.best.fit, found.best.fit.episodes
+    if fitter.measured.hits(episodes):  # through a hit no linear model holds
         return None
-    still = replace(first.fitter.measured, sensor=resting.sensor, noise_model=resting.noise_model)
-    whiter = replace(first.fitter, measured=still)
-    fit = whiter.fit(best.explanation, episodes, x=best.x, starts=best.starts)
-    fit = leapt(whiter, fit)
-    left = _left(fit, fit.explanation.make(fit.x, whiter.context), whiter)
-    whiter = replace(whiter, measured=refine(still, whiter.system, left))
+    resting = replace(
+        first.fitter.measured,
+        sensor=first.resting.sensor,
+        noise_model=first.resting.noise_model,
+        odd_from=first.resting.odd_from,
+    )
+    still = replace(first.fitter, measured=resting)
+    fit = still.fit(best.explanation, episodes, x=best.x, starts=best.starts)
+    around = sensitivities(still, fit, directions(still.system))
+    if (least_errors(fit, around, still) > 1.0).all():
+        return None
+    how = {"starts": found.nominal.starts, "iterations": SETTINGS.fit.nominal_steps}
+    fit = leapt(still, fit, still.fit(NONE, episodes, **how))
+    left = _left(fit, fit.explanation.make(fit.x, still.context), still)
+    whiter = replace(still, measured=refine(resting, still.system, left))
     if not materially_slower(fitter.measured, whiter.measured):
         return None
     fit = whiter.fit(fit.explanation, episodes, x=fit.x, starts=fit.starts)
     before, after = account_densities([(fitter, best), (whiter, fit)])
     if after <= before:
         return None
-    nominal = whiter.fit(NONE, episodes, starts=found.nominal.starts, iterations=SETTINGS.fit.nominal_steps)
-    seed = WarmStart(fit.explanation, fit.x, fit.starts, fit.total)
-    return _FirstLook(whiter, nominal, Beginning({key_of(fit.explanation): seed}), resting)
+    # beside more noise most single effects were not tried: they are open
+    seeds = resumed(found, whiter).seeds
+    if fit.explanation.candidates:
+        seeds[key_of(fit.explanation)] = WarmStart(fit.explanation, fit.x, fit.starts, fit.total)
+    return _FirstLook(whiter, whiter.fit(NONE, episodes, **how), Beginning(seeds), first.resting)
 
 
 def _searched(first: _FirstLook) -> tuple[Fitter, Search]:

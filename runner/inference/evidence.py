@@ -108,6 +108,18 @@ def sensitivities(fitter: Fitter, fit: Fit, every: Sequence[Direction]) -> Sensi
     return Sensitivities(others, tuple(c / per for c in fitter.changes(base, runs, fit)))
 
 
+def least_errors(fit: Fit, around: Sensitivities, fitter: Fitter) -> np.ndarray:
+    """Return the own errors of a simulator that is as right as any may be, of each channel, in squared noises, (C,).
+
+    Off in the direction of every effect by the least of the levels of mismatch, see `AbstractSystem.mismatch_levels`.
+    """
+    mismatch = min(fitter.system.mismatch_levels) * np.array([d.mismatch for d in around.directions])
+    channels = len(fitter.system.channels)
+    errors = [((columns * mismatch) ** 2).sum(axis=1).reshape(-1, channels).sum(axis=0) for columns in around.columns]
+    counts = np.sum([fitter.measured.counted(e).sum(axis=0) for e in fit.episodes], axis=0)
+    return np.sum(errors, axis=0) / np.maximum(counts, 1)
+
+
 def moved_along(direction: Direction, explanation: Explanation, x: np.ndarray, context: Scope) -> Effects:
     """Return the effects of an explanation at x, (p,), moved along a direction.
 

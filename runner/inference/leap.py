@@ -67,12 +67,18 @@ def leap(
     return fit, (surveyed, known)
 
 
-def leapt(fitter: Fitter, fit: Fit) -> Fit:
-    """Return the fit, at rest, that leaps from another one lead to; that one, where none leaves less."""
+def leapt(fitter: Fitter, fit: Fit, nominal: Fit) -> Fit:
+    """Return the fit, at rest, that leaps from another one lead to; that one, where none leaves less.
+
+    Args:
+        fitter: Of the episodes.
+        fit: Where to begin.
+        nominal: The fit without effects.
+    """
     every, count = directions(fitter.system), fitter.measured.count(fit.episodes)
 
     def worth_beside(total: float) -> float:
-        return worth_of(fitter.system, count, fit.total, total)
+        return worth_of(fitter.system, count, nominal.total, total)
 
     there, _ = leap(fitter, fit, every, sensitivities(fitter, fit, every), worth_beside)
     return fit if there is fit else fitter.fit(there.explanation, there.episodes, x=there.x, starts=there.starts)

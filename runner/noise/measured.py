@@ -113,6 +113,10 @@ class Measured:
             odd_from=self.odd_from,
         )
 
+    def hits(self, episodes: Iterable[int]) -> bool:
+        """Whether anything is hit in some of these episodes."""
+        return self.scatter is not None and any(self.scatter.begun(e).any() for e in episodes)
+
     def is_scatter(self) -> np.ndarray:
         """Return which channels no model predicts to within the noise of their sensors after a hit, (C,)."""
         return self.sigma > self.sensor
