@@ -65,7 +65,7 @@ class Stretch:
 class _Batch:
     """What one rollout simulates: stretches, their models, which are of one shape, and steps of one length.
 
-    The first step begins `ahead_s` before the first samples.
+    The first may be shorter: it lasts `first_s`.
     """
 
     compiled: Compiled
@@ -73,7 +73,7 @@ class _Batch:
     stretches: Sequence[Stretch]
     steps: int
     step_s: float
-    ahead_s: float
+    first_s: float
 
 
 class MechanismSimulator(AbstractSimulator):
@@ -157,18 +157,18 @@ class MechanismSimulator(AbstractSimulator):
         for i, stretch in enumerate(stretches):
             compiled = self.models.compiled(stretch.effects)
             step_s = self._step(compiled, stretch.effects)
-            ahead_s = self._commands.ahead_s(stretch.effects, step_s)
-            groups.setdefault((compiled.signature, step_s, ahead_s), []).append(i)
-        for (_, step_s, ahead_s), members in groups.items():
+            first_s = self._commands.first_s(stretch.effects, step_s)
+            groups.setdefault((compiled.signature, step_s, first_s), []).append(i)
+        for (_, step_s, first_s), members in groups.items():
             compiled = self.models.compiled(stretches[members[0]].effects)
-            steps = max(self._steps(stretches[i], step_s, ahead_s) for i in members)
+            steps = max(self._steps(stretches[i], step_s) for i in members)
             width = mujoco.mj_stateSize(compiled.model, FULL) + mujoco.mj_stateSize(compiled.model, CONTROL)
             at_once = max(1, int(BYTES_AT_ONCE / (8.0 * steps * width)))
             for k in range(0, len(members), at_once):
                 some = members[k : k + at_once]
                 chosen = [stretches[i] for i in some]
                 models = [self.models.model(stretch.effects, step_s) for stretch in chosen]
-                out[some] = self._simulate(_Batch(compiled, models, chosen, steps, step_s, ahead_s))
+                out[some] = self._simulate(_Batch(compiled, models, chosen, steps, step_s, first_s))
         return out
 
     def _step(self, compiled: Compiled, effects: Effects) -> float:
@@ -187,50 +187,67 @@ class MechanismSimulator(AbstractSimulator):
             longest_s = min(longest_s, max(0.5 * contact_s, SHORTEST_STEP_S))
         return self.step_s / max(1, int(np.ceil(self.step_s / longest_s - 1e-9)))
 
-    def _steps(self, stretch: Stretch, step_s: float, ahead_s: float) -> int:
+    def _steps(self, stretch: Stretch, step_s: float) -> int:
         """Return how many physics steps reach the last sample."""
         t = self.recording.episodes[stretch.episode].t_s
-        return max(1, int(np.ceil((t[stretch.end - 1] - t[stretch.begin] + ahead_s) / step_s - 1e-6)))
+        return max(1, int(np.ceil((t[stretch.end - 1] - t[stretch.begin]) / step_s - 1e-6)))
 
     def _simulate(self, batch: _Batch) -> FloatArray:
         model, runs = batch.compiled.model, len(batch.stretches)
-        # one step more than is made: a force is read under the command that follows the last sample
+        # the command of a further step: a force is read under the one that follows the last sample
         control = np.zeros((runs, batch.steps + 1, mujoco.mj_stateSize(model, CONTROL)))
-        initial = np.zeros((runs, mujoco.mj_stateSize(model, FULL)))
+        start = np.zeros((runs, mujoco.mj_stateSize(model, FULL)))
         with quiet():
             for r, s in enumerate(batch.stretches):
                 control[r, :, : model.nu] = self._commands.control(
-                    s.effects, s.episode, self._time(s), batch.steps + 1, batch.step_s, model, batch.ahead_s
+                    s.effects, s.episode, self._time(s), batch.steps + 1, batch.step_s, model
                 )
                 if s.disturbance is not None:
                     control[r, :, model.nu :] = self._generalised(s.disturbance, batch.compiled)
-                initial[r] = self._initial(s, batch, batch.models[r], control[r, 0, : model.nu])
-            state, _ = self._pool.rollout(
-                list(batch.models),
-                list(batch.compiled.data[: self.threads]),
-                initial,
-                control[:, :-1],
-                control_spec=CONTROL,
-                chunk_size=max(1, min(16, runs // (4 * self.threads))),
-            )
+                start[r] = self._initial(s, batch.compiled, batch.models[r], control[r, 0, : model.nu])
+            states = self._states(batch, start, control)
         self.simulated_s += batch.steps * batch.step_s * runs
-        # a run that has diverged stands still in time from there on
-        stopped = np.diff(state[:, :, 0], axis=1, prepend=initial[:, None, 0]) < 0.5 * batch.step_s
-        state[stopped | ~(np.abs(state).max(axis=2) < HUGE)] = np.nan
-        return self._sampled(batch, np.concatenate([initial[:, None], state], axis=1), control)
+        return self._sampled(batch, states, control)
 
-    def _initial(self, stretch: Stretch, batch: _Batch, model: mujoco.MjModel, command: FloatArray) -> FloatArray:
-        """Return the state that a rollout begins with: positions half a step ahead of velocities."""
-        nq, nv = model.nq, model.nv
-        position, velocity = self._start(stretch, batch.compiled, model, command)
+    def _initial(self, stretch: Stretch, compiled: Compiled, model: mujoco.MjModel, command: FloatArray) -> FloatArray:
+        """Return the state at the first sample."""
+        q, v = _places(model)
         out = np.zeros(mujoco.mj_stateSize(model, FULL))
-        out[0] = self._time(stretch) - batch.ahead_s
-        out[1 + nq + nv : 1 + nq + nv + model.na] = _activation(model, position, command)
-        later_s = (0.5 * batch.step_s if self.models.leapfrog else 0.0) - batch.ahead_s
-        if later_s:
-            position = batch.compiled.coordinates.moved(position, later_s * velocity)
-        out[1 : 1 + nq], out[1 + nq : 1 + nq + nv] = position, velocity
+        out[0] = self._time(stretch)
+        out[q], out[v] = self._start(stretch, compiled, model, command)
+        out[v.stop : v.stop + model.na] = _activation(model, out[q], command)
         return out
+
+    def _states(self, batch: _Batch, start: FloatArray, control: FloatArray) -> FloatArray:
+        """Return states in even steps (R, n + 1, ...) from starts (R, ...) on, under commands (R, n + 1, ...)."""
+        if batch.first_s == batch.step_s:
+            return self._stepped(batch, start, control[:, :-1])
+        # the first is a part of a whole step; samples lie at one and the same part of those that follow
+        share = batch.first_s / batch.step_s
+        second = _within(batch.compiled, self._stepped(batch, start, control[:, :1]), share)[:, 0]
+        after = self._stepped(batch, second, control[:, 1:])
+        return np.concatenate([start[:, None], _within(batch.compiled, after, 1.0 - share)], axis=1)
+
+    def _stepped(self, batch: _Batch, start: FloatArray, control: FloatArray) -> FloatArray:
+        """Return states (R, n + 1, ...) after whole steps under commands (R, n, ...); NaN once it has diverged."""
+        runs, moved, (q, v) = len(start), batch.compiled.coordinates.moved, _places(batch.compiled.model)
+        # MuJoCo's positions are half a step ahead of its velocities
+        lead_s = 0.5 * batch.step_s if self.models.leapfrog else 0.0
+        initial = start.copy()
+        initial[:, q] = moved(start[:, q], lead_s * start[:, v])
+        after, _ = self._pool.rollout(
+            list(batch.models),
+            list(batch.compiled.data[: self.threads]),
+            initial,
+            control,
+            control_spec=CONTROL,
+            chunk_size=max(1, min(16, runs // (4 * self.threads))),
+        )
+        # a run that has diverged stands still in time from there on
+        stopped = np.diff(after[:, :, 0], axis=1, prepend=initial[:, None, 0]) < 0.5 * batch.step_s
+        after[stopped | ~(np.abs(after).max(axis=2) < HUGE)] = np.nan
+        after[..., q] = moved(after[..., q], -lead_s * after[..., v])
+        return np.concatenate([start[:, None], after], axis=1)
 
     def _time(self, stretch: Stretch) -> float:
         """Return the time since its episode began at which a stretch begins."""
@@ -268,14 +285,12 @@ class MechanismSimulator(AbstractSimulator):
         return out
 
     def _sampled(self, batch: _Batch, full: FloatArray, control: FloatArray) -> FloatArray:
-        """Return the channels at the samples, (R, T, C), from states (R, n + 1, ...) with leading positions."""
-        model, compiled, stretches = batch.compiled.model, batch.compiled, batch.stretches
-        position, velocity = full[..., 1 : 1 + model.nq], full[..., 1 + model.nq : 1 + model.nq + model.nv]
-        if self.models.leapfrog:
-            position = compiled.coordinates.moved(position, -0.5 * batch.step_s * velocity)
+        """Return the channels at the samples, (R, T, C), from states in even steps, (R, n + 1, ...)."""
+        compiled, stretches = batch.compiled, batch.stretches
+        q, v = _places(compiled.model)
         observer = Observer(self.recording, compiled)
-        states = States(position, velocity, control[..., : model.nu])
-        sensordata = self._sensordata(batch, full, position, control) if observer.needs_sensors else None
+        states = States(full[..., q], full[..., v], control[..., : compiled.model.nu])
+        sensordata = self._sensordata(batch, full, control) if observer.needs_sensors else None
         shown = observer.channels(batch.models, states, sensordata)
         out = np.empty((len(stretches), stretches[0].end - stretches[0].begin, len(self.recording.mapping.sources)))
         # effects on readings work on many runs at once, and so do samples at the same times
@@ -285,15 +300,14 @@ class MechanismSimulator(AbstractSimulator):
         for rows in together.values():
             s = stretches[rows[0]]
             some = {name: values[rows] for name, values in shown.items()}
-            grid = -batch.ahead_s + even_times(batch.steps + 1, batch.step_s)
+            grid = even_times(batch.steps + 1, batch.step_s)
             out[rows] = self._readings.sampled(s.effects, s.episode, slice(s.begin, s.end), some, grid)
         return out
 
-    def _sensordata(self, batch: _Batch, full: FloatArray, position: FloatArray, control: FloatArray) -> FloatArray:
-        """Return MuJoCo's sensors in every state, (R, n + 1, nsensordata), positions and velocities of one instant."""
+    def _sensordata(self, batch: _Batch, full: FloatArray, control: FloatArray) -> FloatArray:
+        """Return MuJoCo's sensors in every state, (R, n + 1, nsensordata)."""
         runs, n = full.shape[:2]
         states = full.copy()
-        states[..., 1 : 1 + batch.compiled.model.nq] = position
         lost = np.isnan(states).any(axis=-1)
         states[lost] = states[:, :1].repeat(n, axis=1)[lost]
         with quiet():
@@ -311,6 +325,27 @@ class MechanismSimulator(AbstractSimulator):
     def seen_start(self, effects: Effects, start: FloatArray) -> FloatArray:
         """Return the true start (S,) that sensors with these effects show as the given one."""
         return self._readings.behind(effects, start[None], self.step_s, at_rest=self.recording.mapping.rests)[0]
+
+
+def _places(model: mujoco.MjModel) -> tuple[slice, slice]:
+    """Return where positions and velocities stand in a state; activations come next."""
+    return slice(1, 1 + model.nq), slice(1 + model.nq, 1 + model.nq + model.nv)
+
+
+def _within(compiled: Compiled, states: FloatArray, share: float) -> FloatArray:
+    """Return the states (R, n, ...) when a share of each of the steps between n + 1 states has passed.
+
+    A step's forces act evenly over all of it, so that the acceleration within it is uniform.
+    """
+    (q, v), coordinates = _places(compiled.model), compiled.coordinates
+    before, after = states[:, :-1], states[:, 1:]
+    out = before.copy()
+    for part in slice(0, 1), slice(v.start, v.stop + compiled.model.na):
+        out[..., part] += share * (after[..., part] - before[..., part])
+    change = coordinates.difference(after[..., q], before[..., q])
+    gained = (after[..., :1] - before[..., :1]) * (after[..., v] - before[..., v])
+    out[..., q] = coordinates.moved(before[..., q], share * (change - 0.5 * (1.0 - share) * gained))
+    return out
 
 
 def _activation(model: mujoco.MjModel, position: FloatArray, command: FloatArray) -> FloatArray:
