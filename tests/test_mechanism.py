@@ -16,6 +16,7 @@ import pytest
 from runner.effects.base import Parameter, Vector
 from runner.effects.mechanism import Command, MechanismEffect, Reading, Scope
 from runner.effects.mechanism.actuator_delay import ActuatorDelay
+from runner.effects.mechanism.clock_scale import ClockScale
 from runner.effects.mechanism.joint_friction import JointFriction
 from runner.effects.mechanism.observation_delay import ObservationDelay
 from runner.errors import ResultError
@@ -594,3 +595,12 @@ def test_a_force_is_read_under_the_command_that_has_come(tmp_path: Path) -> None
     simulator = system_of(write_case(tmp_path, model, [columns], nominal)).simulator(threads=1)
     got = simulator.predict(0, [Run((ActuatorDelay("drive", 0.001),), np.zeros(2))])[0, :, 1]
     np.testing.assert_allclose(got, [0.0, *sent[:-1]], atol=1e-12)
+
+
+def test_positions_are_those_of_the_stamps_where_the_clock_is_off(tmp_path: Path) -> None:
+    """By a clock that runs fast by a quarter, 5 N move 2 kg from rest by a / 2 (t / 1.25)^2."""
+    case = slide_case(tmp_path, command=lambda t: np.full_like(t, 5.0), length_s=0.5)
+    got = system_of(case).simulator(threads=1).predict(0, [Run((ClockScale(1.25),), np.zeros(2))])[0]
+    for_s = 0.005 * np.arange(len(got)) / 1.25
+    np.testing.assert_allclose(got[:, 0], 0.5 * 2.5 * for_s**2, atol=1e-9)
+    np.testing.assert_allclose(got[:, 1], 2.5 * for_s, atol=1e-9)

@@ -231,8 +231,9 @@ class MechanismSimulator(AbstractSimulator):
     def _stepped(self, batch: _Batch, start: FloatArray, control: FloatArray) -> FloatArray:
         """Return states (R, n + 1, ...) after whole steps under commands (R, n, ...); NaN once it has diverged."""
         runs, moved, (q, v) = len(start), batch.compiled.coordinates.moved, _places(batch.compiled.model)
+        step_s = np.array([[model.opt.timestep] for model in batch.models])  # another one where a clock is off
         # MuJoCo's positions are half a step ahead of its velocities
-        lead_s = 0.5 * batch.step_s if self.models.leapfrog else 0.0
+        lead_s = 0.5 * step_s if self.models.leapfrog else np.zeros_like(step_s)
         initial = start.copy()
         initial[:, q] = moved(start[:, q], lead_s * start[:, v])
         after, _ = self._pool.rollout(
@@ -244,9 +245,9 @@ class MechanismSimulator(AbstractSimulator):
             chunk_size=max(1, min(16, runs // (4 * self.threads))),
         )
         # a run that has diverged stands still in time from there on
-        stopped = np.diff(after[:, :, 0], axis=1, prepend=initial[:, None, 0]) < 0.5 * batch.step_s
+        stopped = np.diff(after[:, :, 0], axis=1, prepend=initial[:, None, 0]) < 0.5 * step_s
         after[stopped | ~(np.abs(after).max(axis=2) < HUGE)] = np.nan
-        after[..., q] = moved(after[..., q], -lead_s * after[..., v])
+        after[..., q] = moved(after[..., q], -lead_s[..., None] * after[..., v])
         return np.concatenate([start[:, None], after], axis=1)
 
     def _time(self, stretch: Stretch) -> float:
