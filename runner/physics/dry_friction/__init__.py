@@ -81,7 +81,7 @@ from runner.physics.dry_friction.record import (
     corner_points,
     pack,
 )
-from runner.physics.dry_friction.rollout import is_all_that_acts, rollout
+from runner.physics.dry_friction.rollout import STATE, STATE_AND_PIN, is_all_that_acts, rollout
 
 __all__ = [
     "COLUMN",
@@ -102,6 +102,8 @@ __all__ = [
     "POINT_STRIDE",
     "PUSH_SIZE",
     "SLIP_EPS",
+    "STATE",
+    "STATE_AND_PIN",
     "STRIDE",
     "UPRIGHT",
     "USERDATA_SIZE",

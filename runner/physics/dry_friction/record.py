@@ -26,7 +26,7 @@ USERDATA_SIZE = PIN_ADR + PIN_SIZE  # per body
 # Offsets inside the `userdata` block of a body, after the push: friction (world axes, N, film included), its moment
 # about the body frame (N m), where the moments ask the load to be (body axes, m; beyond the base it would tip),
 # share of the base that is lifted, speed at the end of the step (m/s), power of friction (W, mean over the step), load
-# on the base (N), yaw rate (rad/s), force of the pin on the body (world axes, N).
+# on the base (N), yaw rate (rad/s), force of the pin on the body (world axes, N, mean over the step).
 OUT_FORCE, OUT_TORQUE, OUT_COP, OUT_LIFTED, OUT_SLIP, OUT_POWER, OUT_LOAD, OUT_TURN = 0, 2, 3, 5, 6, 7, 8, 9
 OUT_PIN = 10
 

@@ -21,11 +21,12 @@ from runner.physics import borrowed as borrowing
 from runner.physics.borrowed import borrowed
 from runner.physics.dry_friction.planar import Engine, step_planar
 from runner.physics.dry_friction.points import room_for
-from runner.physics.dry_friction.record import COLUMN, MAGIC, PLANAR, STRIDE
+from runner.physics.dry_friction.record import COLUMN, MAGIC, OUT_PIN, PLANAR, PUSH_SIZE, STRIDE
 from runner.storage.numba_cache import fingerprint
 
 SOURCES = fingerprint(borrowing.__file__, *Path(__file__).parent.glob("*.py"))  # see `binding`
-MAGIC_AT, JOINTS, POINTS = COLUMN["magic"], COLUMN["joints"], COLUMN["points"]
+MAGIC_AT, JOINTS, POINTS, PUSH_ADR = COLUMN["magic"], COLUMN["joints"], COLUMN["points"], COLUMN["push_adr"]
+STATE, STATE_AND_PIN = 6, 8  # numbers after each step: position and velocity; and the force of a pin
 OWN = 15  # what a motion keeps besides the push: no applied forces (6), those of dampers, position, velocity
 
 
@@ -52,6 +53,8 @@ def rollout(
     start: NDArray[np.float64],
     of: tuple[ArrayLike, ArrayLike],
     threads: int = 1,
+    *,
+    columns: int = STATE,
 ) -> NDArray[np.float64]:
     """Simulate many motions, each with a start of its own.
 
@@ -61,13 +64,15 @@ def rollout(
         start: Time, position (3), velocity (3) at the start of each of R motions, (R, 7).
         of: Which of the models, and which of the controls, each motion has, (R,) each.
         threads: How many share the work.
+        columns: Of the answer, `STATE` or `STATE_AND_PIN`.
 
     Returns:
-        Position and velocity after each step, (R, n, 6).
+        Position and velocity after each step, and with `STATE_AND_PIN` the force of a pin on the body during it,
+        (R, n, columns).
     """
     numbers = [np.stack(each) for each in zip(*map(_numbers, models), strict=True)]
     of_models, of_controls = (np.asarray(which, np.int64) for which in of)
-    out = np.empty((len(start), controls.shape[1], 6))
+    out = np.empty((len(start), controls.shape[1], columns))
     simulate, step_s = _compiled(), float(models[0].opt.timestep)
     most = int(numbers[0][:, POINTS].max())
 
@@ -131,6 +136,9 @@ def _compiled():
                     qvel[d] = end[d]
                     qpos[d] += step_s * end[d]
                     out[r, k, d], out[r, k, 3 + d] = qpos[d], qvel[d]
+                if out.shape[2] == STATE_AND_PIN:
+                    pin = int(records[m, PUSH_ADR]) + PUSH_SIZE + OUT_PIN
+                    out[r, k, 6], out[r, k, 7] = user[pin], user[pin + 1]
                 time += step_s
 
     return simulate
