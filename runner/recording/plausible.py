@@ -16,7 +16,7 @@ import numpy as np
 from runner.recording.data import Form, Nominal
 from runner.recording.plausible_forces import force_notes, measured_notes
 from runner.recording.plausible_pairs import apart, follows_of, lone_notes, pair_notes
-from runner.recording.plausible_pin import pin_notes
+from runner.recording.plausible_pin import pin_force_notes, pin_notes
 from runner.recording.table import POSE, TWIST, Table
 from runner.settings import SETTINGS
 
@@ -78,7 +78,7 @@ def note_motion(table: Table, spans: Sequence[slice], nominal: Nominal) -> None:
         table.notes.extend(pair_notes(table, spans, pose, twist, UNITS[pose], least=limit, enough=enough))
     moves = not any(apart(follows_of(table, spans, *pair), limits[pair[0]]) for pair in PAIRS)
     if nominal.pin is not None:  # what a pin does with a body does not follow from its force
-        table.notes.extend(pin_notes(table, nominal.pin, nominal))
+        table.notes.extend(pin_notes(table, nominal.pin, nominal) + pin_force_notes(table, spans))
     elif moves:
         table.notes.extend(force_notes(table, spans, nominal) or measured_notes(table, spans))
 

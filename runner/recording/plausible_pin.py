@@ -1,6 +1,8 @@
-"""Whether the path of a pin is one on which it pushes the body: it touches it, and does not go through it."""
+"""Whether the path of a pin is one on which it pushes the body: touches it, does not go through it, works on it."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,7 +11,7 @@ from runner.numerics.polygon import Polygon
 from runner.recording.data import WARNING, BelievedPin, Nominal
 from runner.recording.plausible_forces import turned
 from runner.recording.plausible_pairs import place
-from runner.recording.table import PIN, Table
+from runner.recording.table import FORCE, PIN, Table
 from runner.settings import SETTINGS
 
 
@@ -36,6 +38,25 @@ def pin_notes(table: Table, pin: BelievedPin, nominal: Nominal) -> list[str]:
         f"{WARNING}where the pin touches the body as believed it is {1e3 * usual:.3g} mm inside it by the median, most "
         f"at {place(table, row)}: is 'half_size' half of the edges, 'pin: radius' right, and are 'tip_x', 'tip_y' of "
         "the pin's middle?"
+    ]
+
+
+def pin_force_notes(table: Table, spans: Sequence[slice]) -> list[str]:
+    """Return a note where the measured force holds the pin's way: a pin that pushes gives, and never takes.
+
+    Args:
+        table: Of a planar body.
+        spans: Rows of each episode.
+    """
+    force, path = np.nan_to_num(table.stack(FORCE[:2])), table.stack(PIN)
+    ways = [(0.5 * (force[s][1:] + force[s][:-1]), np.diff(path[s], axis=0)) for s in spans]
+    work_j = sum(float(np.sum(f * way)) for f, way in ways)
+    most_j = sum(float(np.sum(np.linalg.norm(f, axis=1) * np.linalg.norm(way, axis=1))) for f, way in ways)
+    if work_j >= -SETTINGS.forces.explained_share * most_j:
+        return []
+    return [
+        f"{WARNING}the force 'fx', 'fy' of the pin is against its way ({work_j:.3g} J in all), as that of the body on "
+        "the pin is: it must be that of the pin on the body, the other sign"
     ]
 
 
