@@ -6,7 +6,7 @@ CASES is what `examples/plates/make_cases.py` has made: for each plate the cases
 a folder for each plate, by its name, with the `corrected.yaml` of a diagnosis of its `fitted` case. Every push of
 `left_out` is simulated from where the plate lay, at rest, along the recorded path of the pin. Errors are those at the
 end of a push, then means (and medians) over the pushes: position in mm and heading in degrees. The ratio of forces is
-the measured impulse over the simulated one, without regard to direction, while the pin pushes in the simulation.
+the measured impulse over the simulated one, without regard to direction, where a diagnosis counts the force.
 
 With `--fit N` numbers are fitted to the pushes of `fitted` before, N generations of differential evolution (Storn and
 Price 1997). For all plates together: where the pin is off in x and y, its friction, and the friction of the floor. For
@@ -37,7 +37,6 @@ BOUNDS = ((-2.5e-3, 2.5e-3), (-2.5e-3, 2.5e-3), (0.05, 0.5), (0.15, 0.6))
 SHAPE, USUAL = ((-2.5, 2.5),) * 3, 0.7  # ... and how uneven a pressure usually is: few pushes tell little of it
 ERRORS = np.array([1e-3, 1e-3, 8e-3])  # m, m, rad
 FIT_RATE_HZ, EVERY, POPULATION = 250.0, 8, 5  # steps a second; samples that count; candidates per number
-PUSHES = 0.1  # of the plate's friction: a force above it is a push
 
 
 @dataclass(frozen=True)
@@ -53,13 +52,15 @@ class End:
 def ends_of(system: PlanarBox, effects: Effects) -> list[End]:
     """Return the ends of all pushes of a case with these effects."""
     simulator, out = system.simulator(), []
+    by_sensor = [i for i, channel in enumerate(system.channels) if channel.group == "force"]
     for k, episode in enumerate(system.recording.episodes):
         run = Run(effects, np.array([*episode.pose[0], 0.0, 0.0, 0.0]))
-        miss = simulator.predict(k, [run])[0][-1, :3] - episode.pose[-1]
-        force = np.linalg.norm(simulator.pin_force(k, run), axis=1)
-        measured = np.linalg.norm(episode.force_n[:-1], axis=1)
-        used = (force > PUSHES * system.context.friction_n) & np.isfinite(measured)
-        ratio = float(measured[used].sum() / force[used].sum()) if used.any() else np.nan
+        simulated = simulator.predict(k, [run])[0]
+        miss = simulated[-1, :3] - episode.pose[-1]
+        measured = system.values()[k][:, by_sensor]
+        used = np.isfinite(measured).all(axis=1)
+        sizes = [np.linalg.norm(f[used], axis=1).sum() for f in (measured, simulated[:, by_sensor])]
+        ratio = float(sizes[0] / sizes[1]) if len(by_sensor) and used.any() else np.nan
         out.append(End(episode.index, 1e3 * float(np.hypot(*miss[:2])), abs(float(np.degrees(miss[2]))), ratio))
     return out
 

@@ -228,8 +228,9 @@ class Fitter:
             count = max(1, round(self.seconds(e) / seconds))
             edges = np.linspace(0, n, count + 1).round().astype(int)
             spans += [Span(e, int(a), int(b)) for a, b in pairwise(edges)]
-        there = np.any([self.measured.valid[e].any(axis=0) for e in episodes], axis=0)
-        counts = [self.measured.counted(s.episode)[s.begin : s.end, there].sum(axis=0) for s in spans]
+        own = self.system.initial.channels
+        there = np.any([self.measured.valid[e][:, own].any(axis=0) for e in episodes], axis=0)
+        counts = [self.measured.counted(s.episode)[s.begin : s.end, own][:, there].sum(axis=0) for s in spans]
         return [s for s, n in zip(spans, counts, strict=True) if (n >= SETTINGS.fit.min_start_samples).all()]
 
     def first_starts(self, episodes: Sequence[int]) -> np.ndarray:

@@ -227,8 +227,12 @@ def _near_folder(path: Path) -> str:
 
 
 def _force(table: Table, form: Form) -> FloatArray:
+    """Return forces (N, 3); of a pin, an axis that is 0 throughout was not measured."""
     if form is Form.PLANAR:
-        return np.stack([table["fx"], table["fy"], np.zeros(len(table))], axis=1)
+        force = table.stack(FORCE[:2])
+        if PIN[0] in table:
+            force[:, ~np.nan_to_num(force).any(axis=0)] = np.nan
+        return np.column_stack([force, np.zeros(len(table))])
     return table.stack(FORCE) if "fx" in table else np.full((len(table), 3), np.nan)
 
 

@@ -180,7 +180,7 @@ class Episode:
         force_n: Force held from each sample to the next, world axes, shape (T, 3), N.
         point_m: Where it acts, relative to the geometric centre, body axes, shape (T, 3), m.
         pin_m: Path of the pin that pushes, world, shape (T, 2), m; None: the force was commanded. Where there is one,
-            the force is that of the pin, as measured.
+            the force is that of the pin on the body at each sample, as measured.
 
     NaN in a pose or twist, and in space or of a pin in a force and point: not measured.
 

@@ -173,7 +173,7 @@ def _sums(
     spread = (change**2).sum(axis=1)
     counts = valid.copy()
     counts[:, 0] = False
-    sound = valid[:, 0].all(axis=1)
+    sound = valid[:, 0, system.initial.channels].all(axis=1)
     if sound.any():
         # a start without all of its measurements says nothing of what measured starts are worth
         counts[~sound] = False

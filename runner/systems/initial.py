@@ -14,9 +14,11 @@ class AbstractInitialState(ABC):
 
     Attributes:
         steps: For differences, (S,): small against a motion, large against rounding.
+        channels: Those that measure the state itself.
     """
 
     steps: FloatArray
+    channels: slice = slice(None)
 
     @property
     def size(self) -> int:

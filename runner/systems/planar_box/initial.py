@@ -21,14 +21,15 @@ class PlanarStart(AbstractInitialState):
     steps = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])
 
     def __init__(self, rate_hz: float, columns: np.ndarray) -> None:
-        """Of a recording whose channels are these of the six numbers, (C,) indices."""
+        """Of a recording whose first channels are these of the six numbers, (K,) indices."""
         self._rate_hz, self._columns = rate_hz, columns
+        self.channels = slice(len(columns))
         self._lacking = np.setdiff1d(np.arange(3, 6), columns)
 
     def scale(self, sigma: FloatArray) -> FloatArray:
         """A start is known about as well as a sample is, or a slope of a few."""
         out = np.empty(6)
-        out[self._columns] = sigma
+        out[self._columns] = sigma[self.channels]
         out[self._lacking] = out[self._lacking - 3] / SLOPE_S
         return out
 
@@ -37,14 +38,14 @@ class PlanarStart(AbstractInitialState):
         if len(self._lacking):
             return self._smoothed(signals, Windows(np.array([episode]), np.array([0]), 1))[0]
         first = np.where(signals.valid[episode][:FIRST], signals.values[episode][:FIRST], np.nan)
-        return np.nan_to_num(_median(first), nan=0.0)
+        return np.nan_to_num(_median(first[:, self.channels]), nan=0.0)
 
     def guess_windows(self, signals: Signals, windows: Windows, *, smooth: bool) -> FloatArray:
         """Return the measured states, or `smooth` those of local cubics through poses and velocities."""
         if smooth:
             return self._smoothed(signals, windows)
         out = np.empty((len(windows), 6))
-        out[:, self._columns] = _measured(signals, windows)
+        out[:, self._columns] = _measured(signals, windows)[:, self.channels]
         if len(self._lacking):
             out[:, self._lacking] = self._smoothed(signals, windows)[:, self._lacking]
         return out
@@ -71,10 +72,10 @@ class PlanarStart(AbstractInitialState):
 
     def _states(self, signals: Signals, episode: int, near: slice) -> tuple[np.ndarray, np.ndarray]:
         """Return what of the six numbers counts at some samples, and their values, 0 where not, both (T, 6)."""
-        there = signals.valid[episode][near]
+        there = signals.valid[episode][near, self.channels]
         valid, values = np.zeros((len(there), 6), bool), np.zeros((len(there), 6))
         valid[:, self._columns] = there
-        values[:, self._columns] = np.where(there, signals.values[episode][near], 0.0)
+        values[:, self._columns] = np.where(there, signals.values[episode][near, self.channels], 0.0)
         return valid, values
 
 

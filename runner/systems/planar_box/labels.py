@@ -11,7 +11,7 @@ from runner.effects.planar_box import Context
 from runner.recording import Recording
 from runner.settings import SETTINGS
 from runner.systems.channels import Signals
-from runner.systems.planar_box.motion import measured_columns, motion
+from runner.systems.planar_box.motion import motion, state_columns
 from runner.systems.windows import Labels, Windows
 
 PLACES = 5  # cells along each side of the floor map
@@ -113,8 +113,8 @@ def label(recording: Recording, context: Context, measured: Signals, windows: Wi
 
 def _rate_errors(recording: Recording, sigma: np.ndarray, samples: int) -> np.ndarray:
     """Return the standard error of the mean of vx, vy, wz over a window, (3,); of a slope where it was not measured."""
-    columns = measured_columns(recording)
-    known = dict(zip(columns.tolist(), sigma, strict=True))
+    columns = state_columns(recording)
+    known = dict(zip(columns.tolist(), sigma[: len(columns)], strict=True))
     slope = np.sqrt(2.0) * recording.nominal.rate_hz / max(samples - 1, 1)
     return np.array([known[k] / np.sqrt(samples) if k in known else slope * known[k - 3] for k in (3, 4, 5)])
 

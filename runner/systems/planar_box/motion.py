@@ -1,4 +1,4 @@
-"""What of a box's motion was measured, and a rough account of all of it."""
+"""What of a box was measured, and a rough account of its motion."""
 
 from __future__ import annotations
 
@@ -7,11 +7,20 @@ import numpy as np
 from runner.recording import Recording
 from runner.recording.kinematics import without_gaps
 
+STATE = 6  # of the columns are a state of the body, before those of a force
+
 
 def measured_columns(recording: Recording) -> np.ndarray:
-    """Return which of x, y, yaw, vx, vy, wz were measured at all, (K,) indices."""
-    seen = [np.isfinite(np.hstack([e.pose, e.twist])).any(axis=0) for e in recording.episodes]
-    return np.flatnonzero(np.any(seen, axis=0))
+    """Return which of x, y, yaw, vx, vy, wz, and of a pin's fx, fy, were measured at all, (C,) ascending indices."""
+    by_pin = recording.nominal.pin is not None
+    columns = ([e.pose, e.twist, *([e.force_n[:, :2]] if by_pin else [])] for e in recording.episodes)
+    return np.flatnonzero(np.any([np.isfinite(np.hstack(c)).any(axis=0) for c in columns], axis=0))
+
+
+def state_columns(recording: Recording) -> np.ndarray:
+    """Return which of x, y, yaw, vx, vy, wz were measured at all, (K,) indices; they come first of what was."""
+    columns = measured_columns(recording)
+    return columns[columns < STATE]
 
 
 def motion(recording: Recording) -> tuple[np.ndarray, ...]:

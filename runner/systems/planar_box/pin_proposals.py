@@ -75,14 +75,14 @@ def pin_pushes(recording: Recording, context: Context) -> list[ProposedPinPush]:
 
 
 def unmeasured_by_pin(recording: Recording, pushes: Sequence[ProposedPinPush], centre_m: FloatArray) -> Recording:
-    """Return a recording in which each episode is one of these pushes, at rest throughout, from a place with yaw 0."""
-    rate, seen = recording.nominal.rate_hz, np.full(6, np.nan)
+    """Return a recording in which each episode is one of these pushes, seen as this one's are, at rest at yaw 0."""
+    rate, seen = recording.nominal.rate_hz, np.full(8, np.nan)
     seen[measured_columns(recording)] = 0.0
     episodes = []
     for i, push in enumerate(pushes):
         lasts_s = float(np.linalg.norm(push.way_m)) / push.speed_m_s + REST_S
         t = np.arange(round(lasts_s * rate) + 1) / rate
-        pose, twist = np.tile(seen[:3], (len(t), 1)), np.tile(seen[3:], (len(t), 1))
-        nothing = np.zeros((len(t), 3))
-        episodes.append(Episode(i, t, pose, twist, nothing, nothing, centre_m + push.path(t)))
+        pose, twist = np.tile(seen[:3], (len(t), 1)), np.tile(seen[3:6], (len(t), 1))
+        force, point = np.tile([*seen[6:], 0.0], (len(t), 1)), np.zeros((len(t), 3))
+        episodes.append(Episode(i, t, pose, twist, force, point, centre_m + push.path(t)))
     return replace(recording, episodes=tuple(episodes), notes=())

@@ -25,7 +25,8 @@ from runner.physics.scene import Base, BodyConfig, Dof, PinConfig, SceneConfig, 
 from runner.recording import Form, Nominal, Recording, Span, Support
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.planar_box.commands import Commands
-from runner.systems.planar_box.motion import measured_columns
+from runner.systems.planar_box.motion import STATE, measured_columns
+from runner.systems.planar_box.pin_force import means, steps_of_engine
 from runner.systems.planar_box.windows import FULL, USERDATA, Effects, WindowSimulator, planar, shown_alike, unseen
 from runner.systems.simulator import AbstractSimulator, Run
 from runner.systems.windows import Windows
@@ -129,6 +130,7 @@ class Simulator(AbstractSimulator):
         self._windows: dict[Effects, WindowSimulator] = {}
         whole = tuple(Span(i, 0, len(e)) for i, e in enumerate(self.recording.episodes))
         self._columns_seen = measured_columns(self.recording)
+        self._sees_force = bool((self._columns_seen >= STATE).any())
         self._spans = whole if self.spans is None else self.spans
         self._surveyor: Simulator | None = None
 
@@ -182,9 +184,13 @@ class Simulator(AbstractSimulator):
         return self._surveyor
 
     def predict(self, episode: int, runs: Sequence[Run]) -> np.ndarray:
-        """Return what would be measured at the samples of an episode, or span, (len(runs), T, C): pose, then twist."""
-        span = self._spans[episode]
-        out = np.empty((len(runs), span.end - span.begin, 6))
+        """Return what would be measured at the samples of an episode, or span, (len(runs), T, C).
+
+        Pose, then twist, then the force of a pin. That has a sensor of its own, which effects on the measured motion
+        leave alone; a delay, of commands or of all that is measured, is in it.
+        """
+        span, size = self._spans[episode], dry_friction.STATE_AND_PIN if self._sees_force else dry_friction.STATE
+        out = np.empty((len(runs), span.end - span.begin, size))
         groups: dict[tuple[type[PlanarEffect], ...], list[int]] = {}
         for i, run in enumerate(runs):
             groups.setdefault(tuple(type(e) for e in planar(run.effects) if e.structural), []).append(i)
@@ -213,7 +219,11 @@ class Simulator(AbstractSimulator):
         models = [self._models[effects] for effects in members]
         controls = np.stack([self._commands.control(e, span.episode)[before : before + n] for e in members])
         if dry_friction.is_all_that_acts(base.model):
-            after = dry_friction.rollout(models, controls, start[:, :7], (which, which), self._threads)
+            after = dry_friction.rollout(
+                models, controls, start[:, :7], (which, which), self._threads, columns=out.shape[-1]
+            )
+        elif self._sees_force:
+            after = steps_of_engine([models[k] for k in which], base.data[0], start, controls[which])
         else:
             each = [models[k] for k in which]
             with quiet():  # what runs away is told by its residuals
@@ -222,7 +232,7 @@ class Simulator(AbstractSimulator):
                 )
             after = state[:, :, 1:7]
         self.simulated_s += n * self.step_s * len(runs)
-        motion = np.concatenate([start[:, None, 1:7], after], axis=1)
+        motion = np.concatenate([start[:, None, 1:7], after[..., :6]], axis=1)
         motion[:, :, :3] -= 0.5 * self.step_s * motion[:, :, 3:]
         time = np.arange(n + 1) * self.step_s
         for effects, own in members.items():
@@ -231,22 +241,9 @@ class Simulator(AbstractSimulator):
                 measured = effect.edit_measurement(measured)
             target = [rows[i] for i in own]
             sampled = slice(None, None, self.steps_per_sample)
-            out[target, :, :3], out[target, :, 3:] = measured.pose[:, sampled], measured.twist[:, sampled]
-
-    def pin_force(self, episode: int, run: Run) -> np.ndarray:
-        """Return the force of the pin on the body, mean from each sample of an episode to the next, (T - 1, 2), N."""
-        effects, n = planar(run.effects), self.steps_per_sample
-        model = self.model(effects)
-        data = mujoco.MjData(model)
-        data.qpos[:], data.qvel[:] = run.start[:3] + 0.5 * self.step_s * run.start[3:], run.start[3:]
-        control = self._commands.control(effects, episode)
-        force = np.empty((len(control), 2))
-        said = dry_friction.PUSH_SIZE + dry_friction.OUT_PIN
-        for k, row in enumerate(control):
-            data.userdata[:] = row
-            mujoco.mj_step(model, data)
-            force[k] = data.userdata[said : said + 2]
-        return force.reshape(-1, n, 2).mean(axis=1)
+            out[target, :, :3], out[target, :, 3:6] = measured.pose[:, sampled], measured.twist[:, sampled]
+        if self._sees_force:
+            out[rows, :, 6:] = means(after[..., 6:], self.steps_per_sample, self.step_s)
 
     def predict_windows(
         self,

@@ -24,7 +24,8 @@ from runner.systems.drawing import DrawnBody, Shape
 from runner.systems.planar_box.initial import PlanarStart
 from runner.systems.planar_box.labels import FACTORS, REGIMES, label
 from runner.systems.planar_box.model_file import write_model
-from runner.systems.planar_box.motion import measured_columns
+from runner.systems.planar_box.motion import STATE, measured_columns
+from runner.systems.planar_box.pin_force import measured_force
 from runner.systems.planar_box.pin_proposals import pin_pushes, unmeasured_by_pin
 from runner.systems.planar_box.proposals import pushes, unmeasured
 from runner.systems.planar_box.rests import pin_rest_segments, rest_segments
@@ -39,6 +40,8 @@ CHANNELS = (
     Channel("vx", "m/s", "velocity", "velocity x"),
     Channel("vy", "m/s", "velocity", "velocity y"),
     Channel("wz", "rad/s", "rate", "yaw rate"),
+    Channel("fx", "N", "force", "force of the pin x"),
+    Channel("fy", "N", "force", "force of the pin y"),
 )
 PIN, PIN_HEIGHTS = "pin", 3.0  # as it is drawn, and how many times as high as the body
 
@@ -87,7 +90,7 @@ class PlanarBox(AbstractSystem):
         self.rate_hz = recording.nominal.rate_hz
         self._columns = measured_columns(recording)
         self.channels = tuple(CHANNELS[k] for k in self._columns)
-        self.initial = PlanarStart(self.rate_hz, self._columns)
+        self.initial = PlanarStart(self.rate_hz, self._columns[self._columns < STATE])
         self.context = context_of(recording)
         force = SETTINGS.where.force_step * self.context.friction_n
         large = SETTINGS.where.max_force * max(self.context.friction_n, self.context.force_n)
@@ -102,7 +105,8 @@ class PlanarBox(AbstractSystem):
 
     def values(self) -> tuple[FloatArray, ...]:
         """See `AbstractSystem`."""
-        return tuple(np.hstack([e.pose, e.twist])[:, self._columns] for e in self.recording.episodes)
+        every = (np.hstack([e.pose, e.twist, measured_force(e)]) for e in self.recording.episodes)
+        return tuple(each[:, self._columns] for each in every)
 
     def stated_noise(self) -> FloatArray:
         """See `AbstractSystem`."""
@@ -112,6 +116,7 @@ class PlanarBox(AbstractSystem):
             "yaw": noise.yaw_rad,
             "velocity": noise.velocity_m_s,
             "rate": noise.rate_rad_s,
+            "force": None,
         }
         return np.array([np.nan if given[c.group] is None else given[c.group] for c in self.channels], float)
 
@@ -226,7 +231,10 @@ class PlanarBox(AbstractSystem):
         """Return the same system with other measurements, (T, C) per episode."""
         episodes = []
         for episode, measured in zip(self.recording.episodes, values, strict=True):
-            states = np.full((len(measured), len(CHANNELS)), np.nan)
-            states[:, self._columns] = measured
-            episodes.append(replace(episode, pose=states[:, :3], twist=states[:, 3:]))
+            every = np.full((len(measured), len(CHANNELS)), np.nan)
+            every[:, self._columns] = measured
+            force = (
+                episode.force_n if self.recording.nominal.pin is None else np.pad(every[:, STATE:], ((0, 0), (0, 1)))
+            )
+            episodes.append(replace(episode, pose=every[:, :3], twist=every[:, 3:STATE], force_n=force))
         return PlanarBox(replace(self.recording, episodes=tuple(episodes)))

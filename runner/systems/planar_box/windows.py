@@ -16,7 +16,8 @@ from runner.effects.planar_box import ActuatorDelay, Motion, ObservationDelay, P
 from runner.physics import dry_friction
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.planar_box.commands import Commands
-from runner.systems.planar_box.motion import measured_columns, motion
+from runner.systems.planar_box.motion import STATE, measured_columns, motion
+from runner.systems.planar_box.pin_force import means, steps_of_engine
 from runner.systems.windows import Windows
 
 Effects = tuple[PlanarEffect, ...]
@@ -50,6 +51,7 @@ class WindowSimulator:
     simulated_s: float = field(init=False, default=0.0)
     _yaw: list[np.ndarray] = field(init=False)
     _columns_seen: np.ndarray = field(init=False)
+    _sees_force: bool = field(init=False)
 
     def __post_init__(self) -> None:
         threads = len(os.sched_getaffinity(0))
@@ -57,6 +59,7 @@ class WindowSimulator:
         self._pool = rollout.Rollout(nthread=threads if threads > 1 else 0)
         recording, n = self.commands.recording, self.commands.steps_per_sample
         self._columns_seen = measured_columns(recording)
+        self._sees_force = bool((self._columns_seen >= STATE).any())
         self._yaw = [np.repeat(0.5 * (states[1:, 2] + states[:-1, 2]), n) for states in motion(recording)]
 
     def predict(self, windows: Windows, starts: np.ndarray, wrench: np.ndarray | None = None) -> np.ndarray:
@@ -69,7 +72,7 @@ class WindowSimulator:
                 about the vertical, N m: (K, 3) or (W, K, 3).
 
         Returns:
-            What is measured of pose and twist at the samples, the first of them the start, (W, K, samples, C).
+            What is measured at the samples, the first of them the start, (W, K, samples, C).
         """
         out = np.empty((*starts.shape[:2], windows.samples, len(self._columns_seen)))
         wrench = None if wrench is None else np.broadcast_to(wrench, (*starts.shape[:2], 3))
@@ -100,7 +103,10 @@ class WindowSimulator:
         state, control = state.reshape(count * columns, -1), control.reshape(count * columns, steps, -1)
         if dry_friction.is_all_that_acts(self.model):
             of = np.zeros(len(state), int), np.arange(len(state))
-            rows = dry_friction.rollout([self.model], control, state[:, :7], of, len(self._data))
+            size = dry_friction.STATE_AND_PIN if self._sees_force else dry_friction.STATE
+            rows = dry_friction.rollout([self.model], control, state[:, :7], of, len(self._data), columns=size)
+        elif self._sees_force:
+            rows = steps_of_engine([self.model] * len(state), self._data[0], state, control)
         else:
             with quiet():
                 rows, _ = self._pool.rollout(
@@ -113,14 +119,15 @@ class WindowSimulator:
                 )
             rows = rows[:, :, 1:7]
         self.simulated_s += len(state) * steps * step_s
-        motion = np.concatenate([state[:, None, 1:7], rows[:, per_sample - 1 :: per_sample]], axis=1)
+        motion = np.concatenate([state[:, None, 1:7], rows[:, per_sample - 1 :: per_sample, :6]], axis=1)
         motion[:, :, :3] -= 0.5 * step_s * motion[:, :, 3:]
         t_s = np.arange(windows.samples) * per_sample * step_s
         seen = Motion(t_s, motion[..., :3], motion[..., 3:])
         for effect in self.effects:
             seen = effect.edit_measurement(seen)
-        states = np.concatenate([seen.pose, seen.twist], axis=-1).reshape(count, columns, windows.samples, 6)
-        return states[..., self._columns_seen]
+        shown = [seen.pose, seen.twist, *([means(rows[..., 6:], per_sample, step_s)] if self._sees_force else [])]
+        every = np.concatenate(shown, axis=-1)[..., self._columns_seen]
+        return every.reshape(count, columns, windows.samples, len(self._columns_seen))
 
 
 def _add_wrench(control: np.ndarray, wrench: np.ndarray, yaw: np.ndarray) -> None:
