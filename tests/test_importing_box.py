@@ -242,7 +242,9 @@ def test_a_pushers_path_is_no_point_of_the_box(
     (tmp_path / "box.yaml").write_text(BELIEVED + pin)
     path = tmp_path / "map.yaml"
     assert main(["import", str(tmp_path / "pushes.csv"), f"model={tmp_path / 'box.yaml'}", f"propose={path}"]) == 0
-    commands = yaml.safe_load(path.read_text())["commands"]
+    proposed = yaml.safe_load(path.read_text())
+    commands = proposed["commands"]
+    assert "fx" in proposed["channels" if pin else "commands"]  # of a pin it is what a sensor has measured
     assert commands.get("px", {}).get("signal") == point
     assert commands.get("tip_x", {}).get("signal") == ("tip_x_mm" if pin else None)
     said = " ".join(capsys.readouterr().out.split())

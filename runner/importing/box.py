@@ -18,6 +18,7 @@ from runner.recording.table import FORCE, PIN, POINT, POSE, TWIST, UNITS
 
 MEASURED = (*POSE[Form.PLANAR], *TWIST[Form.PLANAR])
 COMMANDED = (*FORCE[:2], *POINT, *PIN)
+OF_PIN = (*FORCE[:2], *POINT)  # where a pin's path is what drives: measured, if at all
 NOISE = {"x": "position", "y": "position", "yaw": "yaw", "vx": "velocity", "vy": "velocity", "wz": "rate"}
 SUFFIXES = (".yaml", ".yml")
 
@@ -56,7 +57,7 @@ def plan_box(path: Path, wanted: BoxMap, model: Path) -> Plan:
             f"{path}: rows: a box needs even ones, as in {{at: {NEAREST}, rate_hz: 30}}; got at: {wanted.rows.at}."
         )
     nominal, content = believed(model, rate_hz)
-    measured = MEASURED if nominal.pin is None else (*MEASURED, *FORCE[:2], *POINT)
+    measured = MEASURED if nominal.pin is None else (*MEASURED, *OF_PIN)
     entries, beside = list[Entry](), beside_of(wanted.commands)
     for group, role, allowed in (("commands", Role.COMMAND, COMMANDED), ("channels", Role.CHANNEL, measured)):
         for column, keys in getattr(wanted, group).items():

@@ -244,10 +244,11 @@ def _add(
     group[column] = entry
     draft.why[column] = with_unit(why, unit.why)
     draft.used.append(signal)
-    step = None if element.is_command or unit.name == TO_FILL else coarse_step(signal.values)
+    unstated = draft.box and column not in NOISE  # there is no place to state the noise of a force
+    step = None if element.is_command or unit.name == TO_FILL or unstated else coarse_step(signal.values)
     if step is not None:
         size = allowed(element.si_unit)[unit.name] if unit.name else 1.0
-        name = NOISE.get(column, column) if draft.box else column
+        name = NOISE[column] if draft.box else column
         draft.noise[name] = max(float(f"{step * size / math.sqrt(12):.3g}"), draft.noise.get(name, 0.0))
     draft.table.append((signal.name, element.words, unit.name or "SI", draft.why[column]))
     if unit.name == TO_FILL:

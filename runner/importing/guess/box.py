@@ -11,7 +11,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from runner.importing.box import COMMANDED, MEASURED
+from runner.importing.box import COMMANDED, MEASURED, OF_PIN
 from runner.importing.guess.elements import BOX, Element, Matches
 from runner.importing.guess.names import BY_NAME, words_of
 from runner.importing.guess.unit import unit_by_name
@@ -44,7 +44,8 @@ def box_elements(nominal: Nominal) -> dict[str, Element]:
     for column in (*commanded, *MEASURED):
         limits = (-WIDER * sizes[column], WIDER * sizes[column]) if column in sizes else None
         limits = (-2 * math.pi * TURNS, 2 * math.pi * TURNS) if column == "yaw" else limits
-        quantity = "command" if column in COMMANDED else "measured"
+        measured = column in MEASURED or (column in OF_PIN and nominal.pin is not None)
+        quantity = "measured" if measured else "command"
         out[column] = Element(BOX, column, quantity, (), SI_UNITS[column], limits)
     return out
 
