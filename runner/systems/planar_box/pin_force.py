@@ -51,11 +51,19 @@ def measured_force(episode: Episode) -> FloatArray:
     return force_n
 
 
+def without_gaps(episode: Episode) -> FloatArray:
+    """Return the force along world x and y with lines where it was not measured, 0 where it never was, (T, 2), N."""
+    t_s, force_n = episode.t_s, episode.force_n[:, :2].copy()
+    for f in force_n.T:
+        there = np.isfinite(f)
+        f[~there] = np.interp(t_s[~there], t_s[there], f[there]) if there.any() else 0.0
+    return force_n
+
+
 def _pushes(episode: Episode) -> np.ndarray:
     """Return where the pin moves and pushes, and does so over all that a mean goes over, (T,)."""
-    force_n, t_s = episode.force_n[:, :2], episode.t_s
-    known = np.isfinite(force_n).any(axis=1)
-    if episode.pin_m is None or not known.any():
+    t_s, force_n = episode.t_s, without_gaps(episode)
+    if episode.pin_m is None or not force_n.any():
         return np.zeros(len(episode), bool)
     reach = max(1, math.ceil(REACH_S / episode.step_s - 1e-9))
     i = np.arange(len(episode))
@@ -63,8 +71,7 @@ def _pushes(episode: Episode) -> np.ndarray:
     lasts_s = t_s[after] - t_s[before]
     speed = np.linalg.norm(episode.pin_m[after] - episode.pin_m[before], axis=1) / lasts_s
     noise_m = max(np.nan_to_num([white_noise([(t_s, p)]) for p in episode.pin_m.T]))
-    filled = [np.interp(t_s, t_s[known], np.nan_to_num(f[known])) for f in force_n.T]
-    size = np.linalg.norm(uniform_filter1d(filled, 2 * reach + 1, axis=1, mode="nearest"), axis=0)
+    size = np.linalg.norm(uniform_filter1d(force_n, 2 * reach + 1, axis=0, mode="nearest"), axis=1)
     touches = size >= TOUCHES * size.max()
     hardly = MOVES * float(np.quantile(speed[touches], FAST))
     moves = speed > np.maximum(hardly, SURE * math.sqrt(2.0) * noise_m / lasts_s)
