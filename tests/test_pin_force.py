@@ -15,6 +15,7 @@ from runner.noise.measured import measure
 from runner.physics import dry_friction
 from runner.recording import BelievedPin, Episode, Form, Noise, Nominal, Recording, read_case, write_case
 from runner.recording.data import warnings
+from runner.simulate.gap import measure_gap
 from runner.systems.planar_box.pin_force import REACH_S
 from runner.systems.planar_box.simulator import Simulator
 from runner.systems.planar_box.system import PlanarBox
@@ -154,6 +155,19 @@ def test_a_force_is_read_where_it_was_measured(tmp_path: Path) -> None:
     write_case(replace(recording, episodes=back), tmp_path)
     (warning,) = warnings(read_case(tmp_path).notes)
     assert "is against its way" in warning
+
+
+def test_a_window_tells_a_force_once_pin_and_body_have_settled() -> None:
+    """Begun anew from states with noise, a pin strikes or leaves the body: a true model has a gap of one noise all the
+    same, and of the first tenth of a second nothing is told."""
+    system = PlanarBox(made([push(3.0, 0.1, 0.0, 0.05), push(3.0, 0.1, 0.0, -0.05)], FRICTION))
+    table = measure_gap(system, measure(system), horizons_s=(0.07, 0.5), whole_episodes=False).table
+    rows = [row for row in table.to_dict("records") if row["starts"] == "fitted"]
+    noises = {(row["channel"], row["horizon"]): row["noises"] for row in rows}
+    assert noises["fx", "0.5 s"] < 1.3
+    assert noises["fy", "0.5 s"] < 1.3
+    assert np.isnan(noises["fx", "0.07 s"])
+    assert noises["x", "0.07 s"] < 1.3
 
 
 def made(paths: list[np.ndarray], friction: float, seed: int = 3) -> Recording:

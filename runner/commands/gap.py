@@ -12,6 +12,7 @@ measured, beside what the noise alone would make of it; "fitted" is the gap from
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -151,6 +152,7 @@ def _table(system: AbstractSystem, found: Gap, equals: str) -> Table:
                 cells = [_noises(row["noises_expected"]) for row in rows]
             else:
                 cells = [f"{number(row['rms'] * factor)}{equals}{_noises(row['noises'])}" for row in rows]
+            cells = ["-" if math.isnan(row["rms"]) else cell for row, cell in zip(rows, cells, strict=True)]
             noise = f"{mark}{number(rows[0]['noise'] * factor)}"
             last = c == len(system.channels) - 1
             table.add_row(Text(f" {channel.name}, {unit}"), noise, *cells, end_section=last)

@@ -62,7 +62,7 @@ def _longest(spans: Sequence[Span], lengths: Sequence[int], rate: float) -> str:
 def _rows(
     system: AbstractSystem, horizon: str, squares: np.ndarray, count: np.ndarray, measured: Measured
 ) -> list[dict[str, object]]:
-    rms = np.sqrt(squares / np.maximum(count, 1e-9))
+    rms = np.sqrt(squares / np.where(count > 0, count, np.nan))
     return [
         {
             "channel": channel.name,

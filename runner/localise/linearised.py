@@ -119,7 +119,8 @@ def linearised(
     offsets = np.vstack([np.zeros(size), np.diag(steps), np.zeros((len(extra), size))])
     push = np.vstack([np.zeros((1 + size, d)), extra]) if len(extra) else None
     rows = model.predict(windows, starts[:, None] + offsets, push)
-    values, valid = windows.of(measured.values), windows.of(measured.valid)
+    values = windows.of(measured.values)
+    valid = model.system.initial.settled(windows.of(measured.valid), model.system.rate_hz)
     raw = rows[:, 0] - values
     moved = (rows[:, 1 : 1 + size] - rows[:, :1]) / steps[:, None, None] * scale[:, None, None]
     return Linearised(

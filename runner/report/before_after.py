@@ -82,7 +82,8 @@ def misses(diagnosis: Diagnosis) -> list[Miss]:
         for horizon in horizons:
             key = (channel.name, f"{horizon:g} s")
             values = (before.loc[key, "rms"], after.loc[key, "rms"], before.loc[key, "noise"])
-            out.append(Miss(channel, unit, horizon, *(scale * float(v) for v in values)))  # type: ignore[arg-type]
+            if not np.isnan(float(values[0])):  # over less than it takes to settle nothing is told of a force
+                out.append(Miss(channel, unit, horizon, *(scale * float(v) for v in values)))  # type: ignore[arg-type]
         out += [at_last[channel.name]] if channel.name in at_last else []
     return out
 

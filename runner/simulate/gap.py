@@ -38,7 +38,7 @@ class Gap:
         table: One row per channel, horizon and kind of start: `horizon` ("0.1 s", ..., "episode"), `horizon_s` (NaN for
             whole episodes), `starts` ("measured" or "fitted"), `channel`, `unit`, `rms` (physical), `noise`, `stated`
             (False: the noise is estimated), `noises` (rms / noise), `noises_expected` (the same of a perfect model),
-            `windows`, `values`.
+            `windows`, `values`; NaN where there are none.
         episodes: The same for each whole episode: `episode` is its number in the recording.
         starts: Fitted start states of the whole episodes, by position of the episode, (S,) each.
     """
@@ -163,7 +163,7 @@ def _sums(
 
     `grow`: there is one window, and where its motion amplifies the start, that is sought over shorter parts first.
     """
-    values, valid = windows.of(signals.values), windows.of(signals.valid)
+    values, valid = windows.of(signals.values), system.initial.settled(windows.of(signals.valid), system.rate_hz)
     steps, scale = system.initial.steps, system.initial.scale(signals.sigma)
     measured = system.initial.guess_windows(signals, windows, smooth=False)
     rows = predict(np.stack([measured, *(measured + d for d in np.diag(steps))], axis=1))
@@ -212,14 +212,14 @@ def _total(sums: Sequence[_Sums]) -> _Sums:
 def _rows(
     system: AbstractSystem, horizon: str, horizon_s: float, sums: _Sums, signals: Measured
 ) -> list[dict[str, object]]:
-    fitted = np.maximum(sums.fitted_values, 1e-9)
+    measured, fitted = (np.where(v > 0, v, np.nan) for v in (sums.values, sums.fitted_values))
     kinds = {
         "measured": (
-            np.sqrt(sums.squares / np.maximum(sums.values, 1)),
-            np.sqrt(sums.expected / np.maximum(sums.values, 1)) / signals.sigma,
+            np.sqrt(sums.squares / measured),
+            np.sqrt(sums.expected / measured) / signals.sigma,
             sums.values,
         ),
-        "fitted": (np.sqrt(sums.fitted_squares / fitted), np.ones(len(system.channels)), fitted),
+        "fitted": (np.sqrt(sums.fitted_squares / fitted), np.ones(len(system.channels)), sums.fitted_values),
     }
     return [
         {

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import NDArray
 
 from runner.numerics.arrays import FloatArray
 from runner.systems.channels import Signals
@@ -15,15 +19,26 @@ class AbstractInitialState(ABC):
     Attributes:
         steps: For differences, (S,): small against a motion, large against rounding.
         channels: Those that measure the state itself.
+        settling_s: How long after a start that is a little off the others say more of that than of the model.
     """
 
     steps: FloatArray
     channels: slice = slice(None)
+    settling_s: float = 0.0
 
     @property
     def size(self) -> int:
         """How many numbers."""
         return len(self.steps)
+
+    def settled(self, valid: NDArray[np.bool_], rate_hz: float) -> NDArray[np.bool_]:
+        """Return what counts of windows (W, n, C) that begin in such states."""
+        out = valid.copy()
+        early = out[:, : math.ceil(self.settling_s * rate_hz - 1e-9)]
+        state = early[..., self.channels].copy()
+        early[...] = False
+        early[..., self.channels] = state
+        return out
 
     @abstractmethod
     def scale(self, sigma: FloatArray) -> FloatArray:

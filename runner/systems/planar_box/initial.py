@@ -12,6 +12,7 @@ from runner.systems.windows import Windows
 SMOOTH_S = 0.1  # half width of the local smoother
 FIRST = 5  # samples whose median a start is guessed from
 REACH = 3  # samples to each side that the smoother has at least where it tells velocities from positions alone
+SETTLING_S = 0.1  # of a pin and a body that noise of the start has put too near, too far, or at other speeds
 SLOPE_S = 0.1  # a slope over a window that short: its error is that of a sample over so many seconds
 
 
@@ -23,7 +24,7 @@ class PlanarStart(AbstractInitialState):
     def __init__(self, rate_hz: float, columns: np.ndarray) -> None:
         """Of a recording whose first channels are these of the six numbers, (K,) indices."""
         self._rate_hz, self._columns = rate_hz, columns
-        self.channels = slice(len(columns))
+        self.channels, self.settling_s = slice(len(columns)), SETTLING_S
         self._lacking = np.setdiff1d(np.arange(3, 6), columns)
 
     def scale(self, sigma: FloatArray) -> FloatArray:
