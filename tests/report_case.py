@@ -103,6 +103,7 @@ def diagnosis() -> Any:
         abstention=None,
         excess=0.01,
         nominal_excess=4.0,
+        drive_excess=0.0,
         left_by_episode={3: 1.0, 4: -2.0, 5: 0.5},
         seconds=12.0,
         simulated_s=4000.0,

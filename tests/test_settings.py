@@ -29,6 +29,7 @@ ALLOWED = {
     ("localise/likeness.py", "SHAPES_SHOWN"): "how much of a list is shown",
     ("diagnosis/abstention.py", "NEAREST_SHOWN"): "how much of a list is shown",
     ("diagnosis/notes.py", "MOST_PLACES"): "how much of a list is shown",
+    ("diagnosis/advice.py", "PLENTY"): "how a number is shown",
     ("diagnosis/verdict.py", "RIVALS_SHOWN"): "how much of a list is shown",
     ("diagnosis/score.py", "BINS"): "marks verdicts that have been given",
     ("diagnosis/score.py", "FIRST"): "marks verdicts that have been given",

@@ -24,7 +24,7 @@ STILL = Episode(4, np.arange(31) / 30, *(np.zeros((31, 3)) for _ in range(4)))
 SYSTEM = PlanarBox(Recording(Path("made"), Form.PLANAR, Nominal((0.5, 0.5, 0.5), 3.0, 0.3, 9.81, 30.0), (STILL, STILL)))
 FRICTION = ("friction",), {"friction": {"mu": 0.27}}
 BOTH = ("friction", "wind"), {"friction": {"mu": 0.27}, "wind": {"force_n": 0.4, "direction_rad": 1.0}}
-# every phrase that says what is left, and which of the three it says
+# every phrase that says what is left, and what it says of that
 CLAIMS = {
     r"what is left is the noise": Left.NOISE,
     r"Nothing is left": Left.NOISE,
@@ -32,6 +32,7 @@ CLAIMS = {
     r"should show the noise and no more": Left.NOISE,
     r"[Ss]mall errors (are left|of any simulator)": Left.SMALL_ERRORS,
     r"no more than what is left here": Left.SMALL_ERRORS,
+    r"noise of the measured force": Left.DRIVE,
     r"Something is left": Left.SOMETHING,
     r"[Ss]omething (else|is going on)": Left.SOMETHING,
     r"another cause": Left.SOMETHING,
@@ -51,6 +52,7 @@ def made(
     after: float = 1.1,
     excess: float = 0.01,
     nominal_excess: float = 4.0,
+    drive_excess: float = 0.0,
     before: float = 9.0,
     left: dict[int, float] | None = None,
 ) -> Any:
@@ -69,6 +71,7 @@ def made(
     return SimpleNamespace(
         case="made", system=SYSTEM, recording=SYSTEM.recording, ranked=(other, top), gap_closed=gap_closed,
         effects=() if effects == ("none",) else ("made",), held_out=(1,), excess=excess, nominal_excess=nominal_excess,
+        drive_excess=drive_excess,
         left_by_episode=left or {},
         closure=SimpleNamespace(
             table=pd.DataFrame(rows), gap_closed_low=gap_closed - 0.01, gap_closed_high=gap_closed + 0.01,
@@ -80,14 +83,15 @@ def made(
 
 
 MANY = [
-    made(explained, chance, gap_closed=g, closable=c, after=a, excess=e, nominal_excess=n)
-    for (explained, chance), g, c, a, e, n in product(
+    made(explained, chance, gap_closed=g, closable=c, after=a, excess=e, nominal_excess=n, drive_excess=d)
+    for (explained, chance), g, c, a, e, n, d in product(
         [(FRICTION, 0.97), (BOTH, 0.8), (FRICTION, 0.4), ((("none",), {}), 0.9), ((("unknown",), {}), 0.9)],
         (0.003, 0.6),
         (None, 0.985, 0.9999),
         (0.99, 1.3, 3.0),
         (-0.01, 0.2, 5.48),
         (0.01, 2e4),
+        (0.0, 3e4),
     )
 ]
 
@@ -153,6 +157,20 @@ def test_what_is_left_is_not_noise_where_the_residual_says_otherwise() -> None:
     assert text.endswith("; what is left is 2.5 times the noise.")
     text = words.verdict(made(FRICTION, 0.97, closable=0.9999, after=1.0, excess=0.02))
     assert text.endswith("; what is left is the noise of the measurement.")
+
+
+def test_what_noise_of_a_measured_force_makes_has_no_other_cause() -> None:
+    """Thirty times the noise is left, as much as the noise of the force makes: more than that is something else."""
+    few: dict[str, Any] = {"closable": 0.9999, "after": 31.0, "excess": 960.0, "nominal_excess": 4e6}
+    text = words.verdict(made(FRICTION, 0.6, drive_excess=1500.0, **few))
+    assert text.endswith("; what is left, 31 times the noise, is no more than the noise of the measured force makes.")
+    assert words.left(state(made(FRICTION, 0.6, drive_excess=1500.0, **few)))[1].endswith(
+        ": noise of the measured force"
+    )
+    text = words.verdict(made(FRICTION, 0.6, drive_excess=100.0, **few))
+    assert text.endswith("; what is left is 31 times the noise.")
+    null = words.verdict(made((("none",), {}), 0.86, nominal_excess=960.0, drive_excess=1500.0))
+    assert "times the noise: noise of the measured force)" in null
 
 
 def test_small_errors_are_neither_noise_nor_a_cause() -> None:

@@ -17,6 +17,8 @@ from runner.inference.least_squares import Fitter
 from runner.inference.search import Search
 from runner.settings import SETTINGS
 
+PLENTY = 100.0  # natural log odds: nobody asks for more
+
 
 def found_rivals(best: Contender, fitter: Fitter) -> tuple[Rival, ...]:
     """Return what could be taken for the effects of the best explanation."""
@@ -66,10 +68,8 @@ def next_push(
     if push is None or push.log_odds < 1.0:
         system = fitter.system
         return f"No {system.experiment} within {system.reach} would tell {told}; {system.reach_further}."
-    return (
-        f"{push.sentence} To tell {told}, each such {fitter.system.experiment} is worth about "
-        f"{push.log_odds:.1f} in natural log odds."
-    )
+    worth = f"about {push.log_odds:.1f}" if push.log_odds < PLENTY else f"more than {PLENTY:g}"
+    return f"{push.sentence} To tell {told}, each such {fitter.system.experiment} is worth {worth} in natural log odds."
 
 
 def _advice(names: set[str], vocabulary: Vocabulary) -> str | None:

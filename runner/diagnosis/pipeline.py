@@ -105,6 +105,7 @@ def diagnose(
         closure=closure,
         excess=confirmed.excess,
         nominal_excess=found.nominal_excess,
+        drive_excess=confirmed.by_drive.most,
         left_by_episode=left_by_episode((top.fit, after), fitter),
         seconds=time.perf_counter() - began,
         simulated_s=simulator.simulated_s,

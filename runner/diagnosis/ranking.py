@@ -31,7 +31,7 @@ def ranking(confirmed: Confirmed, nominal_excess: float, fitter: Fitter) -> tupl
     unknown = max(unknown_by_episodes(confirmed, nominal_excess, fitter))
     if found.best.fit.x.size and confirmed.fails:
         unknown = max(unknown, SETTINGS.probability.failed_unknown)
-    known = (1.0 - unknown) * (1.0 - strained(found.best, found.nominal, fitter))
+    known = (1.0 - unknown) * (1.0 - strained(found.best, found.nominal, fitter, confirmed.by_drive.excess))
     # each effect beside the first may be the doing of something without a name, too
     further = max(len(found.best.fit.explanation.candidates) - 1, 0)
     known *= SETTINGS.probability.max_unknown**further
@@ -114,21 +114,23 @@ def unknown_by_episodes(confirmed: Confirmed, nominal_excess: float, fitter: Fit
     share, count = fitter.system.unknown_share, fitter.measured.count
     fitted = count(confirmed.search.nominal.episodes)
     unseen = count(e for e in confirmed.before.episodes if e not in confirmed.astray)
-    return (
-        unknown_by_excess(confirmed.excess_fitted, here, share, error_of_excess(fitted)),
-        unknown_by_excess(confirmed.excess_unseen, there, share, error_of_excess(unseen, fitted)),
-    )
+    drive = confirmed.by_drive
+    errors = (float(np.hypot(drive.error, e)) for e in (error_of_excess(fitted), error_of_excess(unseen, fitted)))
+    left = (e - drive.excess for e in (confirmed.excess_fitted, confirmed.excess_unseen))
+    told = zip(left, (here, there), errors, strict=True)
+    seen, not_seen = (unknown_by_excess(excess, gap, share, error) for excess, gap, error in told)
+    return seen, not_seen
 
 
-def strained(best: Contender, nominal: Fit, fitter: Fitter) -> float:
+def strained(best: Contender, nominal: Fit, fitter: Fitter, by_drive: float = 0.0) -> float:
     """Probability that none of the explanations holds, from how far the simulator must be off for the best to do so.
 
     Mismatch of many times the usual size can make up for a wrong explanation, or for the want of one, and leave no
     excess. So where the evidence asks for that much, and the explanation alone leaves more of the gap than effects of
-    the vocabulary do, something else is going on.
+    the vocabulary do, something else is going on. What the noise of a measured drive makes, `by_drive`, is known.
     """
     levels, limits = fitter.system.mismatch_levels, SETTINGS.probability
-    left, gap = (max(fitter.measured.excess(f.total, f.episodes), 1e-4) for f in (best.fit, nominal))
+    left, gap = (max(fitter.measured.excess(f.total, f.episodes) - by_drive, 1e-4) for f in (best.fit, nominal))
     asked = float(softmax(best.evidence.level) @ np.log2(levels))
     allowed = limits.strained_excess + fitter.system.unknown_share * gap
     far = expit((asked - limits.strained_log2_level) / limits.strained_width)

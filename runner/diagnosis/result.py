@@ -102,7 +102,8 @@ class Diagnosis:
     `fitted` and `held_out` are episodes of the recording by their position. Models were replayed in `stretches`, each
     with a start state of its own, (S,): `nominal_starts` and `corrected_starts` by the position of a stretch.
     `measured` is of whole episodes. `left_by_episode` is what the corrected model leaves beyond the noise, in squared
-    noises summed over values, by the number of the episode.
+    noises summed over values, by the number of the episode. Of such squares noise of a measured force hardly makes more
+    than `drive_excess`.
     """
 
     case: str
@@ -121,6 +122,7 @@ class Diagnosis:
     closure: Closure
     excess: float
     nominal_excess: float
+    drive_excess: float
     left_by_episode: Mapping[int, float]
     seconds: float
     simulated_s: float

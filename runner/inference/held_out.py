@@ -9,13 +9,14 @@ episodes is one of prediction.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from runner.effects.base import Scope
 from runner.effects.vocabulary import Candidate
 from runner.inference.contender import Contender
+from runner.inference.drive_noise import ByNoise, as_told, by_noise, driven_otherwise
 from runner.inference.evidence import directions, evidence, normal_equations, sensitivities, together
 from runner.inference.foretold import astray, excesses, usually_left
 from runner.inference.least_squares import NONE, Fit, Fitter, amplitudes
@@ -43,6 +44,7 @@ class Confirmed:
         left_fitted: And what it leaves of the fitted ones.
         usually_left: Share of the gap that it leaves of an unseen episode in which there is one, see `usually_left`.
         astray: Which of the episodes left out say nothing of the explanations, see `astray`.
+        by_drive: What noise of a measured drive makes of what the best explanation leaves.
     """
 
     search: Search
@@ -55,6 +57,7 @@ class Confirmed:
     left_fitted: float
     usually_left: float
     astray: tuple[int, ...] = ()
+    by_drive: ByNoise = field(default_factory=ByNoise.none)
 
     @property
     def fails(self) -> bool:
@@ -112,14 +115,18 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
         weighed.append(replace(c, log_posterior=c.log_posterior + whole.log - c.evidence.log))
         loss[id(c.fit)] = evidence(there, fitter.system, c.evidence.covariance, dispersion=dispersion).loss
     weighed = _with_what_is_left(weighed, there_by, fitter)
+    otherwise = driven_otherwise(fitter)
+    by_drive = {id(c.fit): by_noise((c.fit, there_by[id(c.fit)]), fitter, otherwise) for c in leaders}
     everything = (*nominal.fit.episodes, *held_out)
     whole_gap = fitter.measured.excess(nominal.fit.total + before.total, everything)
+    whole_gap -= by_drive[id(nominal.fit)].excess
     against = [
         further(there_by[id(c.fit)], before, fitter, whole_gap) if c.fit.x.size else odds_against_none(whole_gap)
         for c in weighed
     ]
     weighed = [replace(c, log_posterior=c.log_posterior - a) for c, a in zip(weighed, against, strict=True)]
-    weighed.sort(key=lambda c: -c.log_posterior)
+    whole_left = {id(c.fit): c.fit.total + there_by[id(c.fit)].total for c in leaders}
+    weighed = sorted(as_told(weighed, whole_left, by_drive), key=lambda c: -c.log_posterior)
     # those that were not weighed keep their distance to the first of the leaders, and don't pass the last of them
     moved = next(w for w in weighed if w.fit is leaders[0].fit).log_posterior - leaders[0].log_posterior
     last = min((w.log_posterior for w in weighed if w.fit is not nominal.fit), default=-np.inf)
@@ -143,6 +150,7 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
         left_fitted=left_fitted,
         usually_left=usual,
         astray=off,
+        by_drive=by_drive[id(top.fit)],
     )
 
 

@@ -41,7 +41,8 @@ def tested_cells(system: AbstractSystem, windows: WindowExcess) -> pd.DataFrame:
             row = _row(factor, name, int(which.sum()), float(amount[which].sum()), total, float(which.mean()))
             x, y = windows.labels.places.get(name, (np.nan, np.nan)) if factor == "place" else (np.nan, np.nan)
             # a cell with no more than its share is none that stands out, nor is the one cell of a factor
-            fine = row["lift"] > 1.0 and float(amount[which].sum()) > 0 and len(of.names) > 1
+            here = float(amount[which].sum())
+            fine = here > max(float(which.mean()) * total, 0.0) and len(of.names) > 1
             rows.append(row | {"p": float(p) if fine else 1.0, "x_m": x, "y_m": y})
     cells = pd.DataFrame(rows)
     cells["q"] = 1.0

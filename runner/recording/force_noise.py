@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from runner.numerics.arrays import FloatArray
+from runner.recording.data import Recording
 from runner.settings import SETTINGS
 
 ORDER = 5  # of differences that leave next to nothing of what a hand or an arm does, and most of white noise
@@ -36,6 +37,14 @@ def force_noise(components: Iterable[Iterable[FloatArray]]) -> FloatArray:
     each = [tuple(series) for series in components]
     size = math.sqrt(sum(float(np.mean(np.concatenate([np.zeros(1), *series]) ** 2)) for series in each))
     return np.array([_noise(series, SETTINGS.forces.most_noise * size) for series in each])
+
+
+def pushing_noise(recording: Recording) -> FloatArray:
+    """Return the noise of the forces that push a box, world x and y, (2,), N; 0: they were commanded."""
+    forces = [np.nan_to_num(e.force_n[:, :2]) for e in recording.episodes]
+    noise_n = force_noise([[f[:, axis] for f in forces] for axis in (0, 1)])
+    largest = max((float(np.abs(f).max(initial=0.0)) for f in forces), default=0.0)
+    return noise_n if noise_n.max() > SETTINGS.forces.least_noise * largest else np.zeros(2)
 
 
 def _noise(series: Sequence[FloatArray], most: float) -> float:

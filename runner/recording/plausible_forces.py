@@ -82,9 +82,9 @@ def measured_notes(table: Table, spans: Sequence[slice]) -> list[str]:
     if noise_n <= FORCES.least_noise * largest:
         return []
     return [
-        f"{WARNING}the force 'fx', 'fy' was measured, with noise of {noise_n:.2g} N, and is replayed as it stands; "
-        "where an arm or a hand decides the motion, the force follows from it, and what answers a force least leaves "
-        "least: a wrong mass, friction or gain pass for each other. Give the path of what pushes as a `pin`"
+        f"{WARNING}the force 'fx', 'fy' was measured, with noise of {noise_n:.2g} N, and is replayed as it stands: "
+        "no answer is surer than that lets it be; where an arm or a hand decides the motion, a wrong mass, friction or "
+        "gain pass for each other. Give the path of what pushes as a `pin`"
     ]
 
 

@@ -47,6 +47,7 @@ class Left(Enum):
 
     NOISE = "noise"
     SMALL_ERRORS = "small errors"  # such as any simulator has: more than the noise, and nothing to act on
+    DRIVE = "drive"  # the noise of a force that was measured, and is replayed with it
     SOMETHING = "something"  # that is not in the model
 
 
@@ -197,8 +198,11 @@ def _left(diagnosis: Diagnosis, kind: Kind) -> tuple[Left, float, bool]:
     """
     if kind is Kind.NONE:
         over = diagnosis.nominal_excess
-        return (Left.NOISE if over < OVER else Left.SMALL_ERRORS), max(over, 0.0), False
+        small = Left.DRIVE if OVER < over <= diagnosis.drive_excess else Left.SMALL_ERRORS
+        return (Left.NOISE if over < OVER else small), max(over, 0.0), False
     unseen = _unseen_excess(diagnosis)
+    if kind is not Kind.UNKNOWN and TRACE < max(unseen, diagnosis.excess) <= diagnosis.drive_excess:
+        return Left.DRIVE, max(unseen, diagnosis.excess), False
     if diagnosis.excess > TRACE or kind is Kind.UNKNOWN:
         in_fitted = bool(diagnosis.held_out) and unseen <= TRACE < diagnosis.excess
         return Left.SOMETHING, max(unseen, diagnosis.excess), in_fitted

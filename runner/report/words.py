@@ -31,6 +31,11 @@ LEAST_SHARE = 0.005  # of anything: less is told as nothing
 PLACE = {"x_m", "y_m", "radius_m"}  # of an effect that is somewhere
 MANIFOLD = 1.0  # from twice the noise on it is told as so many times
 
+CAUSES = {  # of what is left
+    Left.SMALL_ERRORS: "small errors of any simulator",
+    Left.DRIVE: "noise of the measured force",
+    Left.SOMETHING: "something else",
+}
 SLOWLY = "noise of a recorded force or command makes it, or a small error of the model"
 
 
@@ -131,6 +136,8 @@ def gain(said: Statement, applied: str = "With it") -> str:
             left = f"; what is left is {beyond(said)}{mostly(said)}"
         elif said.left is Left.SMALL_ERRORS:
             left = f"; of what is left, {beyond(said)}, small errors of any simulator are the likeliest cause"
+        elif said.left is Left.DRIVE:
+            left = f"; what is left, {beyond(said)}, is no more than the noise of the measured force makes"
         else:
             left = "; what is left is the noise of the measurement"
     of = f" ({in_noises(said)} noise levels, the noise itself is 1)" if said.noisy else ""
@@ -166,7 +173,7 @@ def verdict(diagnosis: Diagnosis) -> str:
             if said.named and said.named[0].probability > SETTINGS.probability.noteworthy
             else ""
         )
-        over = "" if said.left is Left.NOISE else f" ({beyond(said)}: small errors of any simulator)"
+        over = "" if said.left is Left.NOISE else f" ({beyond(said)}: {CAUSES[said.left]})"
         return f"The simulator as believed will do: what it misses needs no effect to explain it{over} {chance}.{tail}"
     if said.kind is Kind.UNKNOWN:
         sentence = f"Something is going on that none of the known effects explains {chance}."
@@ -199,8 +206,7 @@ def left(said: Statement) -> tuple[str, str]:
     much = "noise" if said.left is Left.NOISE else beyond(said) if said.over_noise >= LEAST_SHARE else "a residual"
     what = "what is left" if said.corrected else "what is missed"
     what += " where it was fitted" if said.in_fitted else ""
-    cause = {Left.SMALL_ERRORS: ": small errors of any simulator", Left.SOMETHING: ": something else"}
-    return much, what + cause.get(said.left, "")
+    return much, what if said.left is Left.NOISE else f"{what}: {CAUSES[said.left]}"
 
 
 def left_at_large(said: Statement) -> tuple[str, str]:
@@ -211,6 +217,8 @@ def left_at_large(said: Statement) -> tuple[str, str]:
         return "Nothing is left", " that would matter"
     if said.left is Left.SMALL_ERRORS:
         return "Small errors are left", f"{over}: such as any simulator has, and nothing to act on"
+    if said.left is Left.DRIVE:
+        return "The noise of the measured force is left", f"{over}: it is replayed with what its sensor added"
     cause = "no known effect explains it" if said.kind is Kind.UNKNOWN else "part of the gap has another cause"
     return "Something is left", f"{over}: {cause}"
 
@@ -309,6 +317,8 @@ def _to_be_expected(said: Statement) -> str:
         return "should show the noise and no more."
     if said.left is Left.SMALL_ERRORS:
         return "should show no more than what is left here."
+    if said.left is Left.DRIVE:
+        return "should show no more than the noise of the measured force makes."
     return "will show what is left here too, as long as its cause is not found."
 
 

@@ -92,6 +92,9 @@ class OddsSettings:
     confounded_trials: int = setting(
         3, "effects", "The most alike are tried; each costs two fits, and a reader needs no long list."
     )
+    drive_draws: int = setting(
+        16, "replays", "A standard deviation of sixteen is known to a fifth, and odds turn with its logarithm."
+    )
     told_apart_log_odds: float = setting(
         5.0, "log odds", "150 to 1: strong evidence on every scale of it (Jeffreys 1961)."
     )

@@ -166,6 +166,13 @@ class AbstractSystem(ABC):
         """
         return None
 
+    def driven_otherwise(self, draws: int) -> tuple[AbstractSystem, ...]:
+        """Return the same recording with more noise on what drove the object, as large as its sensor's, so many times.
+
+        None of them where the drive is known, as a command is.
+        """
+        return ()
+
     def solved_otherwise(self) -> tuple[AbstractSystem, ...]:
         """Return the same beliefs with what a solver adds of its own solved in other ways; none by default."""
         return ()

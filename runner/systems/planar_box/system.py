@@ -16,6 +16,7 @@ from runner.effects.wording import number
 from runner.errors import RecordingError
 from runner.numerics.arrays import FloatArray
 from runner.recording import Form, Recording, Support
+from runner.recording.force_noise import pushing_noise
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem, Proposal
 from runner.systems.channels import Channel, Signals, Space
@@ -135,6 +136,13 @@ class PlanarBox(AbstractSystem):
             self._simulator = Simulator(self.recording, threads=threads)
         return self._simulator
 
+    def driven_otherwise(self, draws: int) -> tuple[PlanarBox, ...]:
+        """See `AbstractSystem`: under forces that a sensor has measured; where a pin pushes, its path decides."""
+        noise_n = pushing_noise(self.recording)
+        if self.recording.nominal.pin is not None or not noise_n.any():
+            return ()
+        return tuple(PlanarBox(_noisier(self.recording, noise_n, seed)) for seed in range(draws))
+
     def label(self, signals: Signals, windows: Windows) -> Labels:
         """See `AbstractSystem`."""
         return label(self.recording, self.context, signals, windows)
@@ -238,3 +246,15 @@ class PlanarBox(AbstractSystem):
             )
             episodes.append(replace(episode, pose=every[:, :3], twist=every[:, 3:STATE], force_n=force))
         return PlanarBox(replace(self.recording, episodes=tuple(episodes)))
+
+
+def _noisier(recording: Recording, noise_n: FloatArray, seed: int) -> Recording:
+    """Return a recording with more noise on its forces, of such a standard deviation along world x and y, (2,), N."""
+    draw = np.random.default_rng(seed)
+
+    def pushed(force_n: FloatArray) -> FloatArray:
+        out = np.nan_to_num(force_n)
+        out[:, :2] += noise_n * draw.standard_normal((len(out), 2))
+        return out
+
+    return replace(recording, episodes=tuple(replace(e, force_n=pushed(e.force_n)) for e in recording.episodes))

@@ -1,0 +1,121 @@
+"""What the noise of a measured drive does to a comparison: explanations replayed as might as well have been recorded.
+
+A force that a sensor has measured is replayed with the sensor's noise, which moves what it pushes. That makes part of
+what every explanation leaves, less of it the less an explanation answers a force: by itself it speaks for a heavier
+body. How much it makes, and how far it could turn a comparison, shows where the same explanation is replayed with more
+noise of that size (as in SIMEX, Cook and Stefanski 1994).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from runner.inference.contender import Contender
+from runner.inference.least_squares import Fit, Fitter
+from runner.numerics.arrays import FloatArray
+from runner.settings import SETTINGS
+from runner.systems.simulator import Run
+
+
+@dataclass(frozen=True)
+class ByNoise:
+    """What the noise of the drive makes of the squares that a fit leaves.
+
+    Args:
+        made: Squared noises that it makes by itself, in each draw, (D,).
+        turned: By how much the sum of squares is other with more noise, in each draw, (D,).
+        count: Of how many values.
+    """
+
+    made: FloatArray
+    turned: FloatArray
+    count: int
+
+    @property
+    def excess(self) -> float:
+        """What it makes of the mean square, in squared noises."""
+        return float(self.made.mean()) / max(self.count, 1)
+
+    @property
+    def error(self) -> float:
+        """How much that scatters from one recording to the next."""
+        return float(self.made.std()) / max(self.count, 1)
+
+    @property
+    def most(self) -> float:
+        """What it hardly makes more than, in squared noises."""
+        return self.excess + SETTINGS.probability.chance_errors * self.error
+
+    @classmethod
+    def none(cls) -> ByNoise:
+        """The drive is known."""
+        return cls(np.zeros(1), np.zeros(1), 0)
+
+
+def by_noise(fits: Sequence[Fit], fitter: Fitter, others: Sequence[Fitter]) -> ByNoise:
+    """Return what noise of the drive makes of some fits of one explanation.
+
+    Args:
+        fits: Of different episodes.
+        fitter: Of them.
+        others: The same with more noise on the drive, D of them; none: it is known.
+    """
+    if not others:
+        return ByNoise.none()
+    made, turned = np.zeros(len(others)), np.zeros(len(others))
+    for fit in fits:
+        effects = fit.explanation.make(fit.x, fitter.context)
+        for e, start, left, dispersion in zip(
+            fit.episodes, fit.starts, fit.residual, fit.spread.dispersion, strict=True
+        ):
+            for d, other in enumerate(others):
+                row = np.nan_to_num(other.whitened(e, [Run(effects, start)])[0])
+                made[d] += ((row - left) ** 2).sum() / dispersion
+                turned[d] += (row @ row - left @ left) / dispersion
+    return ByNoise(made, turned, fitter.measured.count(e for fit in fits for e in fit.episodes))
+
+
+def driven_otherwise(fitter: Fitter) -> tuple[Fitter, ...]:
+    """Return the fitter with more noise on what drove the object, some times over; none where that is known."""
+    systems = fitter.system.driven_otherwise(SETTINGS.odds.drive_draws)
+    spans = fitter.measured.spans
+    return tuple(replace(fitter, system=s, simulator=s.simulator().parts(spans)) for s in systems)
+
+
+def as_told(
+    contenders: Sequence[Contender], left: Mapping[int, float], noise: Mapping[int, ByNoise]
+) -> list[Contender]:
+    """Return contenders whose odds are no surer than the noise of the drive lets a comparison with the first be.
+
+    What the noise makes by itself is taken off what each leaves; the rest of a difference is as sure as it is many
+    times as large as that noise could make it. Where it tells nothing, what was likelier beforehand is.
+
+    Args:
+        contenders: Weighed, with finite odds.
+        left: What each leaves of all episodes, twice a log likelihood, by the identity of its fit.
+        noise: What the noise makes of that.
+    """
+    first = max(contenders, key=lambda c: c.log_posterior)
+    theirs = noise[id(first.fit)]
+
+    def own(contender: Contender) -> float:
+        return max(left[id(contender.fit)] - float(noise[id(contender.fit)].made.mean()), 0.0)
+
+    out = []
+    for c in contenders:
+        if c is not first and theirs.count:
+            scatter = float((noise[id(c.fit)].turned - theirs.turned).std())
+            errors = (own(c) - own(first)) / max(scatter, 1e-12)
+            told = float(log_ndtr(errors) - log_ndtr(-errors)) + beforehand(first) - beforehand(c)
+            c = replace(c, log_posterior=first.log_posterior - min(first.log_posterior - c.log_posterior, told))
+        out.append(c)
+    return out
+
+
+def beforehand(contender: Contender) -> float:
+    """Return the log odds of an explanation before anything was recorded, up to a constant that all share."""
+    return -SETTINGS.odds.effect_log_odds * len(contender.fit.explanation.candidates) - contender.against

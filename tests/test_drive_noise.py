@@ -1,0 +1,99 @@
+"""A force that was measured: what its noise makes is no cause, and no comparison is surer than it lets one be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from runner.diagnosis.pipeline import diagnose
+from runner.effects.base import AbstractEffect
+from runner.inference.drive_noise import ByNoise, as_told
+from runner.recording import Episode, Form, Nominal, Recording
+from runner.settings import SETTINGS
+from runner.systems.planar_box.system import PlanarBox
+from runner.systems.simulator import Run
+
+RATE_HZ, MASS_KG, FRICTION, G = 30.0, 2.0, 0.3, 9.81
+SEEN_M, SEEN_RAD, NOISE_N = 2e-4, 2e-3, 0.08
+
+
+def measured(episodes: int, seconds: float, *effects: AbstractEffect) -> Recording:
+    """Return pushes of a box that is as believed but for some effects, its pose and the force on it told with noise."""
+    rng = np.random.default_rng(7)
+    t = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
+    nominal = Nominal(half_size_m=(0.1, 0.1, 0.05), mass_kg=MASS_KG, friction=FRICTION, gravity_m_s2=G, rate_hz=RATE_HZ)
+    blank, made = np.full((len(t), 3), np.nan), []
+    for e in range(episodes):
+        phase, along = rng.uniform(0, 6, 2), rng.uniform(-0.5, 0.5)
+        size_n = 7.0 + 3.0 * np.sin(2.0 * t + phase[0])
+        force_n = np.column_stack([size_n * np.cos(along), size_n * np.sin(along), np.zeros(len(t))])
+        point_m = np.column_stack([np.full(len(t), -0.1), np.full(len(t), 0.01 * np.sin(phase[1])), np.zeros(len(t))])
+        made.append(Episode(e, t, np.zeros((len(t), 3)), blank, force_n, point_m))
+    true = Recording(Path("case"), Form.PLANAR, nominal, tuple(made))
+    simulator = PlanarBox(true).simulator(threads=1)
+    out = []
+    for e, episode in enumerate(made):
+        pose = simulator.predict(e, [Run(effects, np.zeros(6))])[0][:, :3]
+        pose = pose + rng.standard_normal(pose.shape) * [SEEN_M, SEEN_M, SEEN_RAD]
+        shown = episode.force_n + NOISE_N * rng.standard_normal(episode.force_n.shape) * [1.0, 1.0, 0.0]
+        out.append(replace(episode, pose=pose, force_n=shown))
+    return replace(true, episodes=tuple(out))
+
+
+def test_what_noise_of_a_force_makes_needs_no_cause() -> None:
+    """Replayed with what its sensor added the force leaves tens of noises of a model that is right."""
+    found = diagnose(PlanarBox(measured(3, 2.0)), threads=1, advise=False)
+    assert 10.0 < found.nominal_excess < found.drive_excess
+    assert found.ranked[0].effects == ("none",)
+    assert found.ranked[0].probability > 0.5
+
+
+def test_a_force_that_was_commanded_is_replayed_as_it_is() -> None:
+    recording = measured(1, 3.0)
+    smooth = np.repeat(recording.episodes[0].force_n[::6], 6, axis=0)[: len(recording.episodes[0])]
+    held = replace(recording, episodes=(replace(recording.episodes[0], force_n=smooth),))
+    assert PlanarBox(held).driven_otherwise(3) == ()
+    noisy = PlanarBox(recording).driven_otherwise(3)
+    assert len(noisy) == 3
+    added = np.array([n.recording.episodes[0].force_n - recording.episodes[0].force_n for n in noisy])
+    assert added[..., :2].std() == pytest.approx(NOISE_N, rel=0.2)
+    assert not added[..., 2].any()
+
+
+@dataclass(frozen=True)
+class Contended:
+    """As much of a contender as its odds need."""
+
+    fit: Any
+    log_posterior: float
+    against: float = 0.0
+
+
+def contended(log_posterior: float, effects: int = 1) -> Any:
+    return Contended(SimpleNamespace(explanation=SimpleNamespace(candidates=("made",) * effects)), log_posterior)
+
+
+def compared(more: float, made: float, scatter: float, *, effects: int = 1) -> float:
+    """Return by how much another is behind the first, of whose 1000 it leaves so much more; at 50 log units before."""
+    first, other = contended(0.0), contended(-50.0, effects)
+    draws = np.tile([-1.0, 1.0], 8)
+    still = ByNoise(np.full(16, 500.0), np.zeros(16), 1000)
+    moved = ByNoise(np.full(16, 500.0 + made), scatter * draws, 1000)
+    left = {id(first.fit): 1000.0, id(other.fit): 1000.0 + more}
+    noise = {id(first.fit): still, id(other.fit): moved}
+    return -as_told([first, other], left, noise)[1].log_posterior
+
+
+def test_a_comparison_is_as_sure_as_the_noise_of_the_force_lets_it_be() -> None:
+    """By the normal distribution of what that noise does to a difference, less what it makes by itself."""
+    assert compared(400.0, 0.0, 200.0) == pytest.approx(np.log(0.97725 / 0.02275), rel=1e-3)  # two of its errors
+    assert compared(400.0, 400.0, 200.0) == pytest.approx(0.0, abs=1e-9)  # all of it made by that noise
+    assert compared(400.0, 600.0, 200.0) < 0.0  # which makes more of it: the other is the likelier one
+    assert compared(1e5, 0.0, 200.0) == 50.0  # no surer than without that noise
+    # where it tells nothing, an effect more costs what it cost beforehand
+    assert compared(0.0, 0.0, 200.0, effects=2) == pytest.approx(SETTINGS.odds.effect_log_odds)
