@@ -97,3 +97,11 @@ def test_slow_noise_is_whitened_from_reading_to_reading(lever: MechanismSystem) 
 def test_the_usual_step_is_that_of_all_rows(lever: MechanismSystem) -> None:
     """Steps of 1 ms and of 9 ms alternate: 200 rows a second, so that a horizon of 0.1 s is 20 rows long."""
     assert lever.rate_hz == pytest.approx(200.0)
+
+
+def test_a_stretch_in_which_a_sensor_says_nothing_leaves_nothing_of_it(lever: MechanismSystem) -> None:
+    """The force of a pin counts while it pushes: some stretches have none."""
+    measured = replace(measure(lever), sensor=np.array([SIGMA]), noise_model=NoiseModel(np.ones(1), np.full(1, 0.8)))
+    silent = replace(measured, values=tuple(np.full_like(v, np.nan) for v in measured.values))
+    silent = replace(silent, valid=tuple(np.zeros(v.shape, bool) for v in silent.values))
+    assert not silent.whiten(0, np.full((3, *silent.values[0].shape), np.nan)).any()

@@ -68,7 +68,7 @@ class Measured:
             return np.where(valid, self.noise_model.whiten(scaled), 0.0)
         # the colour is that from one reading to the next; rows of other streams are none
         white = np.zeros_like(scaled)
-        for c in range(scaled.shape[-1]):
+        for c in np.flatnonzero(there.any(axis=0)):
             own = NoiseModel(self.noise_model.share[[c]], self.noise_model.memory[[c]])
             white[..., there[:, c], c] = own.whiten(scaled[..., there[:, c], c, None])[..., 0]
         return np.where(valid, white, 0.0)

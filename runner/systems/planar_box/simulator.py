@@ -37,6 +37,7 @@ PIN_STEP_RATE_HZ = 1000.0  # where a pin pushes, whose contact is of first order
 MODELS = 128  # kept for the next span
 KEPT_WINDOWS = 4  # models that are ready for windows: as believed, corrected
 BASE_POINTS = 8  # along each edge: everything replays the same base
+PIN_BASE_POINTS = 6  # where a pin pushes the steps' own error outweighs that of fewer points
 # Of surveys: how a prediction changes with an effect is told to some percent by half the steps and points, whose own
 # errors, of second order in the steps and of the sixth in the points, are the same with the effect and without.
 SURVEY_RATE_HZ, PIN_SURVEY_RATE_HZ, SURVEY_POINTS = 60.0, 250.0, 5
@@ -97,7 +98,7 @@ class Simulator(AbstractSimulator):
         recording: The case.
         step_rate_hz: At least so many physics steps a second, a whole number of them per sample; None: as many as the
             kind of push needs.
-        grid: Base points along each edge.
+        grid: Base points along each edge; None: as many as the kind of push needs.
         threads: For the rollouts; None: one per core.
         spans: What is simulated, each on its own, with all that was commanded before; None: every episode.
 
@@ -107,7 +108,7 @@ class Simulator(AbstractSimulator):
 
     recording: Recording
     step_rate_hz: float | None = None
-    grid: int = BASE_POINTS
+    grid: int | None = None
     threads: int | None = None
     spans: tuple[Span, ...] | None = None
     steps_per_sample: int = field(init=False)
@@ -120,6 +121,8 @@ class Simulator(AbstractSimulator):
         rate, pin = self.recording.nominal.rate_hz, self.recording.nominal.pin is not None
         if self.step_rate_hz is None:
             self.step_rate_hz = PIN_STEP_RATE_HZ if pin else STEP_RATE_HZ
+        if self.grid is None:
+            self.grid = PIN_BASE_POINTS if pin else BASE_POINTS
         self.steps_per_sample = max(1, int(np.ceil(self.step_rate_hz / rate - 1e-9)))
         self.step_s = 1.0 / rate / self.steps_per_sample
         self._threads = self.threads or len(os.sched_getaffinity(0))
@@ -140,7 +143,7 @@ class Simulator(AbstractSimulator):
             dof=Dof.planar,
             timestep_s=self.step_s,
             gravity_m_s2=self.recording.nominal.gravity_m_s2,
-            grid=self.grid,
+            grid=self.grid or BASE_POINTS,
         )
         nominal = self.recording.nominal
         outlines = {} if nominal.outline is None else {OBJECT: nominal.outline}
@@ -180,7 +183,9 @@ class Simulator(AbstractSimulator):
         if self._surveyor is None:
             survey_hz = SURVEY_RATE_HZ if self.recording.nominal.pin is None else PIN_SURVEY_RATE_HZ
             step_rate_hz = min(self.step_rate_hz or survey_hz, survey_hz)
-            self._surveyor = replace(self, step_rate_hz=step_rate_hz, grid=min(self.grid, SURVEY_POINTS))
+            self._surveyor = replace(
+                self, step_rate_hz=step_rate_hz, grid=min(self.grid or SURVEY_POINTS, SURVEY_POINTS)
+            )
         return self._surveyor
 
     def predict(self, episode: int, runs: Sequence[Run]) -> np.ndarray:
