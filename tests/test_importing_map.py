@@ -155,7 +155,8 @@ def test_the_map_with_all_keys_works(tmp_path: Path, run_import: Import) -> None
 
 
 @pytest.mark.parametrize(
-    ("number", "kind"), [(1, map_file.BoxMap), (2, map_file.Map), (3, map_file.Map), (4, map_file.Map)]
+    ("number", "kind"),
+    [(1, map_file.BoxMap), (2, map_file.BoxMap), (3, map_file.Map), (4, map_file.Map), (5, map_file.Map)],
 )
 def test_maps_on_the_page_are_maps(number: int, kind: type, tmp_path: Path) -> None:
     (tmp_path / "map.yaml").write_text(yaml.safe_dump(shown(number)))
