@@ -167,6 +167,10 @@ def test_what_noise_of_a_measured_force_makes_has_no_other_cause() -> None:
     assert words.left(state(made(FRICTION, 0.6, drive_excess=1500.0, **few)))[1].endswith(
         ": noise of the measured force"
     )
+    assert words.PIN_PATH in words.next_steps(made(FRICTION, 0.6, drive_excess=1500.0, **few))
+    open_steps = words.next_steps(made(FRICTION, 0.4, drive_excess=1500.0, **few))
+    assert open_steps[0] == words.PIN_PATH
+    assert open_steps[1].startswith("To try the likeliest: set the friction coefficient")
     text = words.verdict(made(FRICTION, 0.6, drive_excess=100.0, **few))
     assert text.endswith("; what is left is 31 times the noise.")
     null = words.verdict(made((("none",), {}), 0.86, nominal_excess=960.0, drive_excess=1500.0))

@@ -36,6 +36,10 @@ CAUSES = {  # of what is left
     Left.DRIVE: "noise of the measured force",
     Left.SOMETHING: "something else",
 }
+PIN_PATH = (
+    "Where an arm or a hand decides the motion, record the path of what pushes, too, and state it as a `pin`: motion "
+    "then follows the path, and the measured force is held against the force that this takes."
+)
 SLOWLY = "noise of a recorded force or command makes it, or a small error of the model"
 
 
@@ -293,15 +297,18 @@ def next_steps(diagnosis: Diagnosis, folder: Path | None = None) -> list[str]:
         steps = _suspicions(diagnosis)
     else:
         steps = _corrections(diagnosis.system, said.top)
+        if said.kind is Kind.OPEN:
+            steps[0] = f"To try the likeliest: {steps[0][0].lower()}{steps[0][1:]}"
+    if said.left is Left.DRIVE:
+        steps.insert(0 if said.kind is Kind.OPEN else len(steps), PIN_PATH)
     if diagnosis.next_push:
         text = diagnosis.next_push.strip()
         steps.append(f"Next {diagnosis.system.experiment}: {text}" + ("" if text.endswith((".", "!")) else "."))
     commanded = diagnosis.system.commanded
     if said.top.probability < SURE:
         varied = "with stronger and more varied commands" if commanded else "that differ more from each other"
-        steps.append(
-            f"The answer is likely, not certain: record more episodes, {varied}, and diagnose all of them together."
-        )
+        so_far = "This is not settled" if said.kind is Kind.OPEN else "The answer is likely, not certain"
+        steps.append(f"{so_far}: record more episodes, {varied}, and diagnose all of them together.")
     if said.settled:
         others = "other commands" if commanded else "other motions"
         steps.append(
