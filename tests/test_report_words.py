@@ -8,7 +8,7 @@ import math
 import re
 from dataclasses import fields, replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -278,3 +278,16 @@ def test_cells_come_joint_by_joint_in_the_order_of_their_numbers() -> None:
     assert sorted(cells, key=lambda c: _place(c, ())) == [cells[i] for i in (3, 1, 2, 0)]
     speeds = ["high speed (1.4 to 2.3 of the usual)", "low speed (0.003 to 0.63 of the usual)"]
     assert sorted(speeds, key=lambda c: _place(c, ())) == speeds[::-1]
+
+
+def test_a_word_means_the_variant_that_was_fitted() -> None:
+    """A word may have several laws: what it is said to mean is the one whose numbers stand beside it."""
+    several = 0
+    numbers = {c: {f.name for f in fields(cast(Any, c))} for classes in EFFECTS.values() for c in classes}
+    for name, classes in EFFECTS.items():
+        for effect in classes if not any(c.of_pin for c in classes) else ():
+            values = dict.fromkeys(numbers[effect], 0.1)
+            twins = [c.label for c in classes if values.keys() <= numbers[c]]
+            assert words.label(diagnosis().system, name, values) in twins
+            several += len({c.label for c in classes}) > 1
+    assert several

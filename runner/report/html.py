@@ -138,7 +138,9 @@ def ranking(diagnosis: Diagnosis, said: Statement) -> dict[str, Any]:
         rows.append(
             {
                 "name": words.title(ranked.effects or (NONE,)),
-                "label": listed([words.label(system, e) for e in ranked.effects or (NONE,)]),
+                "label": listed(
+                    [words.label(system, e, ranked.parameters.get(e, {})) for e in ranked.effects or (NONE,)]
+                ),
                 "probability": probability(ranked.probability),
                 "width": f"{100 * min(max(ranked.probability, 0.0), 1.0):.1f}",
                 "amounts": [p.amount for p in words.phrases(system, ranked) if p.amount],

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runner.effects.base import Phrase
-from runner.effects.vocabulary import spoken
+from runner.effects.vocabulary import Candidate, spoken
 from runner.effects.wording import Values, listed, number, percent, probability
 from runner.report.statement import NOISE_LEFT, NONE, UNKNOWN, Kind, Left, Statement, state
 from runner.report.suspects import suspects
@@ -48,22 +48,26 @@ def title(effects: Sequence[str]) -> str:
     return " + ".join(spoken(e) for e in effects)
 
 
-def label(system: AbstractSystem, effect: str) -> str:
-    """Return what a word of a system's vocabulary means, without numbers."""
+def label(system: AbstractSystem, effect: str, values: Numbers) -> str:
+    """Return what a word of a system's vocabulary means, without numbers; `values` tell of which variant it is."""
     if effect == NONE:
         return "nothing that matters differs from the model"
     if effect == UNKNOWN:
         return "something that no known effect explains"
-    candidate = system.vocabulary.by_name[effect][0]
+    candidate = _variant(system, effect, values)
     target = listed(candidate.targets) or candidate.target
     return candidate.effect.label + (f" ({target})" if target else "")
 
 
-def phrase(system: AbstractSystem, effect: str, values: Numbers, errors: Numbers) -> Phrase:
-    """Return an effect of a vocabulary in words; of its variants the one that has parameters of these names."""
+def _variant(system: AbstractSystem, effect: str, values: Numbers) -> Candidate:
     variants = system.vocabulary.by_name[effect]
     known = [{f.name for f in fields(v.effect)} for v in variants]  # type: ignore[arg-type]
-    candidate = next(v for v, names in zip(variants, known, strict=True) if set(values) <= names)
+    return next(v for v, names in zip(variants, known, strict=True) if set(values) <= names)
+
+
+def phrase(system: AbstractSystem, effect: str, values: Numbers, errors: Numbers) -> Phrase:
+    """Return an effect of a vocabulary in words; of its variants the one that has parameters of these names."""
+    candidate = _variant(system, effect, values)
     told = [candidate.effect.phrase(Values(values, errors), system.beliefs, c.target) for c in candidate.each]
     of_first = told[0]
     if _placed_nowhere(values, errors):
@@ -110,7 +114,7 @@ def _placed_nowhere(values: Numbers, errors: Numbers) -> bool:
 def explanation(system: AbstractSystem, ranked: Ranked) -> str:
     """Return an explanation in one clause, without a full stop."""
     if not ranked.effects or ranked.effects[0] in (NONE, UNKNOWN):
-        return label(system, ranked.effects[0] if ranked.effects else NONE)
+        return label(system, ranked.effects[0] if ranked.effects else NONE, {})
     found = phrases(system, ranked)
     if len(found) == 1:
         return f"{found[0].what}: {found[0].amount}" if found[0].amount else found[0].what
