@@ -68,6 +68,16 @@ def test_log_holds_all_motions(found: Any, log: Path) -> None:
     assert rr.chunk.RrdReader(log).blueprints()
 
 
+def rows_over_time(log: Path) -> dict[str, int]:
+    """Return how many values each entity of a log has over its time."""
+    shown: dict[str, int] = {}
+    for chunk in rr.chunk.RrdReader(log).stream():
+        if "sim_time" in (batch := chunk.to_record_batch()).schema.names:
+            entity = chunk.entity_path.lstrip("/")
+            shown[entity] = shown.get(entity, 0) + batch.num_rows
+    return shown
+
+
 def test_one_window_is_a_line(found: Any, tmp_path: Path) -> None:
     """A toss of a third of a second has one window, of which a plot of points that are joined would show nothing."""
     where = replace(
@@ -75,11 +85,7 @@ def test_one_window_is_a_line(found: Any, tmp_path: Path) -> None:
         windows=found.where.windows.groupby("episode").head(1),
         missing_force=found.where.missing_force.groupby("episode").head(1),
     )
-    shown: dict[str, int] = {}
-    for chunk in rr.chunk.RrdReader(write_rrd(changed(found, where=where), tmp_path)).stream():
-        if "sim_time" in (batch := chunk.to_record_batch()).schema.names:
-            entity = chunk.entity_path.lstrip("/")
-            shown[entity] = shown.get(entity, 0) + batch.num_rows
+    shown = rows_over_time(write_rrd(changed(found, where=where), tmp_path))
     forces = {entity: n for entity, n in shown.items() if "/missing_force/" in entity}
     assert forces
     assert set(forces.values()) == {2}
@@ -93,11 +99,7 @@ def test_one_window_that_is_seen_is_not_the_whole_episode(found: Any, tmp_path: 
     first = force.groupby("episode").cumcount() == 3
     force.loc[~first, [name, f"{name}_se"]] = np.nan
     log = write_rrd(changed(found, where=replace(found.where, missing_force=force)), tmp_path)
-    shown: dict[str, int] = {}
-    for chunk in rr.chunk.RrdReader(log).stream():
-        if "sim_time" in (batch := chunk.to_record_batch()).schema.names:
-            entity = chunk.entity_path.lstrip("/")
-            shown[entity] = shown.get(entity, 0) + batch.num_rows
+    shown = rows_over_time(log)
     assert {n for entity, n in shown.items() if entity.endswith(f"/missing_force/{name}")} == {1}
 
 

@@ -26,6 +26,7 @@ from runner.inference.multiple_shooting import begun, look, recut
 from runner.inference.outside import with_outside
 from runner.inference.search import Search, resumed, search
 from runner.inference.solver_choice import better_solved
+from runner.inference.variable_projection import project
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of
 from runner.noise.measured import Measured, materially_different, materially_slower, measure, refine, without_outliers
 from runner.numerics.arrays import spread_over
@@ -149,9 +150,9 @@ def _missed(fitter: Fitter, stretches: Sequence[int]) -> NDArray[np.float64]:
     missed = []
     for some in portions(fitter, stretches):
         fit = fitter.fit(NONE, some, iterations=0)
-        counts = [fitter.measured.count([e]) for e in some]
-        for r, q, n in zip(fit.residual, fit.basis.q, counts, strict=True):
-            missed.append((r @ r - np.sum((q.T @ r) ** 2)) / max(n, 1))
+        for e, residual, q in zip(some, fit.residual, fit.basis.q, strict=True):
+            left = project(residual, q)
+            missed.append(left @ left / max(fitter.measured.count([e]), 1))
     return np.nan_to_num(np.array(missed), nan=np.inf, posinf=np.inf)
 
 

@@ -115,11 +115,14 @@ def unknown_by_episodes(confirmed: Confirmed, nominal_excess: float, fitter: Fit
     fitted = count(confirmed.search.nominal.episodes)
     unseen = count(e for e in confirmed.before.episodes if e not in confirmed.astray)
     drive = confirmed.by_drive
-    errors = (float(np.hypot(drive.error, e)) for e in (error_of_excess(fitted), error_of_excess(unseen, fitted)))
-    left = (e - drive.excess for e in (confirmed.excess_fitted, confirmed.excess_unseen))
-    told = zip(left, (here, there), errors, strict=True)
-    seen, not_seen = (unknown_by_excess(excess, gap, share, error) for excess, gap, error in told)
-    return seen, not_seen
+
+    def told(excess: float, gap: float, error: float) -> float:
+        return unknown_by_excess(excess - drive.excess, gap, share, float(np.hypot(drive.error, error)))
+
+    return (
+        told(confirmed.excess_fitted, here, error_of_excess(fitted)),
+        told(confirmed.excess_unseen, there, error_of_excess(unseen, fitted)),
+    )
 
 
 def strained(best: Contender, nominal: Fit, fitter: Fitter, by_drive: float = 0.0) -> float:

@@ -10,6 +10,7 @@ from scipy.ndimage import correlate1d
 
 from runner.numerics.arrays import FloatArray
 
+NORMAL_MEDIAN = 0.6745  # of the size of what is normal and has a standard deviation of one
 OF_WHITE = 20.0  # variances of white noise in third differences: 1 + 9 + 9 + 1
 
 
@@ -20,7 +21,7 @@ def white_noise(series: Iterable[tuple[FloatArray, FloatArray]]) -> float:
         series: Times, (T,), s, rising, and values, (T,), NaN where not measured, of each episode.
     """
     third = np.concatenate([np.empty(0), *(third_differences(t, v) for t, v in series)])
-    return float(np.median(np.abs(third))) / 0.6745 / np.sqrt(OF_WHITE) if len(third) else np.nan
+    return float(np.median(np.abs(third))) / NORMAL_MEDIAN / np.sqrt(OF_WHITE) if len(third) else np.nan
 
 
 def rounding_noise(series: Iterable[FloatArray]) -> float:

@@ -8,13 +8,12 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from runner.numerics.arrays import FloatArray
-from runner.recording.data import Recording
+from runner.numerics.differences import NORMAL_MEDIAN
 from runner.settings import SETTINGS
 
 ORDER = 5  # of differences that leave next to nothing of what a hand or an arm does, and most of white noise
 OF_MEANS, OF_SMOOTH = 0.5, 1.5  # powers of cos^2 between those of single samples (0), of means of two (1), and of more
 LATER = range(ORDER + 2, ORDER + 22)  # samples; means of two are alike up to one more than their differences
-GAUSSIAN = 0.6745  # median of the size of what has a standard deviation of one
 
 
 def force_noise(components: Iterable[Iterable[FloatArray]]) -> FloatArray:
@@ -39,17 +38,17 @@ def force_noise(components: Iterable[Iterable[FloatArray]]) -> FloatArray:
     return np.array([_noise(series, SETTINGS.forces.most_noise * size) for series in each])
 
 
-def pushing_noise(recording: Recording) -> FloatArray:
-    """Return the noise of the forces that push a box, world x and y, (2,), N; 0: they were commanded."""
-    forces = [np.nan_to_num(e.force_n[:, :2]) for e in recording.episodes]
-    noise_n = force_noise([[f[:, axis] for f in forces] for axis in (0, 1)])
-    largest = max((float(np.abs(f).max(initial=0.0)) for f in forces), default=0.0)
+def pushing_noise(forces: Iterable[FloatArray]) -> FloatArray:
+    """Return the noise of the forces that push a box in each episode, (T, 2), N: (2,), N; 0: they were commanded."""
+    each = [np.nan_to_num(f) for f in forces]
+    noise_n = force_noise([[f[:, axis] for f in each] for axis in (0, 1)])
+    largest = max((float(np.abs(f).max(initial=0.0)) for f in each), default=0.0)
     return noise_n if noise_n.max() > SETTINGS.forces.least_noise * largest else np.zeros(2)
 
 
 def _noise(series: Sequence[FloatArray], most: float) -> float:
     lower, higher = (_differences(series, order) for order in (ORDER, ORDER + 1))
-    small, smaller = (float(np.median(d)) / GAUSSIAN if len(d) else 0.0 for d in (lower, higher))
+    small, smaller = (float(np.median(d)) / NORMAL_MEDIAN if len(d) else 0.0 for d in (lower, higher))
     if not (small > 0.0 and smaller > 0.0) or _is_held(series) or _is_a_tone(series):
         return 0.0
     p = (ORDER + 1) * ((small / smaller) ** 2 - 1.0)

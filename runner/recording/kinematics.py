@@ -9,6 +9,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from runner.numerics.arrays import FloatArray
+from runner.numerics.differences import NORMAL_MEDIAN
 from runner.settings import SETTINGS
 
 MOTION = SETTINGS.motion
@@ -110,7 +111,7 @@ def lone_samples(values: FloatArray) -> list[int]:
     sizes = np.abs(off[1:-1])
     if not (sizes > 0).any():
         return []
-    usual = max(float(np.median(sizes)) / 0.6745, float(sizes[sizes > 0].min()))
+    usual = max(float(np.median(sizes)) / NORMAL_MEDIAN, float(sizes[sizes > 0].min()))
     # beside a lone sample there is minus half of it
     beside = np.abs(np.stack([off[:-2], off[2:]]) + off[1:-1] / 2)
     alone = (sizes > MOTION.lone_factor * usual) & (beside < MOTION.lone_tolerance * sizes).all(axis=0)
@@ -134,7 +135,7 @@ def jumps(t_s: FloatArray, positions: FloatArray, velocities: FloatArray) -> lis
     near = 2 * round(MOTION.answer_s / float(np.median(dt))) + 3
     changes = maximum_filter1d(velocities, near) - minimum_filter1d(velocities, near)
     hidden = 2 * dt * np.maximum(changes[1:], changes[:-1])
-    usual = max(float(np.median(np.abs(off))) / 0.6745, _resolution(positions))
+    usual = max(float(np.median(np.abs(off))) / NORMAL_MEDIAN, _resolution(positions))
     apart = np.abs(off) > np.maximum(MOTION.lone_factor * usual, hidden)
     return [(int(k) + 1, float(off[k])) for k in np.flatnonzero(apart)]
 

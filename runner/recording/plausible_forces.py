@@ -14,7 +14,7 @@ import numpy as np
 
 from runner.numerics.arrays import FloatArray
 from runner.recording.data import WARNING, Nominal
-from runner.recording.force_noise import force_noise
+from runner.recording.force_noise import pushing_noise
 from runner.recording.plausible_pairs import place
 from runner.recording.table import Table
 from runner.settings import SETTINGS
@@ -76,10 +76,8 @@ def force_notes(table: Table, spans: Sequence[slice], nominal: Nominal) -> list[
 
 def measured_notes(table: Table, spans: Sequence[slice]) -> list[str]:
     """Return a note on forces that a sensor has measured: a replay of them says little where the motion is imposed."""
-    pushes = {name: [table[name][s] for s in spans] for name in ("fx", "fy")}
-    largest = max((float(np.abs(f).max(initial=0.0)) for each in pushes.values() for f in each), default=0.0)
-    noise_n = float(force_noise(pushes.values()).max())
-    if noise_n <= FORCES.least_noise * largest:
+    noise_n = float(pushing_noise(table.stack(("fx", "fy"))[s] for s in spans).max())
+    if not noise_n:
         return []
     return [
         f"{WARNING}the force 'fx', 'fy' was measured, with noise of {noise_n:.2g} N, and is replayed as it stands: "

@@ -18,7 +18,8 @@ from runner.systems.mechanism.models import force_actuators, force_weights
 
 DELAYS = ActuatorDelay | ObservationDelay
 KEPT = 512  # commands of whole episodes
-ALIGNED, DIGITS = 1e-6, 6  # of a step: what begins so near to the border of one begins there
+DIGITS = 6  # of a step
+ALIGNED = 10.0**-DIGITS  # what begins so near to the border of one begins there
 
 
 class Commands:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from runner.physics.dry_friction import STATE, STATE_AND_PIN
 from runner.recording import Recording
 from runner.recording.kinematics import without_gaps
-
-STATE = 6  # of the columns are a state of the body, before those of a force
 
 
 def measured_columns(recording: Recording) -> np.ndarray:
@@ -21,6 +20,11 @@ def state_columns(recording: Recording) -> np.ndarray:
     """Return which of x, y, yaw, vx, vy, wz were measured at all, (K,) indices; they come first of what was."""
     columns = measured_columns(recording)
     return columns[columns < STATE]
+
+
+def simulated_columns(measured: np.ndarray) -> int:
+    """Return how many numbers have to be simulated to show those of these indices, (C,)."""
+    return STATE_AND_PIN if (measured >= STATE).any() else STATE
 
 
 def motion(recording: Recording) -> tuple[np.ndarray, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from runner.effects.planar_box import Context
 from runner.numerics.arrays import FloatArray
+from runner.physics.dry_friction import STATE_AND_PIN
 from runner.recording import Episode, Recording
 from runner.systems.base import Proposal
 from runner.systems.planar_box.motion import measured_columns
@@ -76,7 +77,7 @@ def pin_pushes(recording: Recording, context: Context) -> list[ProposedPinPush]:
 
 def unmeasured_by_pin(recording: Recording, pushes: Sequence[ProposedPinPush], centre_m: FloatArray) -> Recording:
     """Return a recording in which each episode is one of these pushes, seen as this one's are, at rest at yaw 0."""
-    rate, seen = recording.nominal.rate_hz, np.full(8, np.nan)
+    rate, seen = recording.nominal.rate_hz, np.full(STATE_AND_PIN, np.nan)
     seen[measured_columns(recording)] = 0.0
     episodes = []
     for i, push in enumerate(pushes):

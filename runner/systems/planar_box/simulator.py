@@ -25,7 +25,7 @@ from runner.physics.scene import Base, BodyConfig, Dof, PinConfig, SceneConfig, 
 from runner.recording import Form, Nominal, Recording, Span, Support
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.planar_box.commands import Commands
-from runner.systems.planar_box.motion import STATE, measured_columns
+from runner.systems.planar_box.motion import measured_columns, simulated_columns
 from runner.systems.planar_box.pin_force import means, steps_of_engine
 from runner.systems.planar_box.windows import FULL, USERDATA, Effects, WindowSimulator, planar, shown_alike, unseen
 from runner.systems.simulator import AbstractSimulator, Run
@@ -121,8 +121,7 @@ class Simulator(AbstractSimulator):
         rate, pin = self.recording.nominal.rate_hz, self.recording.nominal.pin is not None
         if self.step_rate_hz is None:
             self.step_rate_hz = PIN_STEP_RATE_HZ if pin else STEP_RATE_HZ
-        if self.grid is None:
-            self.grid = PIN_BASE_POINTS if pin else BASE_POINTS
+        self._points = self.grid or (PIN_BASE_POINTS if pin else BASE_POINTS)
         self.steps_per_sample = max(1, int(np.ceil(self.step_rate_hz / rate - 1e-9)))
         self.step_s = 1.0 / rate / self.steps_per_sample
         self._threads = self.threads or len(os.sched_getaffinity(0))
@@ -133,7 +132,7 @@ class Simulator(AbstractSimulator):
         self._windows: dict[Effects, WindowSimulator] = {}
         whole = tuple(Span(i, 0, len(e)) for i, e in enumerate(self.recording.episodes))
         self._columns_seen = measured_columns(self.recording)
-        self._sees_force = bool((self._columns_seen >= STATE).any())
+        self._simulated = simulated_columns(self._columns_seen)
         self._spans = whole if self.spans is None else self.spans
         self._surveyor: Simulator | None = None
 
@@ -143,7 +142,7 @@ class Simulator(AbstractSimulator):
             dof=Dof.planar,
             timestep_s=self.step_s,
             gravity_m_s2=self.recording.nominal.gravity_m_s2,
-            grid=self.grid or BASE_POINTS,
+            grid=self._points,
         )
         nominal = self.recording.nominal
         outlines = {} if nominal.outline is None else {OBJECT: nominal.outline}
@@ -183,9 +182,7 @@ class Simulator(AbstractSimulator):
         if self._surveyor is None:
             survey_hz = SURVEY_RATE_HZ if self.recording.nominal.pin is None else PIN_SURVEY_RATE_HZ
             step_rate_hz = min(self.step_rate_hz or survey_hz, survey_hz)
-            self._surveyor = replace(
-                self, step_rate_hz=step_rate_hz, grid=min(self.grid or SURVEY_POINTS, SURVEY_POINTS)
-            )
+            self._surveyor = replace(self, step_rate_hz=step_rate_hz, grid=min(self._points, SURVEY_POINTS))
         return self._surveyor
 
     def predict(self, episode: int, runs: Sequence[Run]) -> np.ndarray:
@@ -194,8 +191,8 @@ class Simulator(AbstractSimulator):
         Pose, then twist, then the force of a pin. That has a sensor of its own, which effects on the measured motion
         leave alone; a delay, of commands or of all that is measured, is in it.
         """
-        span, size = self._spans[episode], dry_friction.STATE_AND_PIN if self._sees_force else dry_friction.STATE
-        out = np.empty((len(runs), span.end - span.begin, size))
+        span = self._spans[episode]
+        out = np.empty((len(runs), span.end - span.begin, self._simulated))
         groups: dict[tuple[type[PlanarEffect], ...], list[int]] = {}
         for i, run in enumerate(runs):
             groups.setdefault(tuple(type(e) for e in planar(run.effects) if e.structural), []).append(i)
@@ -225,9 +222,9 @@ class Simulator(AbstractSimulator):
         controls = np.stack([self._commands.control(e, span.episode)[before : before + n] for e in members])
         if dry_friction.is_all_that_acts(base.model):
             after = dry_friction.rollout(
-                models, controls, start[:, :7], (which, which), self._threads, columns=out.shape[-1]
+                models, controls, start[:, :7], (which, which), self._threads, columns=self._simulated
             )
-        elif self._sees_force:
+        elif self._simulated > dry_friction.STATE:
             after = steps_of_engine([models[k] for k in which], base.data[0], start, controls[which])
         else:
             each = [models[k] for k in which]
@@ -247,7 +244,7 @@ class Simulator(AbstractSimulator):
             target = [rows[i] for i in own]
             sampled = slice(None, None, self.steps_per_sample)
             out[target, :, :3], out[target, :, 3:6] = measured.pose[:, sampled], measured.twist[:, sampled]
-        if self._sees_force:
+        if self._simulated > dry_friction.STATE:
             out[rows, :, 6:] = means(after[..., 6:], self.steps_per_sample, self.step_s)
 
     def predict_windows(

@@ -15,6 +15,7 @@ from runner.effects.vocabulary import Candidate, Vocabulary
 from runner.effects.wording import number
 from runner.errors import RecordingError
 from runner.numerics.arrays import FloatArray
+from runner.physics.dry_friction import STATE
 from runner.recording import Form, Recording, Support
 from runner.recording.force_noise import pushing_noise
 from runner.settings import SETTINGS
@@ -25,7 +26,7 @@ from runner.systems.drawing import DrawnBody, Shape
 from runner.systems.planar_box.initial import PlanarStart
 from runner.systems.planar_box.labels import FACTORS, REGIMES, label
 from runner.systems.planar_box.model_file import write_model
-from runner.systems.planar_box.motion import STATE, measured_columns
+from runner.systems.planar_box.motion import measured_columns, state_columns
 from runner.systems.planar_box.pin_force import measured_force
 from runner.systems.planar_box.pin_proposals import pin_pushes, unmeasured_by_pin
 from runner.systems.planar_box.proposals import pushes, unmeasured
@@ -91,7 +92,7 @@ class PlanarBox(AbstractSystem):
         self.rate_hz = recording.nominal.rate_hz
         self._columns = measured_columns(recording)
         self.channels = tuple(CHANNELS[k] for k in self._columns)
-        self.initial = PlanarStart(self.rate_hz, self._columns[self._columns < STATE])
+        self.initial = PlanarStart(self.rate_hz, state_columns(recording))
         self.context = context_of(recording)
         force = SETTINGS.where.force_step * self.context.friction_n
         large = SETTINGS.where.max_force * max(self.context.friction_n, self.context.force_n)
@@ -138,7 +139,7 @@ class PlanarBox(AbstractSystem):
 
     def driven_otherwise(self, draws: int) -> tuple[PlanarBox, ...]:
         """See `AbstractSystem`: under forces that a sensor has measured; where a pin pushes, its path decides."""
-        noise_n = pushing_noise(self.recording)
+        noise_n = pushing_noise(e.force_n[:, :2] for e in self.recording.episodes)
         if self.recording.nominal.pin is not None or not noise_n.any():
             return ()
         return tuple(PlanarBox(_noisier(self.recording, noise_n, seed)) for seed in range(draws))

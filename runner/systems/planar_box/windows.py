@@ -16,7 +16,7 @@ from runner.effects.planar_box import ActuatorDelay, Motion, ObservationDelay, P
 from runner.physics import dry_friction
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.planar_box.commands import Commands
-from runner.systems.planar_box.motion import STATE, measured_columns, motion
+from runner.systems.planar_box.motion import measured_columns, motion, simulated_columns
 from runner.systems.planar_box.pin_force import means, steps_of_engine
 from runner.systems.windows import Windows
 
@@ -51,7 +51,7 @@ class WindowSimulator:
     simulated_s: float = field(init=False, default=0.0)
     _yaw: list[np.ndarray] = field(init=False)
     _columns_seen: np.ndarray = field(init=False)
-    _sees_force: bool = field(init=False)
+    _simulated: int = field(init=False)
 
     def __post_init__(self) -> None:
         threads = len(os.sched_getaffinity(0))
@@ -59,7 +59,7 @@ class WindowSimulator:
         self._pool = rollout.Rollout(nthread=threads if threads > 1 else 0)
         recording, n = self.commands.recording, self.commands.steps_per_sample
         self._columns_seen = measured_columns(recording)
-        self._sees_force = bool((self._columns_seen >= STATE).any())
+        self._simulated = simulated_columns(self._columns_seen)
         self._yaw = [np.repeat(0.5 * (states[1:, 2] + states[:-1, 2]), n) for states in motion(recording)]
 
     def predict(self, windows: Windows, starts: np.ndarray, wrench: np.ndarray | None = None) -> np.ndarray:
@@ -103,9 +103,10 @@ class WindowSimulator:
         state, control = state.reshape(count * columns, -1), control.reshape(count * columns, steps, -1)
         if dry_friction.is_all_that_acts(self.model):
             of = np.zeros(len(state), int), np.arange(len(state))
-            size = dry_friction.STATE_AND_PIN if self._sees_force else dry_friction.STATE
-            rows = dry_friction.rollout([self.model], control, state[:, :7], of, len(self._data), columns=size)
-        elif self._sees_force:
+            rows = dry_friction.rollout(
+                [self.model], control, state[:, :7], of, len(self._data), columns=self._simulated
+            )
+        elif self._simulated > dry_friction.STATE:
             rows = steps_of_engine([self.model] * len(state), self._data[0], state, control)
         else:
             with quiet():
@@ -125,7 +126,9 @@ class WindowSimulator:
         seen = Motion(t_s, motion[..., :3], motion[..., 3:])
         for effect in self.effects:
             seen = effect.edit_measurement(seen)
-        shown = [seen.pose, seen.twist, *([means(rows[..., 6:], per_sample, step_s)] if self._sees_force else [])]
+        shown = [seen.pose, seen.twist]
+        if self._simulated > dry_friction.STATE:
+            shown.append(means(rows[..., 6:], per_sample, step_s))
         every = np.concatenate(shown, axis=-1)[..., self._columns_seen]
         return every.reshape(count, columns, windows.samples, len(self._columns_seen))
 
