@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.path import Path as MatplotlibPath
 from reference import Box
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
@@ -17,6 +18,7 @@ from test_outline import BENT, DISC, HEX, WEDGE, G, around, fine
 from runner.effects.planar_box import ActuatorDelay, ObservationDelay, PinFriction, PinOffset, PressureShape
 from runner.numerics.polygon import Polygon
 from runner.physics import dry_friction
+from runner.physics.dry_friction.pin import nearest_on_outline
 from runner.recording import BelievedPin, Episode, Form, Nominal, Recording, Support, read_case, write_case
 from runner.systems.planar_box.simulator import Simulator
 from runner.systems.planar_box.system import PlanarBox
@@ -145,6 +147,20 @@ def nearest(corners: np.ndarray, place: np.ndarray) -> tuple[float, np.ndarray, 
     far = np.linalg.norm(place - points, axis=1)
     k = int(np.argmin(far))
     return far[k], points[k], (place - points[k]) / far[k]
+
+
+@pytest.mark.parametrize("count", [3, 15, 16, 17, 333, 720])
+def test_nearest_side_of_an_outline_however_many_there_are(count: int) -> None:
+    draw = np.random.default_rng(count)
+    angle = np.sort(draw.uniform(0.0, 2 * np.pi, count))
+    corners = draw.uniform(0.3, 1.0, count)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    numbers = dry_friction.pack(dry_friction.FrictionRecord(), np.empty((0, dry_friction.POINT_STRIDE)), corners)
+    assert len(numbers) == dry_friction.size_of(0, count)
+    for place in draw.uniform(-1.3, 1.3, (200, 2)):
+        far, _, _ = nearest(corners, place)
+        found, x, y = nearest_on_outline(numbers, dry_friction.STRIDE, count, *place)
+        assert found == pytest.approx(-far if MatplotlibPath(corners).contains_point(place) else far, abs=1e-12)
+        assert np.hypot(x - place[0], y - place[1]) == pytest.approx(far, abs=1e-12)
 
 
 @pytest.mark.parametrize(("grip", "slant"), [(0.15, 0.5), (0.6, 0.2)], ids=["slides", "sticks"])

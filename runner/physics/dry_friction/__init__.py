@@ -80,6 +80,7 @@ from runner.physics.dry_friction.record import (
     base_points,
     corner_points,
     pack,
+    size_of,
 )
 from runner.physics.dry_friction.rollout import STATE, STATE_AND_PIN, is_all_that_acts, rollout
 
@@ -117,4 +118,5 @@ __all__ = [
     "outline_points",
     "pack",
     "rollout",
+    "size_of",
 ]

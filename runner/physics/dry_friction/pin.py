@@ -15,7 +15,7 @@ from numba import njit
 
 from runner.physics.dry_friction.kernel import SLIP_EPS
 from runner.physics.dry_friction.matrix3 import Triple, dot
-from runner.physics.dry_friction.record import COLUMN, POINT_STRIDE, STRIDE
+from runner.physics.dry_friction.record import CIRCLE, COLUMN, POINT_STRIDE, SIDES, STRIDE
 
 PIN_RADIUS, PIN_FRICTION = COLUMN["pin_radius"], COLUMN["pin_friction"]
 PIN_STIFFNESS, PIN_DAMPING = COLUMN["pin_stiffness"], COLUMN["pin_damping"]
@@ -49,17 +49,16 @@ class Pin(NamedTuple):
 
 
 @njit(error_model="numpy")
-def nearest_on_outline(record, first, count, x, y):
-    """Return the signed distance of a place in body axes from the outline, above zero outside, and the nearest point.
+def _along_sides(record, first, sides, x, y, nearest, inside):
+    """Return the nearest place on the sides from one to before another, or what it was, as squared distance and place.
 
-    The corners, `count` of them, begin at `first` in the body's `user` data.
+    And whether (x, y) is inside, as far as these sides tell: as often as a ray crosses one, that changes.
     """
-    nearest_2 = math.inf
-    near_x = near_y = 0.0
-    inside = False
-    j = first + 2 * (count - 1)
+    nearest_2, near_x, near_y = nearest
+    begin, end, before = sides
+    j = first + 2 * before
     ax, ay = record[j], record[j + 1]
-    for k in range(count):
+    for k in range(begin, end):
         bx, by = record[first + 2 * k], record[first + 2 * k + 1]
         dx, dy = bx - ax, by - ay
         part = ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy)
@@ -71,8 +70,38 @@ def nearest_on_outline(record, first, count, x, y):
         if (ay > y) != (by > y) and x < dx * (y - ay) / dy + ax:
             inside = not inside
         ax, ay = bx, by
-    far = math.sqrt(nearest_2)
-    return (-far if inside else far), near_x, near_y
+    return (nearest_2, near_x, near_y), inside
+
+
+@njit(error_model="numpy")
+def nearest_on_outline(record, first, count, x, y):
+    """Return the signed distance of a place in body axes from the outline, above zero outside, and the nearest point.
+
+    The corners, `count` of them, begin at `first` in the body's `user` data; behind them are the circles around
+    `SIDES` sides at a time. Sides are passed over whose circle is farther away than what was found, and which a ray
+    to the right cannot cross.
+    """
+    circles, groups = first + 2 * count, (count + SIDES - 1) // SIDES
+    nearest_group, least_2 = 0, math.inf
+    for g in range(groups):
+        cx, cy = record[circles + CIRCLE * g], record[circles + CIRCLE * g + 1]
+        far_2 = (x - cx) * (x - cx) + (y - cy) * (y - cy)
+        if far_2 < least_2:
+            nearest_group, least_2 = g, far_2
+    nearest, inside, far = (math.inf, 0.0, 0.0), False, math.inf
+    for i in range(groups):
+        # the nearest group first, in the place of the first
+        g = nearest_group if i == 0 else 0 if i == nearest_group else i
+        cx, cy = record[circles + CIRCLE * g], record[circles + CIRCLE * g + 1]
+        radius = record[circles + CIRCLE * g + 2]
+        reach = far + radius
+        farther = (x - cx) * (x - cx) + (y - cy) * (y - cy) > reach * reach
+        if farther and (abs(y - cy) > radius or x > cx + radius):
+            continue
+        sides = SIDES * g, min(SIDES * (g + 1), count), (SIDES * g if g > 0 else count) - 1
+        nearest, inside = _along_sides(record, first, sides, x, y, nearest, inside)
+        far = math.sqrt(nearest[0])
+    return (-far if inside else far), nearest[1], nearest[2]
 
 
 @njit(error_model="numpy")

@@ -1,7 +1,8 @@
 """What dry friction knows and says of one body: the layout of its numbers in MuJoCo's `user` and `userdata` arrays.
 
 A body's `user` data is its record (`FrictionRecord`, field by field), then its base points (`POINT_STRIDE` numbers
-each), then the corners of its outline (two each), where a pin may touch it. Its block of `mjData.userdata` is the push
+each), then the corners of its outline (two each), where a pin may touch it, then circles around `SIDES` sides of that
+at a time (`CIRCLE` numbers each: centre and radius). Its block of `mjData.userdata` is the push
 on it (`PUSH_SIZE` numbers), then what friction says of the last step (`OUT_SIZE` numbers), then where the pin is
 (`PIN_SIZE` numbers).
 """
@@ -17,6 +18,7 @@ from numpy.typing import ArrayLike
 MAGIC = 271828.1828  # the first number of a record
 PLANAR, UPRIGHT, FREE = 3, 4, 6  # kinds of joints: as many as the body has degrees of freedom
 POINT_STRIDE = 4  # x, y, weight, pressure shape
+SIDES, CIRCLE = 16, 3  # of an outline: what is far away is passed over by so many sides; centre and radius
 PUSH_SIZE = 12
 OUT_SIZE = 12
 PIN_SIZE = 4  # centre of the pin x, y (world, m) and its velocity (m/s), at the time of the position in this step
@@ -98,7 +100,22 @@ def pack(record: FrictionRecord, points: np.ndarray, corners: ArrayLike = ()) ->
     corners = np.asarray(corners, float).reshape(-1, 2)
     record.points, record.corners = len(points), len(corners)
     numbers = [float(getattr(record, name)) for name in FIELDS]
-    return np.concatenate([numbers, np.asarray(points, float).ravel(), corners.ravel()])
+    return np.concatenate([numbers, np.asarray(points, float).ravel(), corners.ravel(), _circles(corners).ravel()])
+
+
+def size_of(points: int, corners: int) -> int:
+    """Return how many numbers `pack` makes of so many base points and corners."""
+    return STRIDE + POINT_STRIDE * points + 2 * corners + CIRCLE * -(-corners // SIDES)
+
+
+def _circles(corners: np.ndarray) -> np.ndarray:
+    """Return centre and radius of circles around `SIDES` sides at a time; side k ends at corner k, (m, 3)."""
+    out = []
+    for begin in range(0, len(corners), SIDES):
+        some = np.vstack([corners[begin - 1], corners[begin : begin + SIDES]])
+        centre = (some.min(axis=0) + some.max(axis=0)) / 2
+        out.append([*centre, np.linalg.norm(some - centre, axis=1).max()])
+    return np.array(out).reshape(-1, CIRCLE)
 
 
 @dataclass(frozen=True)

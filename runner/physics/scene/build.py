@@ -55,7 +55,7 @@ def build(
     most = max(map(len, bases.values()), default=0)
     sides = {name: _corners(bodies[name], outlines.get(name)) for name in pins}
     most_corners = max(map(len, sides.values()), default=0)
-    root.size.nuser_body = dry_friction.STRIDE + dry_friction.POINT_STRIDE * most + 2 * most_corners
+    root.size.nuser_body = dry_friction.size_of(most, most_corners)
     if scene.contact is FloorContact.patch:
         root.option.flag.contact = "disable"
         root.option.flag.constraint = "disable"
