@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from runner.effects import planar_box as fx
-from runner.inference.search import search
+from runner.inference.search import resumed, search
 from tests.cases import fitter_of
 from tests.test_multiple_shooting import pushed, random_pushes
 
@@ -41,3 +41,14 @@ def test_the_best_so_far_is_told_before_all_single_effects_are_fitted() -> None:
     first = next(after for after, names, _ in told.best_after if names == ("actuator_gain",))
     assert first <= singles[len(singles) // 4]
     assert all(0.0 <= p <= 1.0 for _, _, p in told.best_after)
+
+
+def test_an_answer_is_told_until_a_second_search_has_fitted_it_again() -> None:
+    """A search that goes on with another account of the noise does not begin by telling that nothing is needed."""
+    recording = pushed(random_pushes(3, 2.0), [(fx.ActuatorGain(1.3),)] * 3)
+    told = Told()
+    fitter = replace(fitter_of(recording), observer=told)
+    found = search(fitter, range(3), most=1)
+    told.best_after.clear()
+    search(fitter, range(3), starts=found.nominal.starts, beginning=resumed(found, fitter), most=1)
+    assert {names for _, names, _ in told.best_after} == {("actuator_gain",)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +14,7 @@ from runner.noise.measured import Measured, refine, without_outliers
 from runner.noise.model import NoiseModel, estimate
 from runner.numerics.differences import third_differences, white_noise
 from runner.recording import Span
+from runner.systems.channels import Channel
 
 
 def noise(n: int, k: int, share: float, memory: float, seed: int) -> np.ndarray:
@@ -165,6 +167,18 @@ def test_short_flights_tell_their_noise(stated: bool) -> None:
     assert found.share * found.memory == pytest.approx(share * memory, abs=0.12)
 
 
+def recorded(values: Sequence[np.ndarray], channels: Sequence[Channel], by_owner: np.ndarray) -> Any:
+    """Return what the noise is told of a system: these values (T, C) of each episode, and what its owner states."""
+    return SimpleNamespace(
+        episodes_differ=False,
+        values=lambda: values,
+        noise_by_owner=lambda: by_owner,
+        channels=tuple(channels),
+        rate_hz=100.0,
+        recording=SimpleNamespace(episodes=[SimpleNamespace(step_s=0.005) for _ in values]),
+    )
+
+
 @pytest.mark.parametrize("owner", [True, False])
 def test_a_rough_level_that_nobody_stated_does_not_hold_in_short_flights(*, owner: bool) -> None:
     """That of an orientation, before a model leaves anything in which its noise shows."""
@@ -172,12 +186,18 @@ def test_a_rough_level_that_nobody_stated_does_not_hold_in_short_flights(*, owne
     values, valid = tuple(residuals.values()), tuple(np.ones((40, 3), bool) for _ in residuals)
     spans = tuple(Span(e, 0, 40) for e in residuals)
     known = Measured(spans, values, np.full(3, rough), NoiseModel.white(3), valid, np.full(3, rough))
-    system: Any = SimpleNamespace(
-        episodes_differ=False,
-        values=lambda: values,
-        noise_by_owner=lambda: np.full(3, rough if owner else np.nan),
-        channels=(SimpleNamespace(group="turn"),) * 3,
-        rate_hz=100.0,
-        recording=SimpleNamespace(episodes=[SimpleNamespace(step_s=0.005) for _ in values]),
-    )
+    system = recorded(values, [Channel(c, "rad", "turn", c) for c in "xyz"], np.full(3, rough if owner else np.nan))
     np.testing.assert_allclose(refine(known, system, residuals).sensor, rough if owner else 1.0, rtol=0.05)
+
+
+def test_each_instrument_has_a_colour_of_its_own() -> None:
+    """What a force sensor leaves, white noise, says nothing of how slow the noise of the tracking is."""
+    residuals = {e: np.hstack([noise(400, 2, 0.9, 0.8, e), 3.0 * noise(400, 1, 0.0, 0.0, 100 + e)]) for e in range(6)}
+    values, valid = tuple(residuals.values()), tuple(np.ones((400, 3), bool) for _ in residuals)
+    spans = tuple(Span(e, 0, 400) for e in residuals)
+    known = Measured(spans, values, np.ones(3), NoiseModel.white(3), valid, np.full(3, np.nan))
+    channels = [Channel("x", "m", "position", "x"), Channel("y", "m", "position", "y"), Channel("f", "N", "force", "f")]
+    found = refine(known, recorded(values, channels, np.full(3, np.nan)), residuals)
+    np.testing.assert_allclose(found.noise_model.share, [0.9, 0.9, 0.0], atol=0.1)
+    np.testing.assert_allclose(found.noise_model.memory[:2], 0.8, atol=0.05)
+    np.testing.assert_allclose(found.sensor[2], 3.0, rtol=0.05)

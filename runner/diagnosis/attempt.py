@@ -28,7 +28,14 @@ from runner.inference.search import Search, resumed, search
 from runner.inference.solver_choice import better_solved
 from runner.inference.variable_projection import project
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of
-from runner.noise.measured import Measured, materially_different, materially_slower, measure, refine, without_outliers
+from runner.noise.measured import (
+    Measured,
+    materially_different,
+    materially_slower,
+    measure,
+    refine,
+    without_outliers,
+)
 from runner.numerics.arrays import spread_over
 from runner.progress import UNOBSERVED, ProgressObserver
 from runner.recording import Span
@@ -251,7 +258,7 @@ def _solved_otherwise(
     here = {
         key: replace(s, total=fitter.loss(s.explanation, s.x, s.starts, nominal.episodes)) for key, s in seeds.items()
     }
-    return _FirstLook(fitter, nominal, Beginning(here), before.resting)
+    return _FirstLook(fitter, nominal, Beginning(here, answered=True), before.resting)
 
 
 def _nominal(fitter: Fitter, stretches: Sequence[int]) -> tuple[Fitter, Fit]:
@@ -313,7 +320,7 @@ def _less_noise(first: _FirstLook, fitter: Fitter, found: Search) -> _FirstLook 
     seeds = resumed(found, whiter).seeds
     if fit.explanation.candidates:
         seeds[key_of(fit.explanation)] = WarmStart(fit.explanation, fit.x, fit.starts, fit.total)
-    return _FirstLook(whiter, whiter.fit(NONE, episodes, **how), Beginning(seeds), first.resting)
+    return _FirstLook(whiter, whiter.fit(NONE, episodes, **how), Beginning(seeds, answered=True), first.resting)
 
 
 def _searched(first: _FirstLook) -> tuple[Fitter, Search]:

@@ -98,6 +98,7 @@ class _Rounds:
         count: How many measurements there are.
         seeds: Beginnings from an earlier look that are not used up.
         ruled_out: What is not to be tried again.
+        answered: Seeds that were told as the best so far: until they are fitted nothing else is.
         tried: Beginnings from before anything was hit that are not used up, of what hits something.
         contenders: Compared by evidence so far.
         seen: What was fitted.
@@ -115,6 +116,7 @@ class _Rounds:
     count: int
     seeds: dict[Key, WarmStart]
     ruled_out: frozenset[Key]
+    answered: frozenset[Key]
     tried: dict[Key, WarmStart]
     contenders: list[Contender]
     seen: set[Key]
@@ -142,6 +144,7 @@ class _Rounds:
             count=count,
             seeds=dict(beginning.seeds),
             ruled_out=beginning.ruled_out,
+            answered=frozenset(beginning.seeds) if beginning.answered else frozenset(),
             tried={},
             contenders=[contend(fitter, nominal, alone, dispersion=dispersion)],
             dispersion=dispersion,
@@ -250,6 +253,8 @@ class _Rounds:
 
     def tell(self, *begun: Contender) -> None:
         """Tell the observer of the likeliest so far, of all contenders and of others that are not finished."""
+        if not self.answered.isdisjoint(self.seeds):
+            return
         finite = [c for c in (*self.contenders, *begun) if np.isfinite(c.log_posterior)]
         best = max(finite, key=lambda c: c.log_posterior)
         alike = [c.fit.explanation.names == best.fit.explanation.names for c in finite]
@@ -474,7 +479,7 @@ def resumed(before: Search, fitter: Fitter) -> Beginning:
         )
         for f in fits
     }
-    return Beginning(seeds, singles(fitter.system.vocabulary) - tried)
+    return Beginning(seeds, singles(fitter.system.vocabulary) - tried, answered=True)
 
 
 def singles(vocabulary: Vocabulary) -> frozenset[Key]:

@@ -32,10 +32,12 @@ class Beginning:
     Args:
         seeds: Where to begin, by effects.
         ruled_out: Single effects that are not to be tried alone again.
+        answered: Whether they are what has been told as the best so far: it is, until they are fitted again.
     """
 
     seeds: dict[Key, WarmStart] = field(default_factory=dict)
     ruled_out: frozenset[Key] = frozenset()
+    answered: bool = False
 
 
 def key_of(explanation: Explanation) -> Key:

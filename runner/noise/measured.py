@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from runner.noise.model import Found, NoiseModel, estimate
+from runner.noise.model import NoiseModel, estimate
 from runner.numerics.differences import rounding_noise, white_noise
 from runner.recording import Span
 from runner.settings import SETTINGS
@@ -151,7 +151,7 @@ def measure(system: AbstractSystem, *, scatter: Scatter | None = None) -> Measur
     white = np.array([white_noise(series) for series in each])
     # a sensor may be stiller at rest than in motion: what is stated holds until a fit shows what it is
     rounding = _rounding_noise(values, groups)
-    sigma, noise_model = _noise(rests, _step_s(system), groups, stated, white, rounding, doubt=0.0)
+    sigma, noise_model = _noise(rests, system, stated, white, rounding, doubt=0.0)
     spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
     valid = tuple(_inliers(v, sigma * noise_model.innovation()) for v in values)
     return Measured(spans, values, sigma, noise_model, valid, system.noise_by_owner(), scatter)
@@ -188,8 +188,7 @@ def refine(measured: Measured, system: AbstractSystem, residuals: dict[int, np.n
     # what the system made up for where nobody stated anything is no belief: in what a model leaves the noise shows
     sigma, noise_model = _noise(
         stretches,
-        _step_s(system),
-        groups,
+        system,
         system.noise_by_owner(),
         otherwise,
         rounding,
@@ -268,8 +267,7 @@ def _step_s(system: AbstractSystem) -> float:
 
 def _noise(
     stretches: Sequence[np.ndarray],
-    step_s: float,
-    groups: Sequence[Sequence[int]],
+    system: AbstractSystem,
     stated: np.ndarray,
     otherwise: np.ndarray,
     rounding: np.ndarray,
@@ -283,25 +281,26 @@ def _noise(
     group where too little is there, and `rounding` where less was found. Rows of `stretches` in which a group was not
     measured are passed over: where topics have stamps of their own, each has only its share of the rows.
     """
+    groups = _groups(system)
     known = stated[[columns[0] for columns in groups]]
     kinds = [[s[np.isfinite(s[:, c]).all(axis=1)][:, c] for s in stretches] for c in groups]
     counts = np.array([sum(map(len, kind)) for kind in kinds])
-    rows, told, showing = sum(map(len, stretches)), int(counts.max(initial=0)), np.flatnonzero(counts)
-    each_s = step_s * max(rows, 1) / max(told, 1)
-    found = (
-        estimate([kinds[k] for k in showing], each_s, known[showing], doubt=doubt, shorten=shorten)
-        if len(showing)
-        else None
-    )
+    rows, told = sum(map(len, stretches)), int(counts.max(initial=0))
+    each_s = _step_s(system) * max(rows, 1) / max(told, 1)
     levels = np.where(np.isfinite(known), known, otherwise)
-    if found is None:
-        found = Found(levels, 0.0, 0.0)
-    else:
+    sigma, share, memory = np.empty(len(stated)), np.zeros(len(stated)), np.zeros(len(stated))
+    instruments = [system.channels[columns[0]].instrument for columns in groups]
+    for instrument in dict.fromkeys(instruments):
+        showing = [k for k, own in enumerate(instruments) if own == instrument and counts[k]]
+        found = estimate([kinds[k] for k in showing], each_s, known[showing], doubt=doubt, shorten=shorten)
+        if found is None:
+            continue
         levels[showing] = found.level
-    sigma = np.empty(len(stated))
+        for k in showing:
+            share[groups[k]], memory[groups[k]] = found.share, found.memory
     for c, level, told, least in zip(groups, levels, known, rounding, strict=True):
         sigma[c] = level if level == told else max(level, least)
-    return sigma, NoiseModel(np.full(len(stated), found.share), np.full(len(stated), found.memory))
+    return sigma, NoiseModel(share, memory)
 
 
 def _rounding_noise(values: Sequence[np.ndarray], groups: Sequence[Sequence[int]]) -> np.ndarray:

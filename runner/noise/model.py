@@ -132,7 +132,7 @@ def estimate(
 
     Half-second windows, of which only what no cubic follows is looked at: neither a motion nor a model's error is
     there, and what the cubics take of the noise is accounted for. Maximum likelihood for Gaussian noise; one colour for
-    all kinds (they come from one tracking system), each with its own level.
+    all kinds (they come from one instrument, as a tracking system), each with its own level.
 
     Args:
         kinds: Stretches of each kind of channel, each (T, k), without NaN.

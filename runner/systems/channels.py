@@ -16,6 +16,8 @@ import numpy as np
 
 from runner.recording import Span
 
+TRACKED = ("m", "rad", "m/s", "rad/s", "")  # units of what one tracking system tells of a motion
+
 
 class Space(Enum):
     """Which numbers a channel has: a line, a circle (angles, unwrapped), or one axis of a turn's log map."""
@@ -43,6 +45,11 @@ class Channel:
     group: str
     label: str
     space: Space = Space.LINE
+
+    @property
+    def instrument(self) -> str:
+        """Where it comes from: channels of one instrument share the colour of their noise, those of motion one."""
+        return "tracking" if self.unit in TRACKED else self.group
 
 
 @dataclass(frozen=True)
