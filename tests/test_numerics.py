@@ -11,6 +11,7 @@ from scipy.signal import lfilter, savgol_filter
 from scipy.stats import false_discovery_control
 
 from runner.localise.cells import false_discovery
+from runner.numerics.arrays import over_gaps
 from runner.numerics.differences import rounding_noise, smooth_derivative
 from runner.numerics.recursive_filter import filtered
 
@@ -60,3 +61,12 @@ def test_rounding_is_told_by_what_counts() -> None:
     assert rounding_noise([0.25 * np.round(4.0 * np.sin(t)), np.array([0.5, 0.5])]) == pytest.approx(0.25 / 12**0.5)
     assert rounding_noise([3.0 * t + np.random.default_rng(0).normal(scale=1e-6, size=len(t))]) == 0.0
     assert rounding_noise([]) == 0.0
+
+
+def test_lines_over_gaps_go_by_where_rows_stand() -> None:
+    nan = np.nan
+    columns = np.array([[nan, 1.0, nan], [2.0, nan, nan], [nan, nan, nan], [8.0, 3.0, nan]])
+    at = np.array([0.0, 1.0, 2.0, 5.0])
+    np.testing.assert_allclose(over_gaps(columns, at), [[2, 1, 0], [2, 1.4, 0], [3.5, 1.8, 0], [8, 3, 0]])
+    np.testing.assert_allclose(over_gaps(columns)[:, 0], [2, 2, 5, 8])
+    assert np.isnan(columns[0, 0])

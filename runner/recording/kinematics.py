@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from runner.numerics.arrays import FloatArray
+from runner.numerics.arrays import FloatArray, over_gaps
 from runner.numerics.differences import NORMAL_MEDIAN
 from runner.settings import SETTINGS
 
@@ -88,11 +88,8 @@ def without_gaps(t_s: FloatArray, positions: FloatArray, velocities: FloatArray)
         positions: NaN where not measured, (T, K), each somewhere measured.
         velocities: The same per second, (T, K).
     """
-    positions, velocities = positions.copy(), velocities.copy()
+    positions, velocities = over_gaps(positions, t_s), velocities.copy()
     for k in range(positions.shape[1]):
-        there = np.isfinite(positions[:, k])
-        if not there.all():
-            positions[:, k] = np.interp(t_s, t_s[there], positions[there, k]) if there.any() else 0.0
         lacking = ~np.isfinite(velocities[:, k])
         if lacking.any():
             velocities[lacking, k] = np.gradient(positions[:, k], t_s)[lacking]

@@ -61,19 +61,6 @@ def replay(diagnosis: Diagnosis) -> list[Paths]:
     return out
 
 
-def whole(motion: np.ndarray) -> np.ndarray:
-    """Fill what was not measured of channels (T, C) in between: a body has to be somewhere; never measured is 0."""
-    out = np.array(motion)
-    at = np.arange(len(out))
-    for column in out.T:
-        known = np.isfinite(column)
-        if not known.any():
-            column[:] = 0.0
-        elif not known.all():
-            column[~known] = np.interp(at[~known], at[known], column[known])
-    return out
-
-
 def where_after(diagnosis: Diagnosis) -> Where | None:
     """Return where the corrected model still misses; None: nothing was corrected, or nobody asked where."""
     if not diagnosis.effects or diagnosis.where is None:

@@ -16,9 +16,10 @@ import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from runner.effects.wording import percent, probability
+from runner.numerics.arrays import over_gaps
 from runner.report import words
 from runner.report.missing_force import missing_force
-from runner.report.motions import Paths, replay, whole
+from runner.report.motions import Paths, replay
 from runner.report.record_gap import WindowGap, blended, window_gaps
 from runner.report.record_layout import (
     COLOURS,
@@ -122,7 +123,7 @@ class _Episode:
         self.poses = {
             (model, body): pose
             for model in models(diagnosis)
-            for body, pose in system.poses(path.episode, whole(getattr(path, model))).items()
+            for body, pose in system.poses(path.episode, over_gaps(getattr(path, model))).items()
         }
         way = {b.name: _length(self.poses["measured", b.name][:, :3]) for b in self.bodies}
         self.traced = max(way, key=lambda name: way[name], default=None)
@@ -231,7 +232,7 @@ class _Episode:
 
     def send_commands(self, log: rr.RecordingStream) -> tuple[str, ...]:
         """Send what was commanded as arrows, tips where it acts, if the system says so; return what that shows."""
-        found = self.system.command_arrows(self.path.episode, whole(self.path.measured))
+        found = self.system.command_arrows(self.path.episode, over_gaps(self.path.measured))
         if found is None:
             return ()
         tip, force = found

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
-from runner.numerics.arrays import FloatArray
+from runner.numerics.arrays import FloatArray, over_gaps
 from runner.numerics.differences import white_noise
 from runner.physics import dry_friction
 from runner.recording import Episode
@@ -53,11 +53,7 @@ def measured_force(episode: Episode) -> FloatArray:
 
 def without_gaps(episode: Episode) -> FloatArray:
     """Return the force along world x and y with lines where it was not measured, 0 where it never was, (T, 2), N."""
-    t_s, force_n = episode.t_s, episode.force_n[:, :2].copy()
-    for f in force_n.T:
-        there = np.isfinite(f)
-        f[~there] = np.interp(t_s[~there], t_s[there], f[there]) if there.any() else 0.0
-    return force_n
+    return over_gaps(episode.force_n[:, :2], episode.t_s)
 
 
 def _pushes(episode: Episode) -> np.ndarray:
