@@ -69,6 +69,12 @@ class ReplaySettings:
     step_change_noises: float = setting(
         0.1, "standard deviations of the noise", "An error of the step so small adds a hundredth to the squares."
     )
+    step_error_noises: float = setting(
+        1.0,
+        "standard deviations of one reading",
+        "Over all readings together: no number that is fitted is then off by more than its standard error, whatever it "
+        "is.",
+    )
     compared_episodes: int = setting(
         3, "episodes", "The longest ones show whether a step is too long, as its errors pile up."
     )

@@ -1,23 +1,33 @@
-"""How long physics steps may be: as long as the prediction stays the one of the model file's own step.
+"""How long physics steps may be: so long that their error is nothing to what a recording can tell.
+
+A step's error is the same in every sample that is like another, so that thousands of readings tell what is far below
+the noise of one: an error e, in noises, moves no number that is fitted by more than |e| of its standard errors, the
+root of the sum of squares over all readings (Cauchy and Schwarz). That is what is kept small. Over which parts of a
+recording readings may be compared is told by a step that will do for each of them alone.
 
 Steps that divide the sample period put every sample on the grid; where the clock is uneven, channels are interpolated.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from runner.numerics.arrays import FloatArray
+from runner.numerics.arrays import FloatArray, spread_over
+from runner.recording import Span
 from runner.recording.model_form import MechanismRecording
-from runner.systems.mechanism.models import Models
+from runner.systems.mechanism.models import Models, can_touch
 from runner.systems.mechanism.settings import MECHANISM
-from runner.systems.mechanism.simulator import MechanismSimulator, Stretch
+from runner.systems.mechanism.simulator import SHORTEST_STEP_S, MechanismSimulator, Stretch
+from runner.systems.mechanism.stretches import Sensitive
+from runner.systems.windows import Windows
 
 
 def choose_step(
     recording: MechanismRecording, models: Models, starts: list[FloatArray], sigma: FloatArray, threads: int
 ) -> float:
-    """Return the longest step whose prediction differs from that of the file's step by little of the noise.
+    """Return the longest step whose prediction differs from that of the file's by little of the noise of one reading.
 
     Args:
         recording: The case.
@@ -56,3 +66,58 @@ def _candidates(recording: MechanismRecording, file_step_s: float) -> list[float
     if len(counts) > 1:
         counts[-1] = int(np.ceil(period / file_step_s - 1e-9))
     return [period / n for n in counts]
+
+
+def settled_step(known: Sensitive, spans: Sequence[Span], searched_s: float) -> float:
+    """Return the longest step, of a simulator's own and shorter ones, whose error no fit would notice.
+
+    Where contacts are as hard as the steps of the model file make them it is not shorter than those; nor where halving
+    it does not help, as where joints stick.
+
+    Args:
+        known: The recording, by a simulator whose step will do for a single reading.
+        spans: What is fitted, and compared.
+        searched_s: So much of that at most.
+    """
+    simulator, limits = known.simulator, MECHANISM.replay
+    recording, models = simulator.recording, simulator.models
+    samples = min(s.end - s.begin for s in spans)
+    enough = max(1, round(searched_s / (samples * recording.step_s)))
+    chosen = [spans[i] for i in spread_over(len(spans), min(enough, len(spans)))]
+    windows = Windows(np.array([s.episode for s in chosen]), np.array([s.begin for s in chosen]), samples)
+    starts = known.initial.guess_windows(known.signals, windows, smooth=True)[:, None]
+    readings = np.array([v.mean(axis=0) for v in known.signals.valid]).mean(axis=0) * samples * len(chosen)
+
+    def shown(parts: int) -> FloatArray:
+        """Return what is shown in noises where each of the simulator's steps is so many, (W, n, C)."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            stepping = simulator.stepping(simulator.step_s * before / parts)
+            return stepping.predict_windows((), windows, starts)[:, 0] / known.signals.sigma
+
+    def error(parts: int) -> float:
+        """Return the error over all readings, in noises: of second order, so that half the step leaves a quarter."""
+        squares = (shown(parts) - shown(2 * parts)) ** 2
+        return 4.0 / 3.0 * float(np.sqrt(np.nan_to_num(squares.mean(axis=(0, 1)) @ readings, nan=np.inf)))
+
+    # the steps of a sample period, so that those of an even clock end with it
+    before = max(1, round(recording.step_s / simulator.step_s))
+    least_s = models.file_step_s if can_touch(models.compiled(()).model) else min(models.file_step_s, SHORTEST_STEP_S)
+    most = max(before, int(before * simulator.step_s / least_s + 1e-9))
+    parts, off, too_few = before, error(before), before - 1
+    while off > limits.step_error_noises and parts < most:
+        more = min(max(_enough(parts, off), parts + 1), 2 * parts, most)
+        less = error(more)
+        if not less < off * parts / more:
+            break
+        parts, off, too_few = more, less, parts
+    while off < limits.step_error_noises and too_few < (fewer := max(_enough(parts, off), too_few + 1)) < parts:
+        if (more := error(fewer)) < limits.step_error_noises:
+            parts, off = fewer, more
+        else:
+            too_few = fewer
+    return simulator.step_s * before / parts
+
+
+def _enough(parts: int, off: float) -> int:
+    """Return into how many parts a period is to be cut, from what so many leave, in noises, by the second order."""
+    return int(min(np.ceil(parts * np.sqrt(off / MECHANISM.replay.step_error_noises)), 1e6))

@@ -40,7 +40,7 @@ from runner.systems.mechanism.scope import (
 from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.mechanism.shapes import force_shapes
 from runner.systems.mechanism.simulator import MechanismSimulator, cores
-from runner.systems.mechanism.steps import choose_step
+from runner.systems.mechanism.steps import choose_step, settled_step
 from runner.systems.mechanism.stretches import Sensitive, impact_stretches, stretches, survey_step_s
 from runner.systems.windows import Labels, Windows
 
@@ -91,6 +91,7 @@ class MechanismSystem(AbstractSystem):
         self.disturbance = self._missing_force()
         self._step_s = step_s
         self._simulator: MechanismSimulator | None = None
+        self._cut: tuple[Span, ...] = ()  # found on the way to the step
         self._stretches: tuple[Span, ...] | None = None
         self._found_flights = self._flights()
         if len(joints := self.context.model.jnt_type) and (joints == FREE).all():
@@ -111,7 +112,16 @@ class MechanismSystem(AbstractSystem):
         if self._step_s is None:
             starts = [self.initial.guess(self._raw, e) for e in range(len(self.recording.episodes))]
             self._step_s = choose_step(self.recording, self._models, starts, self._raw.sigma, cores())
+            # what is hit in two steps of different lengths soon goes two ways
+            if not any(self._found_flights):
+                known = self._sensitive(MechanismSimulator(self.recording, self._models, self._step_s))
+                self._cut = stretches(known, self.searched_s)
+                self._step_s = settled_step(known, self._cut, self.searched_s)
         return self._step_s
+
+    def _sensitive(self, simulator: MechanismSimulator) -> Sensitive:
+        """Return the recording as what responds to a small force, by a simulator."""
+        return Sensitive(simulator, self.initial, self.disturbance.prior / SETTINGS.where.max_force, self._raw)
 
     def _missing_force(self) -> Disturbance:
         """Return the force that may be missing at each joint."""
@@ -186,13 +196,12 @@ class MechanismSystem(AbstractSystem):
     def stretches(self) -> tuple[Span, ...]:
         """See `AbstractSystem`."""
         if self._stretches is None:
-            usual = self.disturbance.prior / SETTINGS.where.max_force
-            known = Sensitive(self.simulator(), self.initial, usual, self._raw)
+            known = self._sensitive(self.simulator())
             if any(self._found_flights):
                 lying = rests(self.recording, self.initial.coordinates, self.context.model)
                 self._stretches = impact_stretches(known, self._found_flights, lying)
             else:
-                self._stretches = stretches(known, self.searched_s)
+                self._stretches = self._cut or stretches(known, self.searched_s)
                 known.simulator.survey_step_s = survey_step_s(known, self._stretches)
         return self._stretches
 
@@ -283,7 +292,7 @@ class _Unmeasured(MechanismSystem):
         self.context, self.vocabulary, self.disturbance = known.context, known.vocabulary, known.disturbance
         self._step_s: float | None = known.step_s
         self._simulator = None
-        self._stretches, self._found_flights = None, [[] for _ in recording.episodes]
+        self._cut, self._stretches, self._found_flights = (), None, [[] for _ in recording.episodes]
 
 
 def read_mechanism(path: str | Path) -> MechanismSystem:
