@@ -311,6 +311,7 @@ class Fitter:
         iterations: int = SETTINGS.fit.max_steps,
         tolerance: float = SETTINGS.fit.tolerance_loss,
         polish: bool = True,
+        held: Sequence[int] = (),
     ) -> Fit:
         """Fit an explanation; stops when a step gains less than `tolerance` in the loss (more where the fit is bad).
 
@@ -328,9 +329,13 @@ class Fitter:
             tolerance: In units of the loss (2 log likelihood).
             polish: Whether the start states' derivatives are taken anew where the steps come to rest; without, a fit
                 is not called converged.
+            held: Positions of parameters that stay where they begin.
         """
         self.observer.fitting(explanation.names or tuple(e.full_name for e in self.held))
         parameters = explanation.parameters(self.context)
+        free = tuple(
+            replace(p, lower=x[i], upper=x[i]) if x is not None and i in held else p for i, p in enumerate(parameters)
+        )
         basis = None
         if starts is None:
             starts = self.first_starts(episodes) if near is None else near.starts
@@ -342,9 +347,9 @@ class Fitter:
         def best(x: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             return self.best_starts(explanation.make(x, self.context), starts, episodes)
 
-        point = _first_point(linearise, parameters, x, starts, basis)
+        point = _first_point(linearise, free, x, starts, basis)
         count = self.measured.count(episodes)
-        descent = Descent(parameters, linearise, best, count, target, patience, tolerance, polish)
+        descent = Descent(free, linearise, best, count, target, patience, tolerance, polish)
         point = descent.down(point, iterations)
         return Fit(
             explanation,

@@ -27,6 +27,7 @@ from runner.inference.least_squares import NONE, Explanation, Fit, Fitter, are_n
 from runner.inference.probability import error_of_excess, shares, unknown_by_excess
 from runner.inference.shortlist import finished, gain, with_fit, without_one, worth_of
 from runner.inference.start_draws import begun_elsewhere, tried_from_the_air
+from runner.inference.untold import without_untold
 from runner.inference.warm_start import (
     Beginning,
     Key,
@@ -81,6 +82,7 @@ def search(
         beam = [] if pieces else rounds.beam(new or [])
     if not pieces:
         rounds.share_starts()
+        rounds.take_out_untold()
     return Search(tuple(_likeliest_first(rounds.contenders)), rounds.nominal)
 
 
@@ -430,9 +432,7 @@ class _Rounds:
         What is about to rest, or to hit with one corner or the other, holds a start on one side of that: an effect that
         another has by its side would be thanked for nothing but the other side.
         """
-        leaders = _likeliest_first([c for c in self.contenders if np.isfinite(c.log_posterior)])
-        hopeless = leaders[0].log_posterior - SETTINGS.held_out.hopeless_log_odds
-        leaders = [c for c in leaders[: SETTINGS.held_out.max_leaders] if c.log_posterior > hopeless]
+        leaders = self._leaders()
         starts = np.stack([c.fit.starts for c in leaders], axis=1)
         for c in leaders:
             # what a start takes off at once, a descent from it may go on to take off a few times
@@ -454,6 +454,20 @@ class _Rounds:
                 again = contend(self.fitter, fit, self.alone, dispersion=self.dispersion)
             self._disperse(fit)
             self.contenders = [again if other is c else other for other in self.contenders]
+
+    def take_out_untold(self) -> None:
+        """Let every leader be without the numbers that the data do not tell from zero."""
+        for c in self._leaders():
+            fit = without_untold(c, self.fitter)
+            if fit is not None:
+                again = self._worthy(fit, self._around(fit))
+                self.contenders = [again if other is c else other for other in self.contenders]
+
+    def _leaders(self) -> list[Contender]:
+        """Return the contenders of which one may turn out the likeliest, likeliest first."""
+        leaders = _likeliest_first([c for c in self.contenders if np.isfinite(c.log_posterior)])
+        hopeless = leaders[0].log_posterior - SETTINGS.held_out.hopeless_log_odds
+        return [c for c in leaders[: SETTINGS.held_out.max_leaders] if c.log_posterior > hopeless]
 
     def _worthy(self, fit: Fit, around_best: Sensitivities) -> Contender:
         """Return a fit as a contender; a single effect that hardly matters has that against it."""
