@@ -55,11 +55,13 @@ def test_errors_that_last_make_residuals_uncertain() -> None:
     """Noise alone leaves them as they are; an error that is constant for 100 samples counts once for those."""
     rng = np.random.default_rng(4)
     noise = [rng.normal(size=(SAMPLES, 1)) for _ in range(3)]
-    assert dispersion_of(left(noise), fitter_of(1)) == pytest.approx(1.0, abs=0.1)
+    fit = left(noise)
+    assert dispersion_of(fit, fitter_of(1), fit.total) == pytest.approx(1.0, abs=0.1)
     lasting = [n + 3.0 * np.repeat(rng.normal(size=(SAMPLES // 100, 1)), 100, axis=0) for n in noise]
     # a piecewise constant error of variance 9 with a triangular correlation, in white noise of variance 1
     expected = 1.0 + 9.0 * (0.1 + 0.9 * 100.0)
-    assert dispersion_of(left(lasting), fitter_of(1)) == pytest.approx(expected, rel=0.25)
+    fit = left(lasting)
+    assert dispersion_of(fit, fitter_of(1), fit.total) == pytest.approx(expected, rel=0.25)
 
 
 def test_other_edges_are_those_of_another_box() -> None:

@@ -253,6 +253,20 @@ def test_a_gap_without_a_name_is_unknown(share: float, known: bool) -> None:
     assert (ranked["none",] > 0.9) if known else (ranked["unknown",] > 0.9)
 
 
+@pytest.mark.parametrize(("effects", "alone"), [((), True), ((fx.Inertia(1.3),), False)])
+def test_edges_that_are_off_are_no_gap(effects: Effects, alone: bool) -> None:
+    """A box is smaller than its owner says by 2 %: plain to see, and no word; what has one is left to be explained."""
+    fitter = fitter_of(recorded((fx.BodySize(0.98, 0.98), *effects)))
+    episodes, held = (0, 1, 2, 3), (4, 5)
+    found = search(fitter, episodes, most=0)
+    gap, beside = (fitter.measured.excess(t, episodes) for t in (found.nominal.total, found.best.evidence.left))
+    assert gap > SETTINGS.odds.visible_gap_excess
+    assert beside < 0.1 if alone else beside > 1.0
+    confirmed = confirm(found, fitter, held)
+    ranked = {r.effects: r.probability for r in ranking(confirmed, gap, fitter)}
+    assert (ranked["none",] > 0.9) == alone
+
+
 def contended(recording: Recording, kind: type[fx.PlanarEffect], vector: list[float]) -> tuple[Fitter, Contender]:
     """An effect at a vector, as if fitted, amid its surroundings."""
     fitter = fitter_of(recording)

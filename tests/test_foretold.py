@@ -93,7 +93,8 @@ def test_many_episodes_are_not_set_aside() -> None:
 
 def contender(names: str, total: float) -> Any:
     """An explanation by the letters of its effects, and what it leaves."""
-    return SimpleNamespace(fit=SimpleNamespace(explanation=SimpleNamespace(candidates=tuple(names)), total=total))
+    fit = SimpleNamespace(explanation=SimpleNamespace(candidates=tuple(names)))
+    return SimpleNamespace(fit=fit, evidence=SimpleNamespace(left=total))
 
 
 def test_an_effect_is_needed_where_a_plain_gap_is_left_without_it() -> None:

@@ -133,7 +133,8 @@ def strained(best: Contender, nominal: Fit, fitter: Fitter, by_drive: float = 0.
     the vocabulary do, something else is going on. What the noise of a measured drive makes, `by_drive`, is known.
     """
     levels, limits = fitter.system.mismatch_levels, SETTINGS.probability
-    left, gap = (max(fitter.measured.excess(f.total, f.episodes) - by_drive, 1e-4) for f in (best.fit, nominal))
+    totals = best.evidence.left, nominal.total
+    left, gap = (max(fitter.measured.excess(t, nominal.episodes) - by_drive, 1e-4) for t in totals)
     asked = float(softmax(best.evidence.level) @ np.log2(levels))
     allowed = limits.strained_excess + fitter.system.unknown_share * gap
     far = expit((asked - limits.strained_log2_level) / limits.strained_width)

@@ -96,15 +96,20 @@ def log_density(fit: Fit, measured: Measured) -> float:
     return float(-0.5 * fit.total - measured.volume(fit.episodes) - for_parameters - for_effects)
 
 
-def dispersion_of(fit: Fit, fitter: Fitter) -> float:
+def dispersion_of(fit: Fit, fitter: Fitter, left: float) -> float:
     """Return how many times as uncertain as noise the residuals of a recording are, from what its best fit leaves.
 
     What the best explanation leaves beyond noise are errors of a model that is wrong everywhere and that change slowly:
     as many residuals as such an error lasts tell no more than one. That is a quasi-likelihood with an estimated
     dispersion (Wedderburn 1974): what leaves almost as little is almost as likely, and what leaves many times as much
     is as unlikely as ever.
+
+    Args:
+        fit: The best.
+        fitter: Of it.
+        left: What it leaves, see `Evidence.left`: what a wrong size makes is one error and no part of those.
     """
-    return 1.0 + max(fitter.measured.excess(fit.total, fit.episodes), 0.0) * memory(fit, fitter)
+    return 1.0 + max(fitter.measured.excess(left, fit.episodes), 0.0) * memory(fit, fitter)
 
 
 def memory(fit: Fit, fitter: Fitter) -> float:

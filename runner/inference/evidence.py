@@ -142,13 +142,14 @@ class NormalEquations:
 
     `gram` holds, per fitted episode, the inner products of [own derivatives (p) | directions (d) | residual (1)],
     (E, p + d + 1, p + d + 1), with the start states projected out, in units of what residuals scatter by; `volume` is
-    what that costs, see `Spread`.
+    what that costs, see `Spread`. `total` is what the fit leaves with its start states as they are.
     """
 
     fit: Fit
     directions: tuple[Direction, ...]
     gram: np.ndarray
     volume: float
+    total: float
 
     @property
     def by_candidate(self) -> dict[Candidate, list[int]]:
@@ -187,7 +188,7 @@ def normal_equations(fit: Fit, *known: Sensitivities) -> NormalEquations:
         whole = whole - q @ (q.T @ whole)
         gram.append(whole.T @ whole / dispersion)
     every = tuple(one.directions[i] for one, i in chosen.values())
-    return NormalEquations(fit, every, np.array(gram), float(fit.spread.volume.sum()))
+    return NormalEquations(fit, every, np.array(gram), float(fit.spread.volume.sum()), fit.total)
 
 
 def together(a: NormalEquations, b: NormalEquations) -> NormalEquations:
@@ -200,7 +201,7 @@ def together(a: NormalEquations, b: NormalEquations) -> NormalEquations:
         keep = np.array([*range(p), *(p + i for i in chosen), around.gram.shape[1] - 1])
         gram.append(around.gram[:, keep[:, None], keep])
     every = tuple(a.directions[i] for i, _ in shared)
-    return NormalEquations(a.fit, every, np.concatenate(gram), a.volume + b.volume)
+    return NormalEquations(a.fit, every, np.concatenate(gram), a.volume + b.volume, a.total + b.total)
 
 
 @dataclass(frozen=True)
@@ -212,6 +213,8 @@ class Evidence:
         level: Log evidence of each of the system's mismatch levels.
         loss: Sum of squared residuals after the mismatch has taken its part, at level 1: what the simulator is trusted
             with beforehand.
+        left: The same after only numbers that every owner has slightly wrong and nobody asks for have taken theirs, see
+            `Vocabulary.uncertain`: what is left to be explained.
         covariance: Of the parameters as they were fitted, by plain least squares, (p, p): the mismatch has moved them
             by what it looks like to them, so that it counts in full (the "sandwich" of White 1982); so do episodes that
             differ. Zero along what the data do not tell: nothing moves it.
@@ -222,6 +225,7 @@ class Evidence:
     log: float
     level: np.ndarray
     loss: float
+    left: float
     covariance: np.ndarray
     by_prior: np.ndarray
     dispersion: float
@@ -260,40 +264,31 @@ def evidence(
     context, levels = system.context, system.mismatch_levels
     if is_out_of_range(fit.explanation.parameters(context), fit.x):
         nothing = np.full((whole, whole), np.nan)
-        return Evidence(-np.inf, np.full(len(levels), -np.inf), float(fit.total), nothing, nothing, dispersion)
+        left = around.total
+        return Evidence(-np.inf, np.full(len(levels), -np.inf), left, left, nothing, nothing, dispersion)
     free = np.flatnonzero(~fit.at_bound)
     total = around.gram.sum(axis=0) / dispersion
     keep = np.concatenate([free, np.arange(whole, len(total))])
     total, p = total[np.ix_(keep, keep)], len(free)
     spread = np.array([d.mismatch for d in around.directions])
     mismatch = np.flatnonzero(spread > 0)
-    own, rest = np.arange(p), p + mismatch
-    h_oo, h_or, h_rr = total[np.ix_(own, own)], total[np.ix_(own, rest)], total[np.ix_(rest, rest)]
-    g_o, g_r, rr = total[own, -1], total[rest, -1], total[-1, -1] + around.volume / dispersion
+    nobody_asks = np.flatnonzero([spread[i] > 0 and not d.asked for i, d in enumerate(around.directions)])
+    h_oo, h_or = total[:p, :p], total[:p, p + mismatch]
+    total[-1, -1] += around.volume / dispersion
     every_density = log_densities(fit, context)
     density = every_density[free]
     # a parameter that the data don't tell: as uncertain as its prior is wide, so that it neither gains nor loses
     width = np.diag(2 * np.pi * np.exp(2 * density))
     if known is not None:
         width = width + np.linalg.pinv(known[np.ix_(free, free)])
-    logs, losses = [], []
-    for level in levels:
-        s = spread[mismatch] * level
-        # in amplitudes of unit prior variance
-        inner = cho_factor(np.eye(len(s)) + s[:, None] * h_rr * s, lower=True)
-        cross = s[:, None] * h_or.T  # (m, p)
-        gr = s * g_r
-        solved = cho_solve(inner, np.column_stack([cross, gr]))
-        schur = h_oo - cross.T @ solved[:, :p]
-        g = g_o - cross.T @ solved[:, p]
-        loss = rr - gr @ solved[:, p]
-        volume = 0.0
-        if p:
-            schur = schur + width
-            loss -= float(g @ np.linalg.solve(schur, g))
-            volume = 0.5 * p * np.log(2 * np.pi) - 0.5 * float(np.linalg.slogdet(schur).logabsdet) + density.sum()
-        logs.append(-0.5 * loss - float(np.log(np.diag(inner[0])).sum()) + volume)
-        losses.append(loss)
+    integrated = [_integrated(total, width, mismatch, spread[mismatch] * level) for level in levels]
+    logs = [log + (density.sum() if p else 0.0) for log, _ in integrated]
+    # as plain squares are: how uncertain residuals are is told from what is left of them; a prediction stays as it is
+    moving = (total, width) if known is None else (total[p:, p:], np.empty((0, 0)))
+    taken = [
+        _integrated(dispersion * moving[0], moving[1], which, spread[which])[1]
+        for which in (np.empty(0, int), nobody_asks)
+    ]
     inverse = np.linalg.inv(h_oo + width)
     moved = h_or * (spread[mismatch] * levels[int(np.argmax(logs))])
     by_prior = np.diag(np.exp(-2 * every_density) / (2 * np.pi))  # of what rests on its bound: all of its prior
@@ -306,11 +301,37 @@ def evidence(
     return Evidence(
         float(np.logaddexp.reduce(logs) - np.log(len(levels))),
         np.array(logs),
-        float(losses[levels.index(1.0)]) * dispersion,
+        integrated[levels.index(1.0)][1] * dispersion,
+        around.total - (taken[0] - taken[1]),
         covariance,
         by_prior,
         dispersion,
     )
+
+
+def _integrated(total: np.ndarray, width: np.ndarray, which: np.ndarray, spread: np.ndarray) -> tuple[float, float]:
+    """Return the log evidence, less the density of the parameters, and the loss once some directions have their part.
+
+    Args:
+        total: Inner products of [parameters (p) | directions (d) | residual (1)].
+        width: Precision of the parameters beforehand, (p, p).
+        which: Positions of those directions among all, (m,).
+        spread: Standard deviations of their amplitudes, (m,).
+    """
+    p = len(width)
+    rest = p + which
+    # in amplitudes of unit prior variance
+    inner = cho_factor(np.eye(len(spread)) + spread[:, None] * total[np.ix_(rest, rest)] * spread, lower=True)
+    cross = spread[:, None] * total[np.ix_(rest, np.arange(p))]  # (m, p)
+    slope = spread * total[rest, -1]
+    solved = cho_solve(inner, np.column_stack([cross, slope]))
+    loss, volume = float(total[-1, -1] - slope @ solved[:, p]), 0.0
+    if p:
+        schur = total[:p, :p] - cross.T @ solved[:, :p] + width
+        g = total[:p, -1] - cross.T @ solved[:, p]
+        loss -= float(g @ np.linalg.solve(schur, g))
+        volume = 0.5 * p * np.log(2 * np.pi) - 0.5 * float(np.linalg.slogdet(schur).logabsdet)
+    return -0.5 * loss - float(np.log(np.diag(inner[0])).sum()) + volume, loss
 
 
 def by_form(candidate: Candidate, context: Scope) -> np.ndarray:

@@ -81,7 +81,9 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     """Weigh the leading contenders by all episodes."""
     gap = fitter.measured.excess(found.nominal.total, found.nominal.episodes)
     count = fitter.measured.count(found.nominal.episodes)
-    finite = doubted([c for c in found.contenders if np.isfinite(c.log_posterior)], fitter.context, gap, count)
+    finite = [c for c in found.contenders if np.isfinite(c.log_posterior)]
+    plain = next(c.evidence.left for c in finite if not c.fit.explanation.candidates) / count - 1.0
+    finite = doubted(finite, fitter.context, plain, count)
     finite = causes_of(sorted(finite, key=lambda c: -c.log_posterior), fitter, gap)
     nominal = next(c for c in finite if not c.fit.explanation.candidates)
     limits = SETTINGS.held_out
@@ -107,18 +109,19 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     alone = sensitivities(fitter, before, every)
     best = next((c for c in leaders if c is not nominal), nominal)
     around_best = alone if best is nominal else sensitivities(fitter, there_by[id(best.fit)], every)
-    weighed, loss = [], {}
+    weighed, loss, left = [], {}, {}
     dispersion = finite[0].evidence.dispersion
     for c in leaders:
         there = normal_equations(there_by[id(c.fit)], *((alone,) if c is nominal else (around_best, alone)))
         whole = evidence(together(c.around, there), fitter.system, dispersion=dispersion)
         weighed.append(replace(c, log_posterior=c.log_posterior + whole.log - c.evidence.log))
-        loss[id(c.fit)] = evidence(there, fitter.system, c.evidence.covariance, dispersion=dispersion).loss
-    weighed = _with_what_is_left(weighed, there_by, fitter)
+        unfitted = evidence(there, fitter.system, c.evidence.covariance, dispersion=dispersion)
+        loss[id(c.fit)], left[id(c.fit)] = unfitted.loss, unfitted.left
+    weighed = _with_what_is_left(weighed, left, held_out, fitter)
     otherwise = driven_otherwise(fitter)
     by_drive = {id(c.fit): by_noise((c.fit, there_by[id(c.fit)]), fitter, otherwise) for c in leaders}
     everything = (*nominal.fit.episodes, *held_out)
-    whole_gap = fitter.measured.excess(nominal.fit.total + before.total, everything)
+    whole_gap = fitter.measured.excess(nominal.evidence.left + left[id(nominal.fit)], everything)
     whole_gap -= by_drive[id(nominal.fit)].excess
     against = [
         further(there_by[id(c.fit)], before, fitter, whole_gap) if c.fit.x.size else odds_against_none(whole_gap)
@@ -154,21 +157,32 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     )
 
 
-def _with_what_is_left(weighed: Sequence[Contender], there: Mapping[int, Fit], fitter: Fitter) -> list[Contender]:
-    """Add what each explanation leaves of the unseen and of the fitted episodes, all mismatch left in, as likelihoods.
+def _with_what_is_left(
+    weighed: Sequence[Contender], unseen: Mapping[int, float], held_out: Sequence[int], fitter: Fitter
+) -> list[Contender]:
+    """Add what each explanation leaves of the unseen and of the fitted episodes, as likelihoods.
+
+    All mismatch is left in but that of numbers that nobody asks for: a wrong size is wrong by every explanation.
 
     Where a body is moved by metres by an offset of millimetres, little mismatch does so too, and once it is integrated
     out hardly anything tells an explanation that predicts from one that does not. The squared residuals are
     overdispersed: what the best explanation leaves beyond the noise is the doing of few errors of the model,
     each of which stands for many residuals. They are taken to be no smaller in the fitted ones.
+
+    Args:
+        weighed: With the evidence of the fitted episodes.
+        unseen: What each leaves of the unseen episodes, see `Evidence.left`, by the identity of its fit.
+        held_out: Those.
+        fitter: Of all.
     """
+    count, fitted = fitter.measured.count, weighed[0].fit.episodes
     posterior = np.array([c.log_posterior for c in weighed])
     dispersion = 1.0
-    for fits, independent in (
-        ([there[id(c.fit)] for c in weighed], SETTINGS.held_out.independent_errors_unseen),
-        ([c.fit for c in weighed], 1.0),  # where parameters have taken up others, one error remains at least
+    for totals, episodes, independent in (
+        ([unseen[id(c.fit)] for c in weighed], held_out, SETTINGS.held_out.independent_errors_unseen),
+        ([c.evidence.left for c in weighed], fitted, 1.0),  # where parameters have taken up others, one error remains
     ):
-        left = np.array([max(f.total - fitter.measured.count(f.episodes), 0.0) for f in fits])
+        left = np.maximum(np.array(totals) - count(episodes), 0.0)
         dispersion = max(dispersion, 1.0 + left.min() / independent)
         posterior -= 0.5 * left / dispersion
     return [replace(c, log_posterior=float(p)) for c, p in zip(weighed, posterior, strict=True)]
@@ -186,7 +200,7 @@ def doubted(contenders: Sequence[Contender], context: Scope, gap: float, count: 
     Args:
         contenders: All of them.
         context: What candidates are told.
-        gap: What the nominal model leaves of what was fitted, in squared noises.
+        gap: What the nominal model leaves of what was fitted, see `Evidence.left`, in squared noises.
         count: How many measurements were.
     """
     limits, common = SETTINGS.odds, 0.0
@@ -210,7 +224,7 @@ def needed(contender: Contender, contenders: Sequence[Contender], count: int) ->
     """
     whole, out = contender.fit.explanation.candidates, []
     limits = SETTINGS.odds
-    plain = max(limits.visible_gap_excess * count, limits.form_error_ratio * (contender.fit.total - count))
+    plain = max(limits.visible_gap_excess * count, limits.form_error_ratio * (contender.evidence.left - count))
     for candidate in whole:
         if taken_off(contender, candidate, contenders) > plain:
             out.append(candidate)
@@ -220,8 +234,8 @@ def needed(contender: Contender, contenders: Sequence[Contender], count: int) ->
 def taken_off(contender: Contender, candidate: Candidate, contenders: Sequence[Contender]) -> float:
     """Return how much less loss an explanation leaves than the best of the others without one of its effects."""
     rest = {c for c in contender.fit.explanation.candidates if c != candidate}
-    fewer = [c.fit.total for c in contenders if rest.issuperset(c.fit.explanation.candidates)]
-    return min(fewer, default=-np.inf) - contender.fit.total
+    fewer = [c.evidence.left for c in contenders if rest.issuperset(c.fit.explanation.candidates)]
+    return min(fewer, default=-np.inf) - contender.evidence.left
 
 
 def unsure(

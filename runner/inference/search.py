@@ -135,7 +135,8 @@ class _Rounds:
         nominal = fitter.fit(NONE, episodes, starts=starts, iterations=SETTINGS.fit.nominal_steps)
         count = fitter.measured.count(episodes)
         alone = sensitivities(fitter, nominal, every)
-        dispersion = dispersion_of(nominal, fitter)
+        none = contend(fitter, nominal, alone)
+        dispersion = dispersion_of(nominal, fitter, none.evidence.left)
         return cls(
             fitter=fitter,
             episodes=episodes,
@@ -148,7 +149,7 @@ class _Rounds:
             ruled_out=beginning.ruled_out,
             answered=frozenset(beginning.seeds) if beginning.answered else frozenset(),
             tried={},
-            contenders=[contend(fitter, nominal, alone, dispersion=dispersion)],
+            contenders=[none.weighed(fitter.system, dispersion)],
             dispersion=dispersion,
             seen={NONE.candidates},
             taken_apart=set(),
@@ -227,8 +228,9 @@ class _Rounds:
         steps = how.screening_steps if self.pieces else how.final_steps
         fits = finished(self.fitter, fits, self.count, leaders, steps=steps)
         around_best = self._around(fits[0])
-        self._disperse(fits[0])
         new = [self._worthy(fit, around_best) for fit in fits[: limits.compared]]
+        self._disperse(min(new, key=lambda c: c.evidence.left))
+        new = [c.weighed(self.fitter.system, self.dispersion) for c in new]
         best = max(c.log_posterior for c in self.contenders)
         left_before = min(c.fit.total for c in self.contenders) - self.count
         self.contenders += new
@@ -245,11 +247,12 @@ class _Rounds:
         )
         return None if new[0].log_posterior < best or stalled else new
 
-    def _disperse(self, fit: Fit) -> None:
-        """Weigh all contenders by how uncertain residuals are by what a fit leaves, if it leaves least."""
-        if fit.total >= min(c.fit.total for c in self.contenders):
+    def _disperse(self, new: Contender) -> None:
+        """Weigh all contenders by how uncertain residuals are by what a new one leaves, if it leaves least."""
+        left = new.evidence.left
+        if left >= min(c.evidence.left for c in self.contenders):
             return
-        before, self.dispersion = self.dispersion, dispersion_of(fit, self.fitter)
+        before, self.dispersion = self.dispersion, dispersion_of(new.fit, self.fitter, left)
         if self.dispersion != before:
             self.contenders = [c.weighed(self.fitter.system, self.dispersion) for c in self.contenders]
 
@@ -452,8 +455,9 @@ class _Rounds:
             else:
                 self.nominal, self.alone = fit, sensitivities(self.fitter, fit, self.every)
                 again = contend(self.fitter, fit, self.alone, dispersion=self.dispersion)
-            self._disperse(fit)
-            self.contenders = [again if other is c else other for other in self.contenders]
+            self._disperse(again)
+            again = again.weighed(self.fitter.system, self.dispersion)
+            self.contenders = [again if other.fit is c.fit else other for other in self.contenders]
 
     def take_out_untold(self) -> None:
         """Let every leader be without the numbers that the data do not tell from zero."""
