@@ -149,6 +149,20 @@ def nearest(corners: np.ndarray, place: np.ndarray) -> tuple[float, np.ndarray, 
     return far[k], points[k], (place - points[k]) / far[k]
 
 
+def test_a_pin_that_touches_low_leaves_the_load_where_it_is() -> None:
+    """Pushed at the base a box moves as a flat plate does, as friction has no lever; an effect says the same."""
+    high, flat, start = (0.08, 0.055, 0.035), (0.08, 0.055, 1e-4), (0.012, -0.055 - RADIUS_M - 0.001)
+    path = line(start, (0.0, 0.03), 1.5)
+    inertia = MASS_KG * (high[0] ** 2 + high[1] ** 2) / 3
+    low = replace(plate(None, high, 0.3, inertia_kg_m2=inertia), pin=BelievedPin(RADIUS_M, 0.3, -high[2]))
+    plain = moved(plate(None, flat, 0.3, inertia_kg_m2=inertia), path)[-1, :3]
+    at_centre = plate(None, high, 0.3, inertia_kg_m2=inertia)
+    np.testing.assert_allclose(moved(low, path)[-1, :3], plain, atol=2e-3 * abs(plain[2]))
+    assert abs(moved(at_centre, path)[-1, 2] / plain[2] - 1.0) > 0.1
+    lower = (PinOffset(0.0, 0.0, -high[2]),)
+    np.testing.assert_allclose(moved(at_centre, path, lower), moved(low, path), atol=1e-12)
+
+
 @pytest.mark.parametrize("count", [3, 15, 16, 17, 333, 720])
 def test_nearest_side_of_an_outline_however_many_there_are(count: int) -> None:
     draw = np.random.default_rng(count)
@@ -163,12 +177,24 @@ def test_nearest_side_of_an_outline_however_many_there_are(count: int) -> None:
         assert np.hypot(x - place[0], y - place[1]) == pytest.approx(far, abs=1e-12)
 
 
-@pytest.mark.parametrize(("grip", "slant"), [(0.15, 0.5), (0.6, 0.2)], ids=["slides", "sticks"])
-@pytest.mark.parametrize("outline", [HEX, DISC], ids=["hex", "disc"])
-def test_motion_agrees_with_another_integrator(outline: Polygon, grip: float, slant: float) -> None:
+@pytest.mark.parametrize(
+    ("outline", "grip", "slant", "half_z_m", "height_m"),
+    [
+        pytest.param(HEX, 0.15, 0.5, 0.0065, 0.0, id="hex slides"),
+        pytest.param(HEX, 0.6, 0.2, 0.0065, 0.0, id="hex sticks"),
+        pytest.param(DISC, 0.15, 0.5, 0.0065, 0.0, id="disc slides"),
+        pytest.param(DISC, 0.6, 0.2, 0.0065, 0.0, id="disc sticks"),
+        pytest.param(HEX, 0.6, 0.2, 0.03, -0.03, id="pushed at the base"),
+        pytest.param(HEX, 0.15, 0.5, 0.03, 0.02, id="pushed high up"),
+    ],
+)
+def test_motion_agrees_with_another_integrator(
+    outline: Polygon, grip: float, slant: float, half_z_m: float, height_m: float
+) -> None:
     """LSODA on the equations with the spring and damper of the contact: the same to 0.1 mm and 0.2 degrees."""
-    half = around(outline, 0.0065)
+    half = around(outline, half_z_m)
     nominal = plate(outline, half, grip)
+    nominal = replace(nominal, pin=BelievedPin(RADIUS_M, grip, height_m))
     low, _ = outline.bounds_m
     speed = 0.05 * np.array([math.sin(slant), math.cos(slant)])
     start = np.array([0.012, low[1] - RADIUS_M - 0.004])
@@ -188,7 +214,7 @@ def test_motion_agrees_with_another_integrator(outline: Polygon, grip: float, sl
         push = max(-stiffness * (far - RADIUS_M) - damping * float(opens @ normal), 0.0)
         slip = opens - (opens @ normal) * normal
         force = -push * normal + grip * push * slip / math.hypot(1e-4, *slip)
-        loads = box.loads(t_s, state, lambda _: (np.array([*force, 0.0]), np.array([*point, 0.0])))
+        loads = box.loads(t_s, state, lambda _: (np.array([*force, 0.0]), np.array([*point, height_m])))
         return np.array([*state[3:], *(loads.force_n / MASS_KG), loads.torque_nm / nominal.yaw_inertia_kg_m2])
 
     answer = solve_ivp(rate, (0, 0.6), np.zeros(6), "LSODA", rtol=1e-5, atol=1e-7, max_step=5e-3)

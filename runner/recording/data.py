@@ -75,12 +75,15 @@ class Noise:
 class BelievedPin:
     """A round pin that pushes the body: its radius, and the coefficient of friction between the two.
 
+    And how high above the geometric centre it touches: the load on the base shifts so that moments balance.
+
     Raises:
         RecordingError: If one is not possible.
     """
 
     radius_m: float
     friction: float
+    height_m: float = 0.0
 
     def __post_init__(self) -> None:
         check_number("pin.radius", self.radius_m, "m", above=0.0, most=100.0)
@@ -130,6 +133,9 @@ class Nominal:
         check_number("friction", self.friction, "", least=0.0, most=10.0)
         check_number("gravity", self.gravity_m_s2, "m/s2 (its magnitude)", above=0.0, most=300.0)
         check_number("rate_hz", self.rate_hz, "Hz", above=0.0, most=1e6)
+        if self.pin is not None:
+            height = self.half_size_m[2]
+            check_number("pin.height (of the body's side)", self.pin.height_m, "m", least=-height, most=height)
         for offset, size in zip(self.com_m or (), self.half_size_m, strict=False):
             check_number("com (inside the box)", offset, "m", least=-size, most=size)
         moments = self.inertia_kg_m2 if isinstance(self.inertia_kg_m2, tuple) else (self.inertia_kg_m2,)

@@ -75,6 +75,7 @@ class _Noise(BaseModel, extra="forbid"):
 class _Pin(BaseModel, extra="forbid"):
     radius: _Metres
     friction: _Pure
+    height: _Metres = 0.0
 
 
 class _Believed(BaseModel, extra="forbid"):
@@ -145,7 +146,8 @@ def write_nominal(nominal: Nominal, path: str | Path) -> None:
     if nominal.outline is not None:
         content["outline"] = [list(point) for point in nominal.outline.points]
     if nominal.pin is not None:
-        content["pin"] = {"radius": float(nominal.pin.radius_m), "friction": float(nominal.pin.friction)}
+        pin = nominal.pin
+        content["pin"] = {"radius": float(pin.radius_m), "friction": float(pin.friction), "height": float(pin.height_m)}
     write_yaml(Path(path), content)
 
 
@@ -194,7 +196,9 @@ def nominal_of(content: Mapping, path: Path) -> Nominal:
         com_m=None if believed.com is None else _triple([*believed.com, 0.0][:3]),
         inertia_kg_m2=None if inertia is None else inertia[0] if len(inertia) == 1 else _triple(inertia),
         outline=None if believed.outline is None else outline_of(believed.outline, path.parent),
-        pin=None if believed.pin is None else BelievedPin(believed.pin.radius, believed.pin.friction),
+        pin=None
+        if believed.pin is None
+        else BelievedPin(believed.pin.radius, believed.pin.friction, believed.pin.height),
         path=path,
     )
     _check_units(nominal)

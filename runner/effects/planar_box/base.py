@@ -53,7 +53,8 @@ class Context:
     """What may be known when an effect is made from a vector: the nominal body, and how it was moved.
 
     `centre_m` and `reach_m` span the floor that was visited, `force_n` is the largest commanded force, `pin_friction`
-    what is believed between the body and a pin that pushes it (None: there is no pin).
+    what is believed between the body and a pin that pushes it (None: there is no pin), `pin_height_m` how high that
+    touches above the geometric centre.
     """
 
     mass_kg: float
@@ -64,6 +65,7 @@ class Context:
     reach_m: float = 2.0
     force_n: float = 20.0
     pin_friction: float | None = None
+    pin_height_m: float = 0.0
 
     def at(self, target: str | None) -> Context:
         """There is one body, and nothing to choose."""

@@ -87,6 +87,8 @@ class FrictionRecord:
     pin_friction: float = 0.0
     pin_stiffness: float = 0.0
     pin_damping: float = 0.0
+    # ... and how high above the body frame it touches
+    pin_height: float = 0.0
     corners: float = 0
 
 

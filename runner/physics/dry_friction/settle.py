@@ -18,7 +18,7 @@ from runner.physics.dry_friction.matrix3 import Symmetric, Triple, along, dot, p
 from runner.physics.dry_friction.pin import normal_force, resistance, slip_share
 from runner.physics.dry_friction.record import COLUMN
 
-AIR_DRAG = COLUMN["air_drag"]
+AIR_DRAG, PIN_HEIGHT = COLUMN["air_drag"], COLUMN["pin_height"]
 
 
 class Balance(NamedTuple):
@@ -55,7 +55,7 @@ def balance_of_momentum(record, h, v, p, body, films, bears):
     lift = body.com_z / body.weight if bears else 0.0
     l0, l1, l2 = lift * own[0] - lever * dry[0], lift * own[1] - lever * dry[1], lift * own[2] - lever * dry[2]
     n1, n2 = lift * own[3] - lever * dry[3], lift * own[4] - lever * dry[4]
-    by_pin = lift / h - lever
+    by_pin = (lift - record[PIN_HEIGHT] / body.weight) / h - lever if bears else 0.0
     return Balance(plus(dry, h, films), dry, b, free, lever, (l0, l1, l2), (l1, n1, n2), by_pin)
 
 

@@ -104,7 +104,7 @@ def _corners(body: BodyConfig, outline: Polygon | None) -> np.ndarray:
 
 def _describe_pin(record: dry_friction.FrictionRecord, pin: PinConfig, mass_kg: float, gravity_m_s2: float) -> None:
     """Enter a pin into a body's record."""
-    record.pin_radius, record.pin_friction = pin.radius_m, pin.friction
+    record.pin_radius, record.pin_friction, record.pin_height = pin.radius_m, pin.friction, pin.height_m
     record.pin_stiffness = mass_kg * gravity_m_s2 / PIN_GIVES_M
     record.pin_damping = PIN_DAMPING * 2 * math.sqrt(record.pin_stiffness * mass_kg)
 

@@ -56,12 +56,18 @@ class SceneConfig:
 
 @dataclass(frozen=True)
 class PinConfig:
-    """A round, upright pin that moves as it is told and may touch a body: `radius_m`, and the friction between them."""
+    """A round pin that moves as it is told and may touch a body.
+
+    `radius_m`, the friction between the two, and how high above the body frame it touches: where that is not the height
+    of the centre of mass, the load on the base shifts to where its moment is in balance.
+    """
 
     radius_m: float
     friction: float
+    height_m: float = 0.0
 
     def __post_init__(self) -> None:
+        check_range("pin.height_m", self.height_m, -100.0, 100.0, unit="m")
         check_range("pin.radius_m", self.radius_m, 0.0, 100.0, unit="m", lower_open=True)
         check_range("pin.friction", self.friction, 0.0, 10.0)
 

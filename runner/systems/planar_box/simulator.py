@@ -87,6 +87,7 @@ def context_of(recording: Recording) -> Context:
         reach_m=max(float(np.max(high - low)) / 2, max(nominal.half_size_m)),
         force_n=max(force, 1e-6),
         pin_friction=None if nominal.pin is None else nominal.pin.friction,
+        pin_height_m=0.0 if nominal.pin is None else nominal.pin.height_m,
     )
 
 
@@ -146,7 +147,8 @@ class Simulator(AbstractSimulator):
         )
         nominal = self.recording.nominal
         outlines = {} if nominal.outline is None else {OBJECT: nominal.outline}
-        pins = {} if nominal.pin is None else {OBJECT: PinConfig(nominal.pin.radius_m, nominal.pin.friction)}
+        pin = nominal.pin
+        pins = {} if pin is None else {OBJECT: PinConfig(pin.radius_m, pin.friction, pin.height_m)}
         root = build(scene, {OBJECT: body_of(nominal)}, outlines, pins)
         for effect in effects:
             effect.edit_mjcf(root, OBJECT)
