@@ -125,7 +125,8 @@ def test_a_force_counts_while_the_pin_moves_and_pushes() -> None:
     assert [c.name for c in system.channels] == ["x", "y", "yaw", "fx", "fy"]
     assert counts[40 + 2 * reach : 60].all()
     assert counts[61 : 90 - 2 * reach].all()
-    assert not counts[:40].any()
+    # a sensor shows a touch from one sample to the next; when a model has it, hangs on the noise of a pose
+    assert not counts[: 40 + 2 * reach].any()
     assert not counts[60]
     assert not counts[90:].any()
     assert system.with_values(system.values()).values()[0] == pytest.approx(values, nan_ok=True)

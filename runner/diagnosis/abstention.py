@@ -54,13 +54,15 @@ def _nearest(ranked: Ranked, first: Ranked, confirmed: Confirmed, fitter: Fitter
     found, before = confirmed.search, confirmed.before
     contender = contender_of(found, ranked, fitter.context)
     there = confirmed.after.get(id(contender.fit)) or unseen(contender, fitter, before.episodes, before)
-    starts = {e: (a, b) for e, a, b in zip(before.episodes, before.starts, there.starts, strict=True)}
+    # of what no explanation comes near, no figure tells
+    told = [k for k, e in enumerate(before.episodes) if e not in confirmed.astray]
+    starts = {before.episodes[k]: (before.starts[k], there.starts[k]) for k in told}
     closed = close(
         starts, fitter.measured, fitter, contender.fit.explanation.make(contender.fit.x, fitter.context), pd.DataFrame()
     )
     excess = fitter.measured.excess
     gap, left = (excess(f.total, f.episodes) for f in (found.nominal, contender.fit))
-    gap_unseen, left_unseen = (excess(f.total, before.episodes) for f in (before, there))
+    gap_unseen, left_unseen = (excess(float(f.loss[told].sum()), list(starts)) for f in (before, there))
     return Nearest(
         ranked,
         closed.gap_closed,

@@ -79,8 +79,8 @@ def notes(
         episode = recording.episodes[span.episode]
         out.append(
             f"From {episode.t_s[span.begin]:.2f} to {episode.t_s[span.end - 1]:.2f} s of episode {episode.index} no "
-            "explanation foretells anything, though one does foretell the rest of what was not fitted: that part is in "
-            "no figure here. Something else happened there, or the motion hung on a hair."
+            "explanation brings the simulator much nearer, though one does on the rest of what was not fitted: that "
+            "part is in no figure here. Something else happened there, or the motion hangs on a hair."
         )
     if len(held_out) < SETTINGS.held_out.episodes:
         out.append("Only one episode was left to check the explanation.")

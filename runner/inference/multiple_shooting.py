@@ -101,7 +101,7 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
         # over longer times what is lacking may pile up, or what is there may come to show: whichever leaves less tells
         longer = carried(whole, seeds[key_of(best.explanation)], episodes, longest_s)
         if longer.total / whole_loss > best.total / found.nominal.total:
-            return Look(Beginning(seeds), late, piece_s)
+            return Look(Beginning(seeds, answered=True), late, piece_s)
         seeds[key_of(best.explanation)] = longer
         there = {key_of(best.explanation)}
     for c in found.contenders[: SETTINGS.search.beam_width]:
@@ -111,7 +111,7 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     # a flight tells nothing of what shows after a hit alone
     explained = not flown and any(explains(s, whole, episodes) for s in seeds.values())
     ruled_out = singles(fitter.system.vocabulary) - set(seeds) if explained else frozenset[Key]()
-    return Look(Beginning(seeds, ruled_out), late)
+    return Look(Beginning(seeds, ruled_out, answered=True), late)
 
 
 def recut(beginning: Beginning, fitter: Fitter, nominal: Fit) -> Beginning:

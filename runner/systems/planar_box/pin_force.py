@@ -14,7 +14,7 @@ import math
 
 import mujoco
 import numpy as np
-from scipy.ndimage import minimum_filter1d, uniform_filter1d
+from scipy.ndimage import median_filter, minimum_filter1d
 
 from runner.numerics.arrays import FloatArray, over_gaps
 from runner.numerics.differences import white_noise
@@ -57,7 +57,10 @@ def without_gaps(episode: Episode) -> FloatArray:
 
 
 def _pushes(episode: Episode) -> np.ndarray:
-    """Return where the pin moves and pushes, and does so over all that a mean goes over, (T,)."""
+    """Return where the pin moves and pushes, and does so over twice as long as a mean goes over, (T,).
+
+    A force that a sensor shows comes and goes between two samples; when, hangs on less than the noise of a pose.
+    """
     t_s, force_n = episode.t_s, without_gaps(episode)
     if episode.pin_m is None or not force_n.any():
         return np.zeros(len(episode), bool)
@@ -67,11 +70,12 @@ def _pushes(episode: Episode) -> np.ndarray:
     lasts_s = t_s[after] - t_s[before]
     speed = np.linalg.norm(episode.pin_m[after] - episode.pin_m[before], axis=1) / lasts_s
     noise_m = max(np.nan_to_num([white_noise([(t_s, p)]) for p in episode.pin_m.T]))
-    size = np.linalg.norm(uniform_filter1d(force_n, 2 * reach + 1, axis=0, mode="nearest"), axis=1)
+    # the median leaves edges where they are
+    size = np.linalg.norm(median_filter(force_n, (2 * reach + 1, 1), mode="nearest"), axis=1)
     touches = size >= TOUCHES * size.max()
     hardly = MOVES * float(np.quantile(speed[touches], FAST))
     moves = speed > np.maximum(hardly, SURE * math.sqrt(2.0) * noise_m / lasts_s)
-    return np.asarray(minimum_filter1d(moves & touches, 2 * reach + 1, mode="nearest"))
+    return np.asarray(minimum_filter1d(moves & touches, 4 * reach + 1, mode="nearest"))
 
 
 def steps_of_engine(
