@@ -56,7 +56,7 @@ def pin_force_notes(table: Table, spans: Sequence[slice]) -> list[str]:
         return []
     return [
         f"{WARNING}the force 'fx', 'fy' of the pin is against its way ({work_j:.3g} J in all), as that of the body on "
-        "the pin is: it must be that of the pin on the body, the other sign"
+        "the pin is: it must be that of the pin on the body, the other sign (`scale: -1` in an import map)"
     ]
 
 
