@@ -6,7 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from runner.effects import planar_box as fx
+from runner.effects.vocabulary import Candidate
+from runner.inference.least_squares import Explanation
 from runner.inference.search import resumed, search
+from runner.inference.warm_start import Beginning, WarmStart, key_of
 from tests.cases import fitter_of
 from tests.test_multiple_shooting import pushed, random_pushes
 
@@ -52,3 +55,17 @@ def test_an_answer_is_told_until_a_second_search_has_fitted_it_again() -> None:
     told.best_after.clear()
     search(fitter, range(3), starts=found.nominal.starts, beginning=resumed(found, fitter), most=1)
     assert {names for _, names, _ in told.best_after} == {("actuator_gain",)}
+
+
+def test_an_answer_that_does_not_hold_any_more_is_not_told_for_ever() -> None:
+    """Two effects were the best by another account of the noise; by this one a single effect is, and that is told."""
+    recording = pushed(random_pushes(3, 2.0), [(fx.ActuatorGain(1.3),)] * 3)
+    told = Told()
+    fitter = replace(fitter_of(recording), observer=told)
+    both = Explanation((Candidate(fx.ActuatorGain), Candidate(fx.Mass)))
+    fit = fitter.fit(both, range(3))
+    seeds = {key_of(both): WarmStart(both, fit.x, fit.starts, fit.total)}
+    told.best_after.clear()
+    found = search(fitter, range(3), beginning=Beginning(seeds, answered=True), most=2)
+    assert told.best_after[-1][1] == found.best.fit.explanation.names
+    assert len(found.best.fit.explanation.names) == 1

@@ -201,3 +201,20 @@ def test_each_instrument_has_a_colour_of_its_own() -> None:
     np.testing.assert_allclose(found.noise_model.share, [0.9, 0.9, 0.0], atol=0.1)
     np.testing.assert_allclose(found.noise_model.memory[:2], 0.8, atol=0.05)
     np.testing.assert_allclose(found.sensor[2], 3.0, rtol=0.05)
+
+
+def test_an_instrument_has_a_clock_of_its_own() -> None:
+    """A force that is read in every tenth row has half-second windows of its own: what changes slowly is no noise."""
+    draw = np.random.default_rng(5)
+    residuals = {}
+    for e in range(6):
+        t_s = 0.005 * np.arange(4000)
+        force = np.where(np.arange(4000) % 10 == 0, draw.standard_normal(4000) + 2.0 * np.sin(np.pi * t_s + e), np.nan)
+        residuals[e] = np.column_stack([draw.standard_normal(4000), force])
+    values = tuple(residuals.values())
+    valid, spans = tuple(np.isfinite(v) for v in values), tuple(Span(e, 0, 4000) for e in residuals)
+    known = Measured(spans, values, np.ones(2), NoiseModel.white(2), valid, np.full(2, np.nan))
+    channels = [Channel("x", "m", "position", "x"), Channel("f", "N", "force", "f")]
+    found = refine(known, recorded(values, channels, np.full(2, np.nan)), residuals)
+    np.testing.assert_allclose(found.sensor, 1.0, rtol=0.1)
+    np.testing.assert_allclose(found.noise_model.lag_one, 0.0, atol=0.1)

@@ -13,6 +13,7 @@ from recording_cases import BELIEVED, NOMINAL, SAVED, nominals
 
 from runner.errors import RecordingError
 from runner.recording import (
+    BelievedPin,
     Noise,
     Nominal,
     Support,
@@ -198,3 +199,18 @@ def test_corners_do_not_carry_an_outline(tmp_path: Path) -> None:
     """The load of a body with an outline is spread; that it rests on corners is refused."""
     with pytest.raises(RecordingError, match="spread over its base: 'patch'"):
         plate(CORNERS, tmp_path, contact="corners")
+
+
+def test_a_pin_touches_at_a_height_that_may_be_stated(tmp_path: Path) -> None:
+    """It is read as it was written; at the height of the geometric centre where nothing is said; within the body."""
+    stated = Nominal((0.08, 0.05, 0.03), 0.9, 0.3, 9.81, 30.0, pin=BelievedPin(0.005, 0.2, -0.02))
+    write_nominal(stated, tmp_path / "nominal.yaml")
+    assert read_nominal(tmp_path / "nominal.yaml").pin == stated.pin
+    text = (tmp_path / "nominal.yaml").read_text()
+    (tmp_path / "nominal.yaml").write_text(text.replace("height: -0.02", "height: 0.04"))
+    with pytest.raises(RecordingError, match="within the body.*0.03"):
+        read_nominal(tmp_path / "nominal.yaml")
+    (tmp_path / "nominal.yaml").write_text("\n".join(row for row in text.splitlines() if "height" not in row))
+    read = read_nominal(tmp_path / "nominal.yaml")
+    assert read.pin is not None
+    assert read.pin.height_m == 0.0

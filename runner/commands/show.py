@@ -53,7 +53,7 @@ def _place(file: Path) -> str:
 
 def _print(of: Described, console: Console) -> None:
     effect, phrase = of.effect, of.phrase
-    where = "a box" if of.system == BOX else f"a{'n' * of.target.startswith('a')} {of.target or 'mechanism'}"
+    where = "a box" if of.system == BOX else f"{'an' if of.target.startswith('a') else 'a'} {of.target or 'mechanism'}"
     console.print(Text(f"{of.named}, of {where}: {effect.label}", style="bold"))
     _section(console, "What differs", inspect.getdoc(effect) or "")
     console.print(Padding(Text("Parameters as they are fitted", style="italic"), (0, 0, 0, 2)))

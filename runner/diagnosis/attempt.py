@@ -28,14 +28,7 @@ from runner.inference.search import Search, resumed, search
 from runner.inference.solver_choice import better_solved
 from runner.inference.variable_projection import project
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of
-from runner.noise.measured import (
-    Measured,
-    materially_different,
-    materially_slower,
-    measure,
-    refine,
-    without_outliers,
-)
+from runner.noise.measured import Measured, materially_different, materially_slower, measure, refine, without_outliers
 from runner.numerics.arrays import spread_over
 from runner.progress import UNOBSERVED, ProgressObserver
 from runner.recording import Span

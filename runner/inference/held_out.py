@@ -109,19 +109,19 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     alone = sensitivities(fitter, before, every)
     best = next((c for c in leaders if c is not nominal), nominal)
     around_best = alone if best is nominal else sensitivities(fitter, there_by[id(best.fit)], every)
-    weighed, loss, left = [], {}, {}
+    weighed, loss, left_unseen = [], {}, {}
     dispersion = finite[0].evidence.dispersion
     for c in leaders:
         there = normal_equations(there_by[id(c.fit)], *((alone,) if c is nominal else (around_best, alone)))
         whole = evidence(together(c.around, there), fitter.system, dispersion=dispersion)
         weighed.append(replace(c, log_posterior=c.log_posterior + whole.log - c.evidence.log))
         unfitted = evidence(there, fitter.system, c.evidence.covariance, dispersion=dispersion)
-        loss[id(c.fit)], left[id(c.fit)] = unfitted.loss, unfitted.left
-    weighed = _with_what_is_left(weighed, left, held_out, fitter)
+        loss[id(c.fit)], left_unseen[id(c.fit)] = unfitted.loss, unfitted.left
+    weighed = _with_what_is_left(weighed, left_unseen, held_out, fitter)
     otherwise = driven_otherwise(fitter)
     by_drive = {id(c.fit): by_noise((c.fit, there_by[id(c.fit)]), fitter, otherwise) for c in leaders}
     everything = (*nominal.fit.episodes, *held_out)
-    whole_gap = fitter.measured.excess(nominal.evidence.left + left[id(nominal.fit)], everything)
+    whole_gap = fitter.measured.excess(nominal.evidence.left + left_unseen[id(nominal.fit)], everything)
     whole_gap -= by_drive[id(nominal.fit)].excess
     against = [
         further(there_by[id(c.fit)], before, fitter, whole_gap) if c.fit.x.size else odds_against_none(whole_gap)

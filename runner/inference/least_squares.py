@@ -311,7 +311,7 @@ class Fitter:
         iterations: int = SETTINGS.fit.max_steps,
         tolerance: float = SETTINGS.fit.tolerance_loss,
         polish: bool = True,
-        held: Sequence[int] = (),
+        kept: Sequence[int] = (),
     ) -> Fit:
         """Fit an explanation; stops when a step gains less than `tolerance` in the loss (more where the fit is bad).
 
@@ -329,13 +329,12 @@ class Fitter:
             tolerance: In units of the loss (2 log likelihood).
             polish: Whether the start states' derivatives are taken anew where the steps come to rest; without, a fit
                 is not called converged.
-            held: Positions of parameters that stay where they begin.
+            kept: Positions of parameters that stay where they begin.
         """
         self.observer.fitting(explanation.names or tuple(e.full_name for e in self.held))
         parameters = explanation.parameters(self.context)
-        free = tuple(
-            replace(p, lower=x[i], upper=x[i]) if x is not None and i in held else p for i, p in enumerate(parameters)
-        )
+        begin = np.zeros(len(parameters)) if x is None else x
+        free = tuple(replace(p, lower=begin[i], upper=begin[i]) if i in kept else p for i, p in enumerate(parameters))
         basis = None
         if starts is None:
             starts = self.first_starts(episodes) if near is None else near.starts

@@ -83,6 +83,8 @@ def search(
     if not pieces:
         rounds.share_starts()
         rounds.take_out_untold()
+        rounds.answered.clear()
+        rounds.tell()
     return Search(tuple(_likeliest_first(rounds.contenders)), rounds.nominal)
 
 
@@ -118,7 +120,7 @@ class _Rounds:
     count: int
     seeds: dict[Key, WarmStart]
     ruled_out: frozenset[Key]
-    answered: frozenset[Key]
+    answered: set[Key]
     tried: dict[Key, WarmStart]
     contenders: list[Contender]
     seen: set[Key]
@@ -147,7 +149,7 @@ class _Rounds:
             count=count,
             seeds=dict(beginning.seeds),
             ruled_out=beginning.ruled_out,
-            answered=frozenset(beginning.seeds) if beginning.answered else frozenset(),
+            answered=set(beginning.seeds) if beginning.answered else set(),
             tried={},
             contenders=[none.weighed(fitter.system, dispersion)],
             dispersion=dispersion,
@@ -210,6 +212,7 @@ class _Rounds:
                     target = min(target, fit.total)
         for key in [k for k in self.seeds if len(k) == size]:
             seed = self.seeds.pop(key)
+            self.answered.discard(key)
             self.seen.add(key)
             begin = where_to_begin(self.fitter, seed.explanation, seed.x, self.nominal, seed)
             steps, patience = SETTINGS.fit.warm_steps, SETTINGS.fit.patience_steps
@@ -230,7 +233,8 @@ class _Rounds:
         around_best = self._around(fits[0])
         new = [self._worthy(fit, around_best) for fit in fits[: limits.compared]]
         self._disperse(min(new, key=lambda c: c.evidence.left))
-        new = [c.weighed(self.fitter.system, self.dispersion) for c in new]
+        if any(c.evidence.dispersion != self.dispersion for c in new):
+            new = [c.weighed(self.fitter.system, self.dispersion) for c in new]
         best = max(c.log_posterior for c in self.contenders)
         left_before = min(c.fit.total for c in self.contenders) - self.count
         self.contenders += new
@@ -258,7 +262,7 @@ class _Rounds:
 
     def tell(self, *begun: Contender) -> None:
         """Tell the observer of the likeliest so far, of all contenders and of others that are not finished."""
-        if not self.answered.isdisjoint(self.seeds):
+        if self.answered:
             return
         finite = [c for c in (*self.contenders, *begun) if np.isfinite(c.log_posterior)]
         best = max(finite, key=lambda c: c.log_posterior)
@@ -342,6 +346,7 @@ class _Rounds:
         explanation, x = joined(contender.fit, candidate, vector)
         key = key_of(explanation)
         self.seen.add(key)
+        self.answered.discard(key)
         steps = SETTINGS.fit.screening_steps if size == 1 or self.pieces else SETTINGS.fit.warm_steps
         how = {"target": target, "patience": self._patience(size, candidate), "iterations": steps, "polish": False}
         seed = min(

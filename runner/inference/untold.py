@@ -13,6 +13,7 @@ as it is by the slopes there: where there are none, as its prior.
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import chdtri, erfc
 
 from runner.inference.contender import Contender
 from runner.inference.evidence import by_form, log_densities
@@ -34,12 +35,13 @@ def without_untold(contender: Contender, fitter: Fitter) -> Fit | None:
     while claimed := _claimed(fit, charged, held, fitter):
         without = {i: _without(fit, [*held, i], fitter) for i in claimed}
         # what mismatch may do to a number counts as much here as in its standard error
-        told = {
-            i: np.sqrt(max(f.total - fit.total, 0.0) / contender.evidence.dispersion) * by_noise[i] / charged[i]
-            for i, f in without.items()
-        }
+        weight = {i: (by_noise[i] / charged[i]) ** 2 / contender.evidence.dispersion for i in without}
+        told = {i: np.sqrt(max(f.total - fit.total, 0.0) * weight[i]) for i, f in without.items()}
+        # of all that are at zero together as rare a ratio of likelihoods as `chance` is of one
+        together = chdtri(len(held) + 1, erfc(chance / np.sqrt(2.0)))
+        by_chance = [i for i, f in without.items() if (f.total - contender.fit.total) * weight[i] < together]
         # a number claims as many errors as are told if it acts in proportion, twice as many if by its square: between
-        untold = [i for i in claimed if told[i] < chance and claimed[i] > np.sqrt(2.0) * told[i]]
+        untold = [i for i in by_chance if told[i] < chance and claimed[i] > np.sqrt(2.0) * told[i]]
         if not untold:
             break
         least = min(untold, key=lambda i: told[i])
@@ -83,5 +85,5 @@ def _without(fit: Fit, held: list[int], fitter: Fitter) -> Fit:
     x = fit.x.copy()
     x[held] = 0.0
     return fitter.fit(
-        fit.explanation, fit.episodes, x=x, starts=fit.starts, iterations=SETTINGS.fit.final_steps, held=held
+        fit.explanation, fit.episodes, x=x, starts=fit.starts, iterations=SETTINGS.fit.final_steps, kept=held
     )

@@ -285,22 +285,30 @@ def _noise(
     known = stated[[columns[0] for columns in groups]]
     kinds = [[s[np.isfinite(s[:, c]).all(axis=1)][:, c] for s in stretches] for c in groups]
     counts = np.array([sum(map(len, kind)) for kind in kinds])
-    rows, told = sum(map(len, stretches)), int(counts.max(initial=0))
-    each_s = _step_s(system) * max(rows, 1) / max(told, 1)
     levels = np.where(np.isfinite(known), known, otherwise)
     sigma, share, memory = np.empty(len(stated)), np.zeros(len(stated)), np.zeros(len(stated))
     instruments = [system.channels[columns[0]].instrument for columns in groups]
     for instrument in dict.fromkeys(instruments):
         showing = [k for k, own in enumerate(instruments) if own == instrument and counts[k]]
+        if not showing:
+            continue
+        each_s = _step_s(system) * _rows_apart(stretches, groups[showing[0]])
         found = estimate([kinds[k] for k in showing], each_s, known[showing], doubt=doubt, shorten=shorten)
         if found is None:
             continue
         levels[showing] = found.level
         for k in showing:
             share[groups[k]], memory[groups[k]] = found.share, found.memory
-    for c, level, told, least in zip(groups, levels, known, rounding, strict=True):
-        sigma[c] = level if level == told else max(level, least)
+    for c, level, believed, least in zip(groups, levels, known, rounding, strict=True):
+        sigma[c] = level if level == believed else max(level, least)
     return sigma, NoiseModel(share, memory)
+
+
+def _rows_apart(stretches: Sequence[np.ndarray], columns: Sequence[int]) -> float:
+    """Return how many rows lie from one reading of some channels to the next, as a rule: not over a gap."""
+    there = [np.flatnonzero(np.isfinite(s[:, columns]).all(axis=1)) for s in stretches]
+    steps = np.concatenate([np.diff(rows) for rows in there])
+    return float(np.median(steps)) if len(steps) else 1.0
 
 
 def _rounding_noise(values: Sequence[np.ndarray], groups: Sequence[Sequence[int]]) -> np.ndarray:

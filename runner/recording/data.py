@@ -135,7 +135,13 @@ class Nominal:
         check_number("rate_hz", self.rate_hz, "Hz", above=0.0, most=1e6)
         if self.pin is not None:
             height = self.half_size_m[2]
-            check_number("pin.height (of the body's side)", self.pin.height_m, "m", least=-height, most=height)
+            check_number(
+                "pin.height (from the geometric centre, within the body)",
+                self.pin.height_m,
+                "m",
+                least=-height,
+                most=height,
+            )
         for offset, size in zip(self.com_m or (), self.half_size_m, strict=False):
             check_number("com (inside the box)", offset, "m", least=-size, most=size)
         moments = self.inertia_kg_m2 if isinstance(self.inertia_kg_m2, tuple) else (self.inertia_kg_m2,)

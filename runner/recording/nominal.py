@@ -13,7 +13,7 @@ noise:                # optional; standard deviations; null, as a whole or one b
   rate: 0.01          # rad/s
 com: [0, 0, 0]        # optional; m, relative to the geometric centre; two numbers: at mid-height
 outline: {disc: 0.05} # optional; what lies on the floor is no rectangle, see `runner.recording.outline`
-pin: {radius: 0.005, friction: 0.2}   # optional; m, Coulomb: a round pin pushes, see `runner.recording.table`
+pin: {radius: 0.005, friction: 0.2, height: 0}   # optional; m, Coulomb, m: a round pin, see `runner.recording.table`
 inertia: 0.5          # optional; kg m2, about the vertical through the centre of mass, or [Ixx, Iyy, Izz]
 """
 
@@ -91,7 +91,7 @@ class _Believed(BaseModel, extra="forbid"):
     com: Annotated[list[_Metres], _several("m", 2, 3)] | None = None
     inertia: Annotated[list[_Moment], _several("kg m2", 1, 3)] | None = None
     outline: Any = None
-    pin: Annotated[_Pin, must("hold 'radius' in m and 'friction'")] | None = None
+    pin: Annotated[_Pin, must("hold 'radius' in m, 'friction' and perhaps 'height' in m")] | None = None
 
 
 REQUIRED = tuple(name for name, field in _Believed.model_fields.items() if field.is_required())

@@ -16,7 +16,7 @@ import numpy as np
 
 from runner.recording import Span
 
-TRACKED = ("m", "rad", "m/s", "rad/s", "")  # units of what one tracking system tells of a motion
+TRACKED = ("m", "rad", "m/s", "rad/s", "")  # units of what tracking tells; an orientation has none
 
 
 class Space(Enum):

@@ -45,7 +45,7 @@ CHANNELS = (
     Channel("fx", "N", "force", "force of the pin x"),
     Channel("fy", "N", "force", "force of the pin y"),
 )
-PIN, PIN_HEIGHTS = "pin", 3.0  # as it is drawn, and how many times as high as the body
+PIN, PIN_DRAWN_HEIGHTS = "pin", 3.0  # as it is drawn, and how many times as high as the body
 
 
 def vocabulary(*, pin: bool = False) -> Vocabulary:
@@ -197,7 +197,7 @@ class PlanarBox(AbstractSystem):
         body = DrawnBody(OBJECT, (Shape(shape, (hx, hy, hz), outline=nominal.outline), mark))
         if nominal.pin is None:
             return (body,)
-        return (body, DrawnBody(PIN, (Shape("cylinder", (nominal.pin.radius_m, PIN_HEIGHTS * hz)),)))
+        return (body, DrawnBody(PIN, (Shape("cylinder", (nominal.pin.radius_m, PIN_DRAWN_HEIGHTS * hz)),)))
 
     def poses(self, episode: int, channels: FloatArray) -> dict[str, FloatArray]:
         """See `AbstractSystem`."""
@@ -209,7 +209,7 @@ class PlanarBox(AbstractSystem):
         }
         path = self.recording.episodes[episode].pin_m
         if path is not None:
-            poses[PIN] = np.column_stack([path, PIN_HEIGHTS * height, zero + 1.0, zero, zero, zero])
+            poses[PIN] = np.column_stack([path, PIN_DRAWN_HEIGHTS * height, zero + 1.0, zero, zero, zero])
         return poses
 
     def believed(self) -> tuple[tuple[str, str], ...]:
@@ -217,7 +217,11 @@ class PlanarBox(AbstractSystem):
         nominal = self.recording.nominal
         size = " × ".join(number(2 * h) for h in nominal.half_size_m)
         pin = nominal.pin
-        pushed = () if pin is None else (("pin", f"radius {pin.radius_m:.4g} m, friction {pin.friction:.3g}"),)
+        pushed: tuple[tuple[str, str], ...] = ()
+        if pin is not None:
+            at = f"{number(abs(pin.height_m))} m {'above' if pin.height_m > 0 else 'below'}" if pin.height_m else "at"
+            said = f"radius {pin.radius_m:.4g} m, friction {pin.friction:.3g}, {at} the height of the geometric centre"
+            pushed = (("pin", said),)
         borne = "under the whole base" if nominal.contact is Support.PATCH else "at the corners"
         return (
             ("object", f"{'box' if nominal.outline is None else 'plate'} of {size} m, {number(nominal.mass_kg)} kg"),
