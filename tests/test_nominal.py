@@ -208,7 +208,7 @@ def test_a_pin_touches_at_a_height_that_may_be_stated(tmp_path: Path) -> None:
     assert read_nominal(tmp_path / "nominal.yaml").pin == stated.pin
     text = (tmp_path / "nominal.yaml").read_text()
     (tmp_path / "nominal.yaml").write_text(text.replace("height: -0.02", "height: 0.04"))
-    with pytest.raises(RecordingError, match="within the body.*0.03"):
+    with pytest.raises(RecordingError, match=r"within the body.*0\.03"):
         read_nominal(tmp_path / "nominal.yaml")
     (tmp_path / "nominal.yaml").write_text("\n".join(row for row in text.splitlines() if "height" not in row))
     read = read_nominal(tmp_path / "nominal.yaml")

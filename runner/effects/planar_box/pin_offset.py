@@ -45,9 +45,9 @@ class PinOffset(PlanarEffect):
         # calibrations of two frames against each other are off by a few hundredths of what is tracked
         scale, most = 0.02 * context.size_m, 0.5 * context.size_m
         along = tuple(Parameter(f"world_{axis}_m", "m", scale, -most, most) for axis in "xy")
-        # anywhere between base and top
+        # anywhere between base and top, which are no bounds: what is found there may be off by its error
         half, believed = context.half_size_m[2], context.pin_height_m
-        return (*along, Parameter("height_m", "m", 0.5 * half, -half - believed, half - believed))
+        return (*along, Parameter("height_m", "m", 0.5 * half, -2 * half - believed, 2 * half - believed))
 
     @classmethod
     def from_vector(cls, x: Vector, context: Context) -> Self:
