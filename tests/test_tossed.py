@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from mechanisms import TOSSED, compiled
+from mechanisms import ARM, TOSSED, compiled, scope
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from tosses import BELIEVED, COLUMNS, NOISE, toss_case, world, write
@@ -24,7 +24,8 @@ from runner.diagnosis.ranking import values_of
 from runner.effects import mechanism as m
 from runner.effects.mechanism import contacts
 from runner.effects.vocabulary import Candidate
-from runner.errors import RecordingError
+from runner.effects.wording import Values
+from runner.errors import ConfigError, RecordingError
 from runner.inference import multiple_shooting
 from runner.inference.confounding import are_one
 from runner.inference.contender import contend
@@ -57,13 +58,17 @@ def still(folder: Path, **nominal: object) -> MechanismSystem:
     return system
 
 
-def test_a_tumbling_box_turns_as_euler_says(tmp_path: Path):
+@pytest.mark.parametrize(
+    ("ratio", "x_to_y", "z_to_xy"), [(1.0, 1.0, 1.0), (1.0, 0.8, 1.3), (2.0, 1.2, 0.75)], ids=["right", "shape", "all"]
+)
+def test_a_tumbling_box_turns_as_euler_says(tmp_path: Path, ratio: float, x_to_y: float, z_to_xy: float):
     """Torque-free rotation of a body with three moments: where ever shorter steps lead, and straight there."""
     recording = still(tmp_path, half_size=list(SIDES)).recording
     spin = np.array([6.0, 0.3, 8.0])
     start = np.concatenate([[0, 0, 2.0, 0, 0, 0], [0, 0, 0], spin])
     x, y, z = np.array(SIDES) ** 2
-    inertia = np.array([y + z, x + z, x + y])
+    # of moments times (x_to_y, 1, z_to_xy sqrt(x_to_y)) proportions are the wanted ones; size does nothing
+    inertia = np.array([(y + z) * x_to_y, x + z, (x + y) * z_to_xy * math.sqrt(x_to_y)])
 
     def change(_: float, state: np.ndarray) -> np.ndarray:
         w, (i, j, k, r) = state[:3], state[3:]
@@ -73,14 +78,76 @@ def test_a_tumbling_box_turns_as_euler_says(tmp_path: Path):
     t = recording.episodes[0].t_s
     run = solve_ivp(change, (0, t[-1]), [*spin, 0, 0, 0, 1], t_eval=t, rtol=1e-10, atol=1e-12)
     true = Rotation.from_quat(run.y[3:].T)
+    effects = (m.FreeInertia("box", ratio, x_to_y, z_to_xy),)
     coarse, fine = (
-        MechanismSystem(recording, step_s=1 / 150 / n).simulator().predict(0, [Run((), start)])[0] for n in (8, 16)
+        MechanismSystem(recording, step_s=1 / 150 / n).simulator().predict(0, [Run(effects, start)])[0] for n in (8, 16)
     )
     off = [(true.inv() * Rotation.from_rotvec(shown[:, 3:6])).as_rotvec() for shown in (coarse, fine)]
     assert np.abs(2 * off[1] - off[0]).max() < 1e-4
     assert np.abs(off[1]).max() < 5e-3
     height = MechanismSystem(recording).context.model.qpos0[2] + 2.0
     assert fine[:, 2] == pytest.approx(height - 0.5 * G * t**2, abs=1e-6)
+
+
+def test_moments_of_inertia_that_are_fitted_are_some_body_s():
+    """None is larger than the sum of the others wherever a search goes, and all grow with the ratio alone."""
+    context = scope(TOSSED, "cube")
+    bounds = [(p.lower, p.upper) for p in m.FreeInertia.parameters(context)]
+    g = np.random.default_rng(0)
+    for x in g.uniform(*np.transpose(bounds), size=(50, 3)):
+        model = compiled(TOSSED, m.FreeInertia.from_vector(x, context))
+        moments, believed = (np.array(of.body("cube").inertia) for of in (model, context.model))
+        assert (moments.sum() - 2 * moments >= 0.0).all()
+        assert np.prod(moments / believed) == pytest.approx(np.exp(3 * x[0]))
+    nothing = m.FreeInertia.from_vector(np.zeros(3), context)
+    assert (nothing.ratio, nothing.x_to_y, nothing.z_to_xy) == pytest.approx((1.0, 1.0, 1.0))
+
+
+def test_moments_of_inertia_that_no_body_has_are_refused():
+    """A rod has two of one size and one of nearly none; two of nearly none and one are none."""
+    compiled(TOSSED, m.FreeInertia("cube", 1.0, 1.0, 0.01))
+    with pytest.raises(
+        ConfigError, match=r"inertia\[cube\]: no moment .* larger than the sum of the other two, got 0\."
+    ):
+        compiled(TOSSED, m.FreeInertia("cube", 1.0, 1.0, 2.1))
+
+
+def test_moments_of_inertia_are_in_the_corrected_model(tmp_path: Path):
+    """In plain MuJoCo; what a report says to write is the same."""
+    system = open_case(toss_case(tmp_path / "case", world(), tosses=2))
+    effect = m.FreeInertia("box", 1.5, 1.1, 0.75)
+    assert system.write_model((effect,), tmp_path) == ("model.xml",)
+    believed = 0.5 * 2 * 0.05**2 / 3
+    wanted = believed * 1.5 * np.array([1.1**0.5 * 0.75 ** (-1 / 3), 1.1**-0.5 * 0.75 ** (-1 / 3), 0.75 ** (2 / 3)])
+    written = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
+    np.testing.assert_allclose(written.body("box").inertia, wanted, rtol=1e-5)
+    assert written.body("box").mass == pytest.approx(0.5)
+    remedy = m.FreeInertia.phrase(Values(effect.report(), {}), system.context.at("box"), "box").remedy
+    inertial = remedy[remedy.index("<inertial") : remedy.index("/>") + 2]
+    by_hand = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody><body name='box'><freejoint/>{inertial}<geom size='.1'/></body></worldbody></mujoco>"
+    )
+    np.testing.assert_allclose(by_hand.body("box").inertia, wanted, rtol=1e-4)
+
+
+def test_a_size_of_the_inertia_that_flight_does_not_tell_is_not_told():
+    """An error as large as before the recording says that nothing was learned."""
+    context, values = scope(TOSSED, "cube"), {"ratio": 1.0, "x_to_y": 1.0, "z_to_xy": 0.75}
+    unsure, sure = (
+        m.FreeInertia.phrase(Values(values, {"ratio": e, "x_to_y": 0.01, "z_to_xy": 0.01}), context, "cube").amount
+        for e in (0.25, 0.02)
+    )
+    assert "about z 0.750 ± 0.010 times" in unsure
+    assert "does not tell how large" in unsure
+    assert "all of them 1.00 ± 0.02 times" in sure
+
+
+def test_a_body_that_a_joint_turns_about_one_axis_has_one_inertia():
+    """And a free one has three numbers of it, under one name."""
+    for xml, body, count in ((ARM, "forearm", 1), (TOSSED, "cube", 3)):
+        context = scope(xml, body)
+        some = [cls for cls in m.EFFECTS if cls.name == "inertia" and cls.applies(context)]
+        assert [len(cls.parameters(context)) for cls in some] == [count]
 
 
 @pytest.mark.parametrize("mu", [0.2, 0.5])
@@ -417,6 +484,23 @@ def test_a_wrong_friction_is_named(tmp_path: Path):
     assert found.ranked[0].effects == ("friction[box]",)
     mu, error = (of["friction[box]"]["mu"] for of in (found.ranked[0].parameters, found.ranked[0].errors))
     assert abs(mu - 0.2) < 3 * error < 0.05
+    assert found.gap_closed > 0.7
+
+
+@pytest.mark.slow
+def test_moments_of_inertia_are_named_by_their_proportions(tmp_path: Path):
+    """Tosses that end in the air, of a cube that is not even inside: how large all of them are stays as believed."""
+    truth = world()
+    truth.body("box").inertia[2] *= 0.75
+    mujoco.mj_setConst(truth, mujoco.MjData(truth))
+    system = open_case(toss_case(tmp_path, truth, tosses=4, height_m=3.0, spin_rad_s=6.0))
+    found = diagnose(system, threads=1, advise=False)
+    assert found.ranked[0].effects == ("inertia[box]",)
+    told, error = (of["inertia[box]"] for of in (found.ranked[0].parameters, found.ranked[0].errors))
+    assert abs(told["z_to_xy"] - 0.75) < 3 * error["z_to_xy"] < 0.1
+    assert abs(told["x_to_y"] - 1.0) < 3 * error["x_to_y"] < 0.1
+    assert told["ratio"] == pytest.approx(1.0, abs=0.01)
+    assert error["ratio"] > 0.24  # what was believed before it was recorded: nothing was learned
     assert found.gap_closed > 0.7
 
 

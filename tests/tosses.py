@@ -32,9 +32,19 @@ def world(
 
 
 def toss_case(
-    folder: Path, truth: mujoco.MjModel, *, tosses: int, seed: int = 1, length_s: float = 0.6, push_n: float = 0.0
+    folder: Path,
+    truth: mujoco.MjModel,
+    *,
+    tosses: int,
+    seed: int = 1,
+    length_s: float = 0.6,
+    push_n: float = 0.0,
+    height_m: float = 0.16,
+    spin_rad_s: float = 3.0,
 ) -> Path:
     """Write a case of tosses in the real world `truth`, with noise on every pose; return the folder.
+
+    They begin at that height; the rate at which it turns about each axis has a spread of `spin_rad_s`.
 
     With a push, a recorded force of that size acts at the centre all the while, in a direction of each toss's own.
     """
@@ -45,8 +55,8 @@ def toss_case(
     for e in range(tosses):
         mujoco.mj_resetData(truth, data)
         turn = g.normal(size=4)
-        data.qpos[:3], data.qpos[3:] = (0.0, 0.0, 0.16), turn / np.linalg.norm(turn)
-        data.qvel[:3], data.qvel[3:] = g.normal(size=3) * (0.8, 0.8, 0.2), 3.0 * g.normal(size=3)
+        data.qpos[:3], data.qpos[3:] = (0.0, 0.0, height_m), turn / np.linalg.norm(turn)
+        data.qvel[:3], data.qvel[3:] = g.normal(size=3) * (0.8, 0.8, 0.2), spin_rad_s * g.normal(size=3)
         force = np.zeros(3)
         if push_n:
             force[:] = g.normal(size=3)

@@ -26,7 +26,7 @@ from runner.effects.mechanism.frame_tilt import FrameTilt
 from runner.effects.mechanism.friction import ContactFriction
 from runner.effects.mechanism.friction_cone import FrictionCone
 from runner.effects.mechanism.gravity import Gravity, GravityTilt
-from runner.effects.mechanism.inertia import Inertia
+from runner.effects.mechanism.inertia import FreeInertia, Inertia
 from runner.effects.mechanism.joint_damping import JointDamping
 from runner.effects.mechanism.joint_friction import JointFriction
 from runner.effects.mechanism.joint_stiffness import JointStiffness
@@ -65,6 +65,7 @@ __all__ = [
     "DeadBand",
     "Disturbance",
     "FrameTilt",
+    "FreeInertia",
     "FrictionCone",
     "Gravity",
     "GravityTilt",

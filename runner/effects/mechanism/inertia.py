@@ -1,4 +1,8 @@
-"""A body's inertia."""
+"""A body's inertia: its size, and of a body that turns about every axis its shape, too.
+
+What flies without a torque shows the ratios of its moments alone (Euler's equations hold for any multiple of them),
+what a joint turns shows one moment.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +11,26 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import mujoco
+import numpy as np
 
 from runner.effects.base import Parameter, Phrase, Vector
-from runner.effects.mechanism import parts
+from runner.effects.mechanism import contacts, parts
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
 from runner.effects.wording import Values
-from runner.errors import check_range
+from runner.errors import ConfigError, check_range
+
+SIZE = Parameter("log_inertia_ratio", "", 0.25, -2.5, 2.5)
+# of the mean square of a mass's distance from its middle along each axis: density is believed even to some 20 %
+SPREAD = 0.2
+FARTHEST = 3.0  # a twentieth, or twenty times as much
+UNTOLD = 0.9  # of what was believed before: an error as large says that nothing was learned
+ROUNDING = 1e-9  # relative
 
 
 @effect
 @dataclass(frozen=True)
 class Inertia(MechanismEffect):
-    """Inertia of a body about its centre of mass times `ratio`, its mass unchanged. Fitted as the log of the ratio."""
+    """Inertia of a body on a joint about its centre of mass times `ratio`, its mass unchanged. Fitted as the log."""
 
     name: ClassVar[str] = "inertia"
     label: ClassVar[str] = "a different inertia"
@@ -35,11 +47,11 @@ class Inertia(MechanismEffect):
 
     @classmethod
     def applies(cls, scope: Scope) -> bool:
-        return parts.can_turn(scope.model, scope.target)
+        return parts.can_turn(scope.model, scope.target) and not contacts.is_free(scope.model, scope.target)
 
     @classmethod
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
-        return (Parameter("log_inertia_ratio", "", 0.25, -2.5, 2.5),)
+        return (SIZE,)
 
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:
@@ -56,3 +68,102 @@ class Inertia(MechanismEffect):
             f'diaginertia="{parts.attribute(*(of["ratio"] * believed))}".',
             f"Hang '{target}' from a pivot and time its swing.",
         )
+
+
+@effect
+@dataclass(frozen=True)
+class FreeInertia(MechanismEffect):
+    """Principal moments of inertia of a free body, its mass and their axes unchanged.
+
+    All three are `ratio` times as large (their geometric mean is), the moment about x in proportion to that about y is
+    `x_to_y` times the believed one, that about z in proportion to the geometric mean of those two `z_to_xy` times.
+
+    Fitted as the logs of `ratio`, and of how far the mass is spread along x in proportion to y, and along z in
+    proportion to both. The spread is the second moment of the mass along an axis, half the sum of the moments of
+    inertia less the one about it: none is negative, so that moments fitted are always those of some body (no one larger
+    than the sum of the others; Wensing, Kim and Slotine 2018).
+    """
+
+    name: ClassVar[str] = "inertia"
+    label: ClassVar[str] = "other moments of inertia"
+    target_kind: ClassVar[str] = "body"
+    commonness: ClassVar[int] = 2
+    target: str
+    ratio: float
+    x_to_y: float = 1.0
+    z_to_xy: float = 1.0
+
+    def __post_init__(self) -> None:
+        for key in ("ratio", "x_to_y", "z_to_xy"):
+            check_range(f"inertia.{key}", getattr(self, key), 0.0, 1e3, lower_open=True)
+
+    def edit_model(self, model: mujoco.MjModel) -> None:
+        body = model.body(self.target).id
+        moments = _changed(model.body_inertia[body], self.ratio, self.x_to_y, self.z_to_xy)
+        if _spread(moments).min() < -ROUNDING * moments.max():
+            shown = ", ".join(f"{moment:.4g}" for moment in moments)
+            raise ConfigError(
+                f"inertia[{self.target}]: no moment of inertia may be larger than the sum of the other two, got "
+                f"{shown} kg m2."
+            )
+        model.body_inertia[body] = moments
+
+    @classmethod
+    def applies(cls, scope: Scope) -> bool:
+        return parts.can_turn(scope.model, scope.target) and contacts.is_free(scope.model, scope.target)
+
+    @classmethod
+    def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
+        # so wide that no axis is believed better than another
+        return (
+            SIZE,
+            Parameter("log_spread_x_to_y", "", math.sqrt(2.0) * SPREAD, -FARTHEST, FARTHEST),
+            Parameter("log_spread_z_to_xy", "", math.sqrt(1.5) * SPREAD, -FARTHEST, FARTHEST),
+        )
+
+    @classmethod
+    def from_vector(cls, x: Vector, context: Scope) -> Self:
+        believed = np.array(context.model.body_inertia[context.model.body(context.target).id])
+        logs = np.array([x[1] / 2 - x[2] / 3, -x[1] / 2 - x[2] / 3, 2 * x[2] / 3])
+        # what lies in a plane has no spread across it, to within rounding
+        spread = np.maximum(_spread(believed), 0.0) * np.exp(logs)
+        along_x, along_y, along_z = (spread.sum() - spread) / believed
+        return cls(
+            str(context.target),
+            math.exp(x[0]),
+            float(along_x / along_y),
+            float(along_z / math.sqrt(along_x * along_y)),
+        )
+
+    @classmethod
+    def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
+        model, body = beliefs.model, beliefs.model.body(target).id
+        moments = _changed(model.body_inertia[body], of["ratio"], of["x_to_y"], of["z_to_xy"])
+        quat = model.body_iquat[body]
+        turned = abs(quat[0]) < 1.0 - ROUNDING
+        axes = f' quat="{parts.attribute(*quat)}"' if turned else ""
+        error = of.error("ratio")
+        told = error is None or error < UNTOLD * SIZE.scale * of["ratio"]
+        shape = (
+            f"about z {of.show('z_to_xy')} times the believed one in proportion to x and y, about x "
+            f"{of.show('x_to_y')} times in proportion to y"
+        )
+        size = f"all of them {of.show('ratio')} times" if told else "the motion does not tell how large all of them are"
+        return Phrase(
+            f"the moments of inertia of body '{target}' are not those of the model, though its mass is right",
+            f"{shape}; {size}{' (principal axes of the model)' if turned else ''}",
+            f'Give <body name="{target}"> <inertial pos="{parts.attribute(*model.body_ipos[body])}"{axes} '
+            f'mass="{parts.attribute(model.body_mass[body])}" diaginertia="{parts.attribute(*moments)}"/>.',
+            f"Hang '{target}' from two threads along one axis after the other, and time how it swings about each.",
+        )
+
+
+def _spread(moments: np.ndarray) -> np.ndarray:
+    """Return the second moments of the mass along the principal axes, (3,), from the moments of inertia about them."""
+    return 0.5 * moments.sum() - moments
+
+
+def _changed(moments: np.ndarray, ratio: float, x_to_y: float, z_to_xy: float) -> np.ndarray:
+    """Return other moments of inertia, (3,), whose proportions are so many times the given ones."""
+    x, z = math.log(x_to_y), math.log(z_to_xy)
+    return np.asarray(moments) * ratio * np.exp([x / 2 - z / 3, -x / 2 - z / 3, 2 * z / 3])
