@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from tosses import toss_case, world
 
 from runner.effects.wording import number, percent
 from runner.localise.where import Where
@@ -18,6 +19,7 @@ from runner.recording import Episode, Form, Nominal, Recording, Span
 from runner.report import html, words
 from runner.report.statement import Kind, Left, caveats, state
 from runner.report.suspects import suspects
+from runner.systems.case import open_case
 from runner.systems.planar_box.system import PlanarBox
 
 STILL = Episode(4, np.arange(31) / 30, *(np.zeros((31, 3)) for _ in range(4)))
@@ -266,7 +268,18 @@ def test_one_channel_is_a_suspect_of_its_own() -> None:
     rows = [{"factor": "channel", "cell": "wz", "share": 0.8, "lift": 4.8, "p": 1e-9, "q": 1e-8}]
     (suspect,) = suspects(SYSTEM, where_of(rows))
     assert suspect.where == "It shows in the yaw rate above all: 80 % of it."
+    assert "its calibration" in suspect.advice
     assert suspects(SYSTEM, where_of(rows, p=0.5)) == ()
+
+
+def test_one_axis_of_an_orientation_is_no_sensor_of_its_own(tmp_path: Path) -> None:
+    """What turns a body about one axis is a torque; what tracks it would be wrong about all."""
+    tossed = open_case(toss_case(tmp_path, world(), tosses=1))
+    rows = [{"factor": "channel", "cell": "quat.y", "share": 0.65, "lift": 3.9, "p": 1e-9, "q": 1e-8}]
+    (suspect,) = suspects(tossed, where_of(rows))
+    assert suspect.where == "It shows in the y orientation of 'box' above all: 65 % of it."
+    assert "a torque on the body" in suspect.advice
+    assert "calibration" not in suspect.advice
 
 
 def where_of(rows: list[dict[str, Any]], p: float = 0.0) -> Where:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from runner.effects.wording import percent
 from runner.settings import SETTINGS
+from runner.systems.channels import Space
 
 if TYPE_CHECKING:
     from runner.localise.where import Where
@@ -38,6 +39,12 @@ OF_FACTORS = {
     "position": "Look at what is there: a stop, a cable, a part that binds.",
 }
 OTHERWISE = "Look for what acts only then."
+OF_CHANNEL = "Check how that is measured: its calibration, its time stamps, its filter."
+# what measures an orientation measures all of it: it has no axis of its own to be wrong about, a body has
+OF_ORIENTATION = (
+    "All axes of an orientation come from one measurement, which is seldom wrong about one alone: look for a torque on "
+    "the body that the model lacks, or a mass that is spread otherwise."
+)
 
 
 @dataclass(frozen=True)
@@ -78,10 +85,10 @@ def _of_cell(system: AbstractSystem, row: dict[str, Any]) -> Suspect:
 
 
 def _of_channel(system: AbstractSystem, row: dict[str, Any]) -> Suspect:
-    label = next(c.label for c in system.channels if c.name == row["cell"])
+    channel = next(c for c in system.channels if c.name == row["cell"])
     return Suspect(
-        f"It shows in the {label} above all: {percent(row['share'])} of it.",
-        "Check how that is measured: its calibration, its time stamps, its filter.",
+        f"It shows in the {channel.label} above all: {percent(row['share'])} of it.",
+        OF_ORIENTATION if channel.space is Space.ROTATION else OF_CHANNEL,
     )
 
 
