@@ -12,6 +12,7 @@ import pytest
 from runner.diagnosis.pipeline import diagnose
 from runner.effects.mechanism import JointFriction
 from runner.inference.least_squares import NONE, Fit, Fitter
+from runner.inference.shortlist import least_gain
 from runner.inference.solver_choice import better_solved
 from runner.noise.measured import measure
 from runner.systems.base import AbstractSystem
@@ -44,16 +45,16 @@ def pushed(u: np.ndarray, step_s: float) -> tuple[np.ndarray, np.ndarray]:
     return q, v
 
 
-def dry_case(folder: Path, mass_kg: float = MASS_KG) -> MechanismSystem:
+def dry_case(folder: Path, mass_kg: float = MASS_KG, noise: dict[str, float] = NOISE) -> MechanismSystem:
     """Return a mass that truly sticks, believed so heavy; MuJoCo's default friction lets it creep."""
     rng, episodes = np.random.default_rng(3), []
     for period_s in (0.31, 0.43, 0.37):
         t = np.arange(0.0, 1.5, 0.005)
         u = np.round(5.0 * np.sin(2.0 * np.pi * t / period_s), 2)
-        q, dq = (y + s * rng.normal(size=len(t)) for y, s in zip(pushed(u, 0.005), NOISE.values(), strict=True))
+        q, dq = (y + s * rng.normal(size=len(t)) for y, s in zip(pushed(u, 0.005), noise.values(), strict=True))
         episodes.append({"t": t, "u": u, "q_slide": q, "dq_slide": dq})
     model = MODEL.replace(f'mass="{MASS_KG}"', f'mass="{mass_kg}"')
-    nominal = {"commands": {"u": {"actuator": "drive"}}, "channels": joint_channels(["slide"]), "noise": NOISE}
+    nominal = {"commands": {"u": {"actuator": "drive"}}, "channels": joint_channels(["slide"]), "noise": noise}
     return system_of(write_case(folder / "case", model, episodes, nominal))
 
 
@@ -77,8 +78,8 @@ def test_what_was_found_is_asked_where_the_nominal_model_could_not_tell(
 ) -> None:
     """With a mass far off, either way of solving it leaves thousands of noises."""
 
-    def of_effects(fitter: Fitter, fit: Fit) -> AbstractSystem | None:
-        return better_solved(fitter, fit) if fit.explanation.candidates else None
+    def of_effects(fitter: Fitter, fit: Fit, as_believed: str) -> AbstractSystem | None:
+        return better_solved(fitter, fit, as_believed) if fit.explanation.candidates else None
 
     monkeypatch.setattr("runner.diagnosis.attempt.better_solved", of_effects)
     found = diagnose(dry_case(tmp_path, 3.0), threads=1, advise=False)
@@ -88,16 +89,31 @@ def test_what_was_found_is_asked_where_the_nominal_model_could_not_tell(
     assert any("solreffriction" in note for note in found.notes)
 
 
-def test_friction_that_was_made_soft_stays_soft(tmp_path: Path) -> None:
-    system = dry_case(tmp_path)
-    rng = np.random.default_rng(1)
-    start = np.zeros(2)
+def made_soft(folder: Path, noise: dict[str, float] = NOISE) -> MechanismSystem:
+    """Return a mass that creeps as MuJoCo lets it."""
+    system, rng, start = dry_case(folder, noise=noise), np.random.default_rng(1), np.zeros(2)
     soft = [system.simulator(threads=1).predict(e, [Run((), start)])[0] for e in range(len(system.recording.episodes))]
-    values = [v + rng.normal(size=v.shape) * list(NOISE.values()) for v in soft]
-    made = system.with_values(values)
-    assert better_solved(*fitted(made)) is None
+    return system.with_values([v + rng.normal(size=v.shape) * list(noise.values()) for v in soft])
+
+
+def test_friction_that_was_made_soft_stays_soft(tmp_path: Path) -> None:
+    made = made_soft(tmp_path)
+    assert better_solved(*fitted(made), made.solved) is None
     (hard,) = made.solved_otherwise()
-    again = better_solved(*fitted(hard))
+    again = better_solved(*fitted(hard), made.solved)
+    assert again is not None
+    assert again.solved == made.solved
+
+
+def test_what_was_chosen_before_anything_explained_the_recording_is_given_up_for_less(tmp_path: Path) -> None:
+    """In noise beside which creep is worth no effect, friction stays hard only where it was believed to be."""
+    made = made_soft(tmp_path, {name: 40.0 * s for name, s in NOISE.items()})
+    (hard,) = made.solved_otherwise()
+    fitter, fit = fitted(hard)
+    least = fitted(made)[1].total
+    assert 5.0 < fit.total - least < least_gain(fitter.measured.count(fit.episodes))
+    assert better_solved(fitter, fit, hard.solved) is None
+    again = better_solved(fitter, fit, made.solved)
     assert again is not None
     assert again.solved == made.solved
 

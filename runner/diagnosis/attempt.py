@@ -96,13 +96,13 @@ def attempt(
 ) -> Attempt:
     """Search for the explanation of some episodes and hold what was found against the others."""
     first = _first_look(system, simulator, fitted, observer)
-    if system.solved and (other := better_solved(first.fitter, _nearest(first))):
+    if system.solved and (other := better_solved(first.fitter, _nearest(first), system.solved)):
         # what pieces suggest of joints that creep makes up for that
         first = _solved_otherwise(first, other, {}, fitted, observer)
     fitter, found = _explained(first, held_out)
     # what the search names, if anything: whether anything is to be named is not told yet
     named = next((c for c in found.contenders if c.fit.explanation.candidates), None)
-    if named is not None and (other := better_solved(fitter, named.fit)):
+    if named is not None and (other := better_solved(fitter, named.fit, system.solved)):
         first = _solved_otherwise(first, other, resumed(found, fitter).seeds, fitted, observer)
         fitter, found = _explained(first, held_out)
     simulator = fitter.system.simulator()
