@@ -67,7 +67,7 @@ def test_a_tilt_about_an_axis_that_nothing_turns_along_is_not_told(tmp_path: Pat
     local = contend(fitter, fitter.fit(Explanation((tilt,)), (0, 1), x=np.array([TILT_RAD, 0.02])))
     values, errors = (by["gravity"] for by in values_of(local, fitter.context))
     assert abs(values["tilt_y_rad"]) > 3 * errors["tilt_y_rad"]
-    first = rank(search(fitter, (0, 1), most=1), fitter.system, 0.03)[0]
+    first = rank(search(fitter, (0, 1), most=1), fitter.system, 0.03, ())[0]
     values, errors = first.parameters["gravity"], first.errors["gravity"]
     assert values["tilt_y_rad"] == 0.0
     assert errors["tilt_y_rad"] == pytest.approx(tilt.parameters(fitter.context)[1].scale, rel=0.2)
@@ -81,7 +81,7 @@ def test_a_tilt_about_an_axis_that_nothing_turns_along_is_not_told(tmp_path: Pat
 def test_a_tilt_that_shows_by_its_square_is_told(tmp_path: Path) -> None:
     """Four standard errors of the weight are four of what is left without the tilt: it stays."""
     fitter = swung(float(np.cos(0.03)), 4e-3, tmp_path)
-    first = rank(search(fitter, (0, 1), most=1), fitter.system, 0.03)[0]
+    first = rank(search(fitter, (0, 1), most=1), fitter.system, 0.03, ())[0]
     assert abs(first.parameters["gravity"]["tilt_y_rad"]) == pytest.approx(0.03, abs=2e-3)
 
 

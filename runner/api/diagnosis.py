@@ -75,7 +75,8 @@ class CaseDiagnosis:
         `equivalent`.
 
         `effects` are joined by " + "; "none" and "unknown" are explanations too. `amount` is in words, with standard
-        errors. `equivalent` is what these data can't tell from it: the probability is that of all together.
+        errors. `log_evidence` is NaN for what is so far behind that it was not held against the episodes left out.
+        `equivalent` is what these data can't tell from it: the probability is that of all together.
         """
         rows = [
             {

@@ -68,7 +68,7 @@ def _nearest(ranked: Ranked, first: Ranked, confirmed: Confirmed, fitter: Fitter
         closed.gap_closed,
         max(left, 0.0) / max(gap, 1e-9),
         max(left_unseen, 0.0) / max(gap_unseen, 1e-9),
-        (first.log_evidence or 0.0) - (ranked.log_evidence or 0.0),
+        contender_of(found, first, fitter.context).log_posterior - contender.log_posterior,
         _unsure(contender, found.contenders, fitter),
     )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
+
 import numpy as np
 from scipy.special import expit, softmax
 
@@ -35,11 +37,19 @@ def ranking(confirmed: Confirmed, nominal_excess: float, fitter: Fitter) -> tupl
     # each effect beside the first may be the doing of something without a name, too
     further = max(len(found.best.fit.explanation.candidates) - 1, 0)
     known *= SETTINGS.probability.max_unknown**further
-    return rank(found, fitter.system, as_unknown(1.0 - known))
+    return rank(found, fitter.system, as_unknown(1.0 - known), confirmed.after)
 
 
-def rank(found: Search, system: AbstractSystem, unknown: float) -> tuple[Ranked, ...]:
-    """Turn log posteriors into probabilities, explanations that can't be told apart taken together."""
+def rank(found: Search, system: AbstractSystem, unknown: float, weighed: Container[int]) -> tuple[Ranked, ...]:
+    """Turn log posteriors into probabilities, explanations that can't be told apart taken together.
+
+    Args:
+        found: All of them.
+        system: What was recorded.
+        unknown: Probability that it is none of them.
+        weighed: The identity of the fit of each that was held against all episodes: of the others it is only known that
+            they are no better than the last of those.
+    """
     context = system.context
     contenders = [c for c in found.contenders if np.isfinite(c.log_posterior)]
     every = shares(contenders)
@@ -83,7 +93,7 @@ def rank(found: Search, system: AbstractSystem, unknown: float) -> tuple[Ranked,
                 parameters,
                 errors,
                 None if contender.fit.x.size else 0.0,
-                float(contender.log_posterior - contenders[0].log_posterior),
+                float(contender.log_posterior - contenders[0].log_posterior) if id(contender.fit) in weighed else None,
             )
         )
     # variants of one effect are one explanation to the reader

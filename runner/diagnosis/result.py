@@ -31,7 +31,8 @@ class Ranked:
         parameters: Values by effect and parameter, SI units.
         errors: Their standard errors, the simulator's own inexactness included.
         gap_closed: 1 - error after / error before, on the held-out episodes; None: not computed.
-        log_evidence: Natural log, relative to the best explanation; None: `unknown` has no model to weigh.
+        log_evidence: Natural log, relative to the best explanation. None: `unknown` has no model to weigh, and what is
+            far behind on the fitted episodes is not held against the others.
     """
 
     effects: tuple[str, ...]
