@@ -86,6 +86,20 @@ class Attempt:
         """How long the longest stretch is, in seconds; None: stretches are whole episodes."""
         return longest_part_s(self.fitter.system.recording, self.stretches)
 
+    @property
+    def said_of_stretches(self) -> tuple[str, ...]:
+        """Over how long models were replayed, and why; nothing where that is whole episodes."""
+        if self.stretch_s is None:
+            return ()
+        system = self.fitter.system
+        if self.stretches != system.stretches():
+            why = "over longer times what the model lacks piles up"
+        elif system.stretched_for_time:
+            why = f"to save time, as about {system.searched_s:.2g} s are searched, which hold some of every episode"
+        else:
+            why = "over longer times small differences grow out of proportion"
+        return (f"Models were replayed over {self.stretch_s:.2g} s at a time, each with a start of its own: {why}.",)
+
 
 def attempt(
     system: AbstractSystem,

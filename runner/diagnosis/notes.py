@@ -23,7 +23,7 @@ def notes(
     top: Contender,
     held_out: Sequence[int],
     *,
-    stretch_s: float | None = None,
+    stretched: Sequence[str] = (),
     turned: bool = False,
     astray: Sequence[Span] = (),
     outside: Sequence[str] = (),
@@ -35,7 +35,7 @@ def notes(
         measured: Its channels and their noise, whole episodes.
         top: The explanation that is put into the corrected model.
         held_out: The episodes that it was checked on.
-        stretch_s: Over how long models were replayed; None: over whole episodes.
+        stretched: Over how long models were replayed, where that is not whole episodes.
         turned: Whether the first episodes were held out instead of the last.
         astray: Stretches that were not fitted and of which no explanation foretells what most others show.
         outside: What was said of effects that have no name, and of what happened once.
@@ -84,12 +84,7 @@ def notes(
         )
     if len(held_out) < SETTINGS.held_out.episodes:
         out.append("Only one episode was left to check the explanation.")
-    if stretch_s is not None:
-        out.append(
-            f"Models were replayed over {stretch_s:.2g} s at a time, each with a start of its own: over longer "
-            "times what the model lacks piles up or grows out of proportion."
-        )
-    return tuple(out)
+    return (*out, *stretched)
 
 
 def _left_out(measured: Measured, system: AbstractSystem) -> str:

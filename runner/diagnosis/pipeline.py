@@ -118,7 +118,7 @@ def diagnose(
             measured,
             top,
             found.held_out,
-            stretch_s=found.stretch_s,
+            stretched=found.said_of_stretches,
             turned=turned,
             astray=[found.stretches[e] for e in confirmed.astray],
             outside=[

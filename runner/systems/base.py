@@ -155,6 +155,11 @@ class AbstractSystem(ABC):
         """
         return tuple(Span(e, 0, len(v)) for e, v in enumerate(self.values()))
 
+    @property
+    def stretched_for_time(self) -> bool:
+        """Whether `stretches` are shorter than episodes only so that what is searched holds some of every episode."""
+        return False
+
     @abstractmethod
     def simulator(self, *, threads: int | None = None) -> AbstractSimulator:
         """Return the one simulator that everything uses: fits, gaps, figures; `threads` None: one per core."""

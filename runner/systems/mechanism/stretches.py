@@ -3,7 +3,8 @@
 An inverted or a double pendulum amplifies every small difference until it is as large as the motion itself. A fit over
 longer than that descends a landscape of hollows, and what it ends in says nothing. So recordings are cut where the
 response to a small force ceases to be in proportion to it, or leads too far away: linear sensitivities hold within such
-stretches, which is what fits, evidence and standard errors rest on.
+stretches, which is what fits, evidence and standard errors rest on. Beyond that they are so short that some of every
+episode can be searched.
 """
 
 from __future__ import annotations
@@ -42,7 +43,19 @@ class Sensitive:
     signals: Signals
 
 
-def stretches(known: Sensitive, searched_s: float) -> tuple[Span, ...]:
+@dataclass(frozen=True)
+class Cut:
+    """The parts of a recording that models are replayed over.
+
+    `bends`: whether over longer ones the response to a small force is out of proportion; otherwise it is for the sake
+    of time alone that they are no longer.
+    """
+
+    spans: tuple[Span, ...]
+    bends: bool
+
+
+def stretches(known: Sensitive, searched_s: float) -> Cut:
     """Return the parts of a recording over which the believed model responds in proportion: episodes cut evenly.
 
     Args:
@@ -66,7 +79,9 @@ def stretches(known: Sensitive, searched_s: float) -> tuple[Span, ...]:
     there = np.any([v.any(axis=0) for v in signals.valid], axis=0)
     least = SETTINGS.fit.min_start_samples
     told = [s for s in parts if (signals.valid[s.episode][s.begin : s.end, there].sum(axis=0) >= least).all()]
-    return tuple(told) if {s.episode for s in told} == set(range(len(lengths))) else whole
+    if {s.episode for s in told} != set(range(len(lengths))):
+        return Cut(whole, bends=False)
+    return Cut(tuple(told), bends=bool((by_episode < length_s).any()))
 
 
 def _of_one_clock(periods_s: FloatArray) -> list[list[int]]:
@@ -223,4 +238,4 @@ def _spread(index: FloatArray, samples: int) -> Windows:
     return Windows(index[:, 0], index[:, 1], samples).some(MECHANISM.replay.probed_windows)
 
 
-__all__ = ["Sensitive", "impact_stretches", "stretches"]
+__all__ = ["Cut", "Sensitive", "impact_stretches", "stretches"]

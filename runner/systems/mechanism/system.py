@@ -41,7 +41,7 @@ from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.mechanism.shapes import force_shapes
 from runner.systems.mechanism.simulator import MechanismSimulator, cores
 from runner.systems.mechanism.steps import choose_step, settled_step
-from runner.systems.mechanism.stretches import Sensitive, impact_stretches, stretches, survey_step_s
+from runner.systems.mechanism.stretches import Cut, Sensitive, impact_stretches, stretches, survey_step_s
 from runner.systems.windows import Labels, Windows
 
 HARD = "joints that dry friction truly holds (solreffriction as hard as the step allows)"
@@ -91,7 +91,7 @@ class MechanismSystem(AbstractSystem):
         self.disturbance = self._missing_force()
         self._step_s = step_s
         self._simulator: MechanismSimulator | None = None
-        self._cut: tuple[Span, ...] = ()  # found on the way to the step
+        self._cut: Cut | None = None  # found on the way to the step
         self._stretches: tuple[Span, ...] | None = None
         self._found_flights = self._flights()
         if len(joints := self.context.model.jnt_type) and (joints == FREE).all():
@@ -116,7 +116,7 @@ class MechanismSystem(AbstractSystem):
             if not any(self._found_flights):
                 known = self._sensitive(MechanismSimulator(self.recording, self._models, self._step_s))
                 self._cut = stretches(known, self.searched_s)
-                self._step_s = settled_step(known, self._cut, self.searched_s)
+                self._step_s = settled_step(known, self._cut.spans, self.searched_s)
         return self._step_s
 
     def _sensitive(self, simulator: MechanismSimulator) -> Sensitive:
@@ -201,9 +201,16 @@ class MechanismSystem(AbstractSystem):
                 lying = rests(self.recording, self.initial.coordinates, self.context.model)
                 self._stretches = impact_stretches(known, self._found_flights, lying)
             else:
-                self._stretches = self._cut or stretches(known, self.searched_s)
+                self._cut = self._cut or stretches(known, self.searched_s)
+                self._stretches = self._cut.spans
                 known.simulator.survey_step_s = survey_step_s(known, self._stretches)
         return self._stretches
+
+    @property
+    def stretched_for_time(self) -> bool:
+        """See `AbstractSystem`."""
+        self.stretches()
+        return self._cut is not None and not self._cut.bends
 
     def scatter(self) -> Scatter | None:
         """Return what impacts leave open, see `runner.systems.mechanism.scatter`; None: nothing hits anything."""
@@ -292,7 +299,7 @@ class _Unmeasured(MechanismSystem):
         self.context, self.vocabulary, self.disturbance = known.context, known.vocabulary, known.disturbance
         self._step_s: float | None = known.step_s
         self._simulator = None
-        self._cut, self._stretches, self._found_flights = (), None, [[] for _ in recording.episodes]
+        self._cut, self._stretches, self._found_flights = None, None, [[] for _ in recording.episodes]
 
 
 def read_mechanism(path: str | Path) -> MechanismSystem:
