@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+from scipy.special import softmax
 
 from runner.effects.base import AbstractEffect, Effects, Scope
 from runner.effects.vocabulary import Candidate
@@ -217,7 +218,8 @@ class Evidence:
             `Vocabulary.uncertain`: what is left to be explained.
         covariance: Of the parameters as they were fitted, by plain least squares, (p, p): the mismatch has moved them
             by what it looks like to them, so that it counts in full (the "sandwich" of White 1982); so do episodes that
-            differ. Zero along what the data do not tell: nothing moves it.
+            differ. How large it is is known no better than its levels are likely: its variance is the mean over them.
+            Zero along what the data do not tell: nothing moves it.
         by_prior: What the width of the prior adds to that, (p, p): all there is of what the data do not tell.
         dispersion: How many times as uncertain as noise residuals were taken for.
     """
@@ -290,7 +292,8 @@ def evidence(
         for which in (np.empty(0, int), nobody_asks)
     ]
     inverse = np.linalg.inv(h_oo + width)
-    moved = h_or * (spread[mismatch] * levels[int(np.argmax(logs))])
+    # the likeliest level alone would be a toss between one and many times as much where several are about as likely
+    moved = h_or * (spread[mismatch] * np.sqrt(softmax(logs) @ np.square(levels)))
     by_prior = np.diag(np.exp(-2 * every_density) / (2 * np.pi))  # of what rests on its bound: all of its prior
     covariance = by_prior.copy()
     scores = h_oo + moved @ moved.T
