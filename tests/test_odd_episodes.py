@@ -16,7 +16,7 @@ from runner.noise.measured import Measured, refine
 from runner.noise.model import NoiseModel
 from runner.recording import Span
 from runner.settings import SETTINGS
-from runner.systems.channels import Scatter
+from runner.systems.channels import Channel, Scatter
 
 T = np.linspace(0.0, 1.0, 60)
 SHARED, ODD, FROM = 2.0, 40.0, 3.0
@@ -93,7 +93,7 @@ def test_what_is_odd_is_told_by_the_others(*, differ: bool) -> None:
         episodes_differ=differ,
         values=lambda: values,
         noise_by_owner=lambda: np.ones(1),
-        channels=(SimpleNamespace(group="x"),),
+        channels=(Channel("x", "m", "position", "x"),),
         rate_hz=100.0,
         recording=SimpleNamespace(episodes=[SimpleNamespace(step_s=0.01) for _ in values]),
     )

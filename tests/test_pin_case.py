@@ -110,7 +110,7 @@ def test_what_is_written_is_read_back(made: Path, tmp_path: Path) -> None:
         ({"radius": 0.005, "friction": -1}, [], "pin.friction: must be a finite number >= 0"),
         ({"radius": 0.005, "mu": 0.2}, [], "unknown key 'pin.mu'"),
         ({"radius": 0.005}, [], "missing 'pin.friction'; needed: 'pin.radius', 'pin.friction'"),
-        (0.005, [], "pin: must hold 'radius' in m and 'friction'"),
+        (0.005, [], "pin: must hold 'radius' in m, 'friction' and perhaps 'height'"),
         ({"radius": 0.005, "friction": 0.2}, ["tip_y"], "missing column 'tip_y'"),
         ({"radius": 0.005, "friction": 0.2}, ["x"], "missing column 'x'"),
     ],
