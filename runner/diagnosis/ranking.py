@@ -11,7 +11,7 @@ from runner.diagnosis.result import Ranked
 from runner.effects.base import Scope
 from runner.inference.confounding import are_one
 from runner.inference.contender import Contender, are_confounded
-from runner.inference.evidence import by_form
+from runner.inference.evidence import by_data
 from runner.inference.held_out import Confirmed
 from runner.inference.least_squares import Fit, Fitter
 from runner.inference.outside import is_outside
@@ -158,7 +158,7 @@ def values_of(contender: Contender, context: Scope) -> tuple[dict[str, dict[str,
     about, is as uncertain as its prior: as data scatter, it would not move, and would seem to be known.
     """
     x, of = contender.fit.x, contender.evidence
-    by_data = SETTINGS.probability.mismatch_error_factor**2 * of.covariance
+    data = by_data(of, contender.fit, context)
     parameters, errors = {}, {}
     for candidate, part in contender.fit.explanation.parts(context):
         value = candidate.make(x[part], context)[0].report()
@@ -167,8 +167,7 @@ def values_of(contender: Contender, context: Scope) -> tuple[dict[str, dict[str,
             moved = candidate.make(x[part] + step, context)[0].report()
             slopes.append([_turn(name, moved[name] - value[name]) / step.sum() for name in value])
         slope = np.array(slopes).T
-        data = by_data[part, part] + np.diag(by_form(candidate, context))
-        charged, prior = (np.diag(slope @ c @ slope.T) for c in (data, of.by_prior[part, part]))
+        charged, prior = (np.diag(slope @ c[part, part] @ slope.T) for c in (data, of.by_prior))
         parameters[candidate.name] = dict(value)
         stated = np.sqrt(np.maximum(np.maximum(charged, prior), 0.0))
         errors[candidate.name] = dict(zip(value, stated.tolist(), strict=True))

@@ -41,6 +41,8 @@ class Contender:
 
     def weighed(self, system: AbstractSystem, dispersion: float) -> Contender:
         """Return it with its evidence where residuals are so many times as uncertain as noise is."""
+        if dispersion == self.evidence.dispersion:
+            return self
         found = evidence(self.around, system, dispersion=dispersion)
         return replace(self, evidence=found, log_posterior=log_posterior(self.fit, found, self.against))
 

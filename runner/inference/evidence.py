@@ -285,12 +285,15 @@ def evidence(
         width = width + np.linalg.pinv(known[np.ix_(free, free)])
     integrated = [_integrated(total, width, mismatch, spread[mismatch] * level) for level in levels]
     logs = [log + (density.sum() if p else 0.0) for log, _ in integrated]
-    # as plain squares are: how uncertain residuals are is told from what is left of them; a prediction stays as it is
-    moving = (total, width) if known is None else (total[p:, p:], np.empty((0, 0)))
-    taken = [
-        _integrated(dispersion * moving[0], moving[1], which, spread[which])[1]
-        for which in (np.empty(0, int), nobody_asks)
-    ]
+    taken = 0.0
+    if len(nobody_asks):
+        # as plain squares are, from which it is told how uncertain residuals are; a prediction stays as it is
+        moving = (total, width) if known is None else (total[p:, p:], np.empty((0, 0)))
+        without, less = (
+            _integrated(dispersion * moving[0], moving[1], which, spread[which])[1]
+            for which in (np.empty(0, int), nobody_asks)
+        )
+        taken = without - less
     inverse = np.linalg.inv(h_oo + width)
     # the likeliest level alone would be a toss between one and many times as much where several are about as likely
     moved = h_or * (spread[mismatch] * np.sqrt(softmax(logs) @ np.square(levels)))
@@ -305,7 +308,7 @@ def evidence(
         float(np.logaddexp.reduce(logs) - np.log(len(levels))),
         np.array(logs),
         integrated[levels.index(1.0)][1] * dispersion,
-        around.total - (taken[0] - taken[1]),
+        around.total - taken,
         covariance,
         by_prior,
         dispersion,
@@ -335,6 +338,14 @@ def _integrated(total: np.ndarray, width: np.ndarray, which: np.ndarray, spread:
         loss -= float(g @ np.linalg.solve(schur, g))
         volume = 0.5 * p * np.log(2 * np.pi) - 0.5 * float(np.linalg.slogdet(schur).logabsdet)
     return -0.5 * loss - float(np.log(np.diag(inner[0])).sum()) + volume, loss
+
+
+def by_data(found: Evidence, fit: Fit, context: Scope) -> np.ndarray:
+    """Return the covariance of a fit's parameters that is stated for it, (p, p), less what the prior adds."""
+    out = SETTINGS.probability.mismatch_error_factor**2 * found.covariance
+    for candidate, part in fit.explanation.parts(context):
+        out[part, part] += np.diag(by_form(candidate, context))
+    return out
 
 
 def by_form(candidate: Candidate, context: Scope) -> np.ndarray:

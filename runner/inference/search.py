@@ -233,8 +233,7 @@ class _Rounds:
         around_best = self._around(fits[0])
         new = [self._worthy(fit, around_best) for fit in fits[: limits.compared]]
         self._disperse(min(new, key=lambda c: c.evidence.left))
-        if any(c.evidence.dispersion != self.dispersion for c in new):
-            new = [c.weighed(self.fitter.system, self.dispersion) for c in new]
+        new = [c.weighed(self.fitter.system, self.dispersion) for c in new]
         best = max(c.log_posterior for c in self.contenders)
         left_before = min(c.fit.total for c in self.contenders) - self.count
         self.contenders += new
@@ -256,9 +255,8 @@ class _Rounds:
         left = new.evidence.left
         if left >= min(c.evidence.left for c in self.contenders):
             return
-        before, self.dispersion = self.dispersion, dispersion_of(new.fit, self.fitter, left)
-        if self.dispersion != before:
-            self.contenders = [c.weighed(self.fitter.system, self.dispersion) for c in self.contenders]
+        self.dispersion = dispersion_of(new.fit, self.fitter, left)
+        self.contenders = [c.weighed(self.fitter.system, self.dispersion) for c in self.contenders]
 
     def tell(self, *begun: Contender) -> None:
         """Tell the observer of the likeliest so far, of all contenders and of others that are not finished."""

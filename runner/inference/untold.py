@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import chdtri, erfc
 
 from runner.inference.contender import Contender
-from runner.inference.evidence import by_form, log_densities
+from runner.inference.evidence import by_data, log_densities
 from runner.inference.least_squares import Fit, Fitter, amplitudes
 from runner.settings import SETTINGS
 
@@ -52,13 +52,11 @@ def without_untold(contender: Contender, fitter: Fitter) -> Fit | None:
 def _errors(contender: Contender, fitter: Fitter) -> tuple[np.ndarray, np.ndarray]:
     """Return the standard error of each number of an explanation, (p,): as it is stated, and by the noise alone."""
     fit, of = contender.fit, contender.evidence
-    form = [by_form(c, fitter.context) for c in fit.explanation.candidates]
-    by_data = SETTINGS.probability.mismatch_error_factor**2 * np.diag(of.covariance) + np.concatenate(form)
     free, by_noise = np.flatnonzero(~fit.at_bound), np.full(len(fit.x), np.inf)
     width = np.diag(2 * np.pi * np.exp(2 * log_densities(fit, fitter.context)))
     told = (fit.information() / of.dispersion + width)[np.ix_(free, free)]
     by_noise[free] = np.sqrt(np.diag(np.linalg.inv(told)))
-    charged = np.sqrt(np.maximum(by_data, np.diag(of.by_prior)))
+    charged = np.sqrt(np.maximum(np.diag(by_data(of, fit, fitter.context)), np.diag(of.by_prior)))
     return np.maximum(charged, by_noise), by_noise
 
 

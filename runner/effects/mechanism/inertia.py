@@ -124,9 +124,8 @@ class FreeInertia(MechanismEffect):
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:
         believed = np.array(context.model.body_inertia[context.model.body(context.target).id])
-        logs = np.array([x[1] / 2 - x[2] / 3, -x[1] / 2 - x[2] / 3, 2 * x[2] / 3])
         # what lies in a plane has no spread across it, to within rounding
-        spread = np.maximum(_spread(believed), 0.0) * np.exp(logs)
+        spread = np.maximum(_spread(believed), 0.0) * _in_proportion(x[1], x[2])
         along_x, along_y, along_z = (spread.sum() - spread) / believed
         return cls(
             str(context.target),
@@ -165,5 +164,10 @@ def _spread(moments: np.ndarray) -> np.ndarray:
 
 def _changed(moments: np.ndarray, ratio: float, x_to_y: float, z_to_xy: float) -> np.ndarray:
     """Return other moments of inertia, (3,), whose proportions are so many times the given ones."""
-    x, z = math.log(x_to_y), math.log(z_to_xy)
-    return np.asarray(moments) * ratio * np.exp([x / 2 - z / 3, -x / 2 - z / 3, 2 * z / 3])
+    return np.asarray(moments) * ratio * _in_proportion(math.log(x_to_y), math.log(z_to_xy))
+
+
+def _in_proportion(log_x_to_y: float, log_z_to_xy: float) -> np.ndarray:
+    """Return factors along x, y and z, (3,), of these proportions and a geometric mean of one."""
+    x, z = log_x_to_y, log_z_to_xy
+    return np.exp([x / 2 - z / 3, -x / 2 - z / 3, 2 * z / 3])

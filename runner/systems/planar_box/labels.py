@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 
 from runner.effects.planar_box import Context
+from runner.numerics.arrays import over_gaps
 from runner.recording import Recording
 from runner.settings import SETTINGS
 from runner.systems.channels import Signals
 from runner.systems.planar_box.motion import motion, state_columns
-from runner.systems.planar_box.pin_force import without_gaps
 from runner.systems.windows import Labels, Windows
 
 PLACES = 5  # cells along each side of the floor map
@@ -52,7 +52,7 @@ def label(recording: Recording, context: Context, measured: Signals, windows: Wi
 
     force, arm, changed = [], [], []
     for episode, moved in zip(recording.episodes, states, strict=True):
-        f, (c, s) = without_gaps(episode), (np.cos(moved[:, 2]), np.sin(moved[:, 2]))
+        f, (c, s) = over_gaps(episode.force_n[:, :2], episode.t_s), (np.cos(moved[:, 2]), np.sin(moved[:, 2]))
         point = np.nan_to_num(episode.point_m)
         px, py = c * point[:, 0] - s * point[:, 1], s * point[:, 0] + c * point[:, 1]
         moment = px * f[:, 1] - py * f[:, 0]

@@ -51,17 +51,12 @@ def measured_force(episode: Episode) -> FloatArray:
     return force_n
 
 
-def without_gaps(episode: Episode) -> FloatArray:
-    """Return the force along world x and y with lines where it was not measured, 0 where it never was, (T, 2), N."""
-    return over_gaps(episode.force_n[:, :2], episode.t_s)
-
-
 def _pushes(episode: Episode) -> np.ndarray:
     """Return where the pin moves and pushes, and does so over twice as long as a mean goes over, (T,).
 
     A force that a sensor shows comes and goes between two samples; when, hangs on less than the noise of a pose.
     """
-    t_s, force_n = episode.t_s, without_gaps(episode)
+    t_s, force_n = episode.t_s, over_gaps(episode.force_n[:, :2], episode.t_s)
     if episode.pin_m is None or not force_n.any():
         return np.zeros(len(episode), bool)
     reach = max(1, math.ceil(REACH_S / episode.step_s - 1e-9))
