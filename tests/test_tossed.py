@@ -345,7 +345,7 @@ def test_a_law_that_engines_do_not_share_is_known_to_its_form(tmp_path: Path, mo
         for name in ("restitution[box]", "body_size[box]")
     )
     stated = [values_of(c, system.context)[1][c.fit.explanation.names[0]]["ratio"] for c in (rebound, size)]
-    monkeypatch.setattr("runner.diagnosis.ranking.by_form", lambda c, context: np.zeros(len(c.parameters(context))))
+    monkeypatch.setattr("runner.inference.evidence.by_form", lambda c, context: np.zeros(len(c.parameters(context))))
     by_data = [values_of(c, system.context)[1][c.fit.explanation.names[0]]["ratio"] for c in (rebound, size)]
     assert stated[0] > 1.5 * by_data[0]
     assert stated[1] == by_data[1]
