@@ -112,12 +112,12 @@ def attempt(
     first = _first_look(system, simulator, fitted, observer)
     if system.solved and (other := better_solved(first.fitter, _nearest(first), system.solved)):
         # what pieces suggest of joints that creep makes up for that
-        first = _solved_otherwise(first, other, {}, fitted, observer)
+        simulator = _counted_on(other, first.fitter)
+        first = replace(_first_look(other, simulator, fitted, observer), as_believed=system.solved)
     fitter, found = _explained(first, held_out)
-    # what the search names, if anything: whether anything is to be named is not told yet
-    named = next((c for c in found.contenders if c.fit.explanation.candidates), None)
-    if named is not None and (other := better_solved(fitter, named.fit, system.solved)):
-        first = _solved_otherwise(first, other, resumed(found, fitter).seeds, fitted, observer)
+    if other := _better_solved(fitter, found, system.solved):
+        fitter = _solved_otherwise(fitter, other)
+        first = replace(first, fitter=fitter, nominal=found.nominal, beginning=_open_again(found, fitter))
         fitter, found = _explained(first, held_out)
     simulator = fitter.system.simulator()
     observer.stage("checking on the episodes left out")
@@ -200,12 +200,14 @@ class _FirstLook:
     """What is replayed in which stretches, the nominal model's fit to what is fitted, and where a search begins.
 
     `resting` has the noise as it shows where nothing moves, or in how samples differ: before any model was looked at.
+    `as_believed` says how the model has it, see `AbstractSystem.solved`.
     """
 
     fitter: Fitter
     nominal: Fit
     beginning: Beginning | None
     resting: Measured
+    as_believed: str
 
     @property
     def seeds(self) -> Mapping[Key, WarmStart]:
@@ -224,16 +226,16 @@ def _first_look(
     observer.stage("searching")
     seen = look(fitter, nominal)
     if seen is None:
-        return _FirstLook(fitter, nominal, None, root.measured)
+        return _FirstLook(fitter, nominal, None, root.measured, system.solved)
     spans = root.pieces(seen.cut_s or np.inf, range(len(root.measured.values)))
     if seen.cut_s is None or {s.episode for s in spans} != set(range(len(root.measured.values))):
         fitter = replace(fitter, measured=fitter.measured.without(seen.hung))
-        return _FirstLook(fitter, nominal, seen.beginning, root.measured)
+        return _FirstLook(fitter, nominal, seen.beginning, root.measured, system.solved)
     if fitter.simulator is not simulator:
         simulator.simulated_s += fitter.simulator.simulated_s
     fitter = root.stretched(spans)
     fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, SETTINGS.pieces.unexplained_share))
-    return _FirstLook(fitter, nominal, recut(seen.beginning, fitter, nominal), root.measured)
+    return _FirstLook(fitter, nominal, recut(seen.beginning, fitter, nominal), root.measured, system.solved)
 
 
 def _nearest(first: _FirstLook) -> Fit:
@@ -244,28 +246,33 @@ def _nearest(first: _FirstLook) -> Fit:
     return first.fitter.fit(seed.explanation, first.nominal.episodes, x=seed.x, starts=seed.starts)
 
 
-def _solved_otherwise(
-    before: _FirstLook,
-    system: AbstractSystem,
-    seeds: Mapping[Key, WarmStart],
-    fitted: Sequence[int],
-    observer: ProgressObserver,
-) -> _FirstLook:
-    """Begin anew with the same beliefs solved otherwise; what was simulated in vain counts, too.
+def _better_solved(fitter: Fitter, found: Search, as_believed: str) -> AbstractSystem | None:
+    """Return the system solved so that what a search names leaves less, if any.
 
-    Where there are seeds, from a search, the stretches are as they were and seeds begin where they ended.
+    Whether anything is to be named is not told yet.
     """
-    simulator = system.simulator()
-    simulator.simulated_s += before.fitter.system.simulator().simulated_s
-    if not seeds:
-        return _first_look(system, simulator, fitted, observer)
-    parts = simulator.parts(before.fitter.measured.spans)
-    fitter = replace(before.fitter, system=system, simulator=parts, surveys=deque(maxlen=SETTINGS.fit.kept_surveys))
-    fitter, nominal = _nominal(fitter, before.nominal.episodes)
-    here = {
-        key: replace(s, total=fitter.loss(s.explanation, s.x, s.starts, nominal.episodes)) for key, s in seeds.items()
-    }
-    return _FirstLook(fitter, nominal, Beginning(here, answered=True), before.resting)
+    named = next((c for c in found.contenders if c.fit.explanation.candidates), None)
+    return named and better_solved(fitter, named.fit, as_believed)
+
+
+def _solved_otherwise(fitter: Fitter, system: AbstractSystem) -> Fitter:
+    """Return a fitter of the same stretches and noise with the same beliefs solved otherwise."""
+    simulator = _counted_on(system, fitter).parts(fitter.measured.spans)
+    return replace(fitter, system=system, simulator=simulator, surveys=deque(maxlen=SETTINGS.fit.kept_surveys))
+
+
+def _counted_on(system: AbstractSystem, fitter: Fitter) -> AbstractSimulator:
+    """Return the simulator of a system; what was simulated before it counts, too."""
+    simulator, before = system.simulator(), fitter.system.simulator()
+    simulator.simulated_s += before.simulated_s
+    if fitter.simulator is not before:
+        simulator.simulated_s += fitter.simulator.simulated_s
+    return simulator
+
+
+def _open_again(found: Search, fitter: Fitter) -> Beginning:
+    """Return where a search begins that tries again what was tried: solved otherwise it may lead elsewhere."""
+    return replace(resumed(found, fitter), ruled_out=frozenset())
 
 
 def _nominal(fitter: Fitter, stretches: Sequence[int]) -> tuple[Fitter, Fit]:
@@ -308,7 +315,7 @@ def _less_noise(first: _FirstLook, fitter: Fitter, found: Search) -> _FirstLook 
         noise_model=first.resting.noise_model,
         odd_from=first.resting.odd_from,
     )
-    still = replace(first.fitter, measured=resting)
+    still = replace(fitter, measured=resting)
     fit = still.fit(best.explanation, episodes, x=best.x, starts=best.starts)
     around = sensitivities(still, fit, directions(still.system))
     if (least_errors(fit, around, still) > 1.0).all():
@@ -327,11 +334,12 @@ def _less_noise(first: _FirstLook, fitter: Fitter, found: Search) -> _FirstLook 
     seeds = resumed(found, whiter).seeds
     if fit.explanation.candidates:
         seeds[key_of(fit.explanation)] = WarmStart(fit.explanation, fit.x, fit.starts, fit.total)
-    return _FirstLook(whiter, whiter.fit(NONE, episodes, **how), Beginning(seeds, answered=True), first.resting)
+    nominal, beginning = whiter.fit(NONE, episodes, **how), Beginning(seeds, answered=True)
+    return replace(first, fitter=whiter, nominal=nominal, beginning=beginning)
 
 
 def _searched(first: _FirstLook) -> tuple[Fitter, Search]:
-    """Search, and once more where what the best explanation leaves shows other noise."""
+    """Search, and once more where what the best explanation leaves shows other noise, by then solved as it tells."""
     fitter, nominal = first.fitter, first.nominal
     # what hangs on a breakaway, by what the pieces suggested, is not forgotten by the noise
     measured = replace(fitter.measured, hung={})
@@ -347,7 +355,11 @@ def _searched(first: _FirstLook) -> tuple[Fitter, Search]:
     told = fitter.measured.excess(best.total, best.episodes) < fitter.system.cut_from
     if told and (again.hung != fitter.measured.hung or materially_different(measured, again)):
         fitter = replace(fitter, measured=again)
-        found = search(fitter, episodes, starts=found.nominal.starts, beginning=resumed(found, fitter))
+        beginning = resumed(found, fitter)
+        if other := _better_solved(fitter, found, first.as_believed):
+            fitter = _solved_otherwise(fitter, other)
+            beginning = _open_again(found, fitter)
+        found = search(fitter, episodes, starts=found.nominal.starts, beginning=beginning)
     return fitter, found
 
 

@@ -30,6 +30,8 @@ def better_solved(fitter: Fitter, fit: Fit, as_believed: str) -> AbstractSystem 
         fit: What was found so far.
         as_believed: How the model has it, see `AbstractSystem.solved`.
     """
+    if not as_believed:
+        return None
     left = fitter.loss(fit.explanation, fit.x, fit.starts, fit.episodes)
     for system in fitter.system.solved_otherwise():
         worth = SETTINGS.fit.tolerance_loss
