@@ -12,7 +12,9 @@ import pytest
 
 from runner.diagnosis.pipeline import diagnose
 from runner.effects.base import AbstractEffect
-from runner.inference.drive_noise import ByNoise, as_told
+from runner.inference.drive_noise import ByNoise, as_told, told_apart_from_noise
+from runner.inference.least_squares import NONE, Fitter
+from runner.noise.measured import measure
 from runner.recording import Episode, Form, Nominal, Recording
 from runner.settings import SETTINGS
 from runner.systems.planar_box.system import PlanarBox
@@ -46,11 +48,30 @@ def measured(episodes: int, seconds: float, *effects: AbstractEffect) -> Recordi
 
 
 def test_what_noise_of_a_force_makes_needs_no_cause() -> None:
-    """Replayed with what its sensor added the force leaves tens of noises of a model that is right."""
-    found = diagnose(PlanarBox(measured(3, 2.0)), threads=1, advise=False)
-    assert 10.0 < found.nominal_excess < found.drive_excess
+    """Replayed with what its sensor added the force leaves tens of noises of a model that is right: not for long."""
+    system = PlanarBox(measured(3, 2.0))
+    whole = Fitter(system, system.simulator(threads=1), measure(system))
+    nominal = whole.fit(NONE, range(3))
+    assert whole.measured.excess(nominal.total, nominal.episodes) > 10.0
+    found = diagnose(system, threads=1, advise=False)
+    assert found.nominal_excess < 1.0
     assert found.ranked[0].effects == ("none",)
     assert found.ranked[0].probability > 0.5
+    assert any("noise of the measured force" in note for note in found.notes)
+
+
+def test_a_drive_that_is_known_is_replayed_over_whole_episodes() -> None:
+    """One that is not, over so long as its noise makes about as much as that of the sensors, as it grows with time."""
+    recording = measured(1, 4.0)
+    system = PlanarBox(recording)
+    whole = Fitter(system, system.simulator(threads=1), measure(system))
+    spans = told_apart_from_noise(whole)
+    assert spans is not None
+    assert [s.begin for s in spans] == [0, *(s.end for s in spans[:-1])]
+    assert 0.5 <= max(s.end - s.begin for s in spans) / RATE_HZ <= 1.1
+    held = np.repeat(recording.episodes[0].force_n[::6], 6, axis=0)[: len(recording.episodes[0])]
+    known = PlanarBox(replace(recording, episodes=(replace(recording.episodes[0], force_n=held),)))
+    assert told_apart_from_noise(Fitter(known, known.simulator(threads=1), measure(known))) is None
 
 
 def test_a_force_that_was_commanded_is_replayed_as_it_is() -> None:

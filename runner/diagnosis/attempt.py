@@ -18,6 +18,7 @@ from runner.diagnosis.ranking import unknown_by_episodes
 from runner.effects.base import Effects
 from runner.inference.breakaway import hanging
 from runner.inference.contender import account_densities
+from runner.inference.drive_noise import told_apart_from_noise
 from runner.inference.evidence import directions, least_errors, sensitivities
 from runner.inference.held_out import Confirmed, confirm, portions, start_states, unseen
 from runner.inference.leap import leapt
@@ -93,7 +94,8 @@ class Attempt:
             return ()
         system = self.fitter.system
         if self.stretches != system.stretches():
-            why = "over longer times what the model lacks piles up"
+            noisy = "noise of the measured force, or " if system.driven_otherwise(1) else ""
+            why = f"over longer times {noisy}what the model lacks piles up"
         elif system.stretched_for_time:
             why = f"to save time, as about {system.searched_s:.2g} s are searched, which hold some of every episode"
         else:
@@ -221,7 +223,7 @@ def _first_look(
     """Fit the nominal model, tell the noise from what it leaves, and look at pieces where it goes astray."""
     observer.stage("measuring the noise")
     root = Fitter(system, simulator, measure(system, scatter=system.scatter()), observer=observer)
-    fitter = root.stretched(system.stretches())
+    fitter = root.stretched(told_apart_from_noise(root) or system.stretches())
     fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, 1.0))
     observer.stage("searching")
     seen = look(fitter, nominal)

@@ -4,6 +4,9 @@ A force that a sensor has measured is replayed with the sensor's noise, which mo
 what every explanation leaves, less of it the less an explanation answers a force: by itself it speaks for a heavier
 body. How much it makes, and how far it could turn a comparison, shows where the same explanation is replayed with more
 noise of that size (as in SIMEX, Cook and Stefanski 1994).
+
+An error of a force moves all that comes after it, so what it makes grows with time. Once that is more than what sensors
+add, a longer replay repeats the same error and tells nothing new: such recordings are replayed in parts.
 """
 
 from __future__ import annotations
@@ -15,8 +18,10 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from runner.inference.contender import Contender
-from runner.inference.least_squares import Fit, Fitter
+from runner.inference.least_squares import NONE, Fit, Fitter
+from runner.inference.variable_projection import project
 from runner.numerics.arrays import FloatArray
+from runner.recording import Span
 from runner.settings import SETTINGS
 from runner.systems.simulator import Run
 
@@ -84,6 +89,41 @@ def driven_otherwise(fitter: Fitter) -> tuple[Fitter, ...]:
     systems = fitter.system.driven_otherwise(SETTINGS.odds.drive_draws)
     spans = fitter.measured.spans
     return tuple(replace(fitter, system=s, simulator=s.simulator().parts(spans)) for s in systems)
+
+
+def told_apart_from_noise(whole: Fitter) -> list[Span] | None:
+    """Return parts of the episodes over which noise of the drive makes no more than the sensors' does.
+
+    None: over whole episodes it does not. By the believed model, whose starts are free; parts are halves of halves.
+
+    Args:
+        whole: Of whole episodes, with the noise as it shows before any model was looked at.
+    """
+    if not whole.system.driven_otherwise(1):
+        return None
+    every = range(len(whole.measured.values))
+    length_s, spans, part = whole.longest_s(every), None, whole
+    while _made_beside_starts(part) > 1.0 and length_s / 2 >= SETTINGS.pieces.min_length_s:
+        shorter = whole.pieces(length_s / 2, every)
+        if {s.episode for s in shorter} != set(every):
+            break
+        length_s, spans, part = length_s / 2, shorter, whole.parts(shorter)
+    return spans
+
+
+def _made_beside_starts(fitter: Fitter) -> float:
+    """Return what noise of the drive makes beside the noise of all that was measured, as a mean square in noises.
+
+    What start states take up of it is taken off.
+    """
+    episodes, others = range(len(fitter.measured.values)), driven_otherwise(fitter)
+    fit = fitter.fit(NONE, episodes, iterations=SETTINGS.fit.nominal_steps)
+    made = 0.0
+    for e, start, left, q in zip(episodes, fit.starts, fit.residual, fit.basis.q, strict=True):
+        for other in others:
+            moved = project(np.nan_to_num(other.whitened(e, [Run((), start)])[0] - left), q)
+            made += moved @ moved / len(others)
+    return made / max(fitter.measured.count(episodes), 1)
 
 
 def as_told(
