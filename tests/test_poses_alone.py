@@ -60,6 +60,19 @@ def test_friction_is_found_from_poses_alone(system: PlanarBox) -> None:
     assert fit.total / measured.count(episodes) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.parametrize("rates", [True, False])
+def test_a_start_that_was_lost_is_told_by_what_follows(system: PlanarBox, *, rates: bool) -> None:
+    """A tracker that sees nothing of a box before 0.1 s: its start is where it comes from, not the origin."""
+    box = open_case(EXAMPLE) if rates else system
+    values = [v.copy() for v in box.values()]
+    true = values[0][0].copy()
+    values[0][:7] = np.nan
+    lost = measure(box.with_values(values))
+    start = box.initial.guess(lost, 0)
+    assert np.abs(true[:3]).min() > 1.0
+    assert start[:3] == pytest.approx(true[:3], abs=0.2)
+
+
 def test_slopes_start_a_window(system: PlanarBox) -> None:
     """Starts of windows have velocities although none were measured: that of the path between two samples."""
     measured = measure(system)

@@ -45,11 +45,13 @@ def pushed(u: np.ndarray, step_s: float) -> tuple[np.ndarray, np.ndarray]:
     return q, v
 
 
-def dry_case(folder: Path, mass_kg: float = MASS_KG, noise: dict[str, float] = NOISE) -> MechanismSystem:
+def dry_case(
+    folder: Path, mass_kg: float = MASS_KG, noise: dict[str, float] = NOISE, lasting_s: float = 1.5
+) -> MechanismSystem:
     """Return a mass that truly sticks, believed so heavy; MuJoCo's default friction lets it creep."""
     rng, episodes = np.random.default_rng(3), []
     for period_s in (0.31, 0.43, 0.37):
-        t = np.arange(0.0, 1.5, 0.005)
+        t = np.arange(0.0, lasting_s, 0.005)
         u = np.round(5.0 * np.sin(2.0 * np.pi * t / period_s), 2)
         q, dq = (y + s * rng.normal(size=len(t)) for y, s in zip(pushed(u, 0.005), noise.values(), strict=True))
         episodes.append({"t": t, "u": u, "q_slide": q, "dq_slide": dq})
@@ -65,7 +67,7 @@ def fitted(system: MechanismSystem) -> tuple[Fitter, Fit]:
 
 def test_a_joint_that_truly_sticks_is_simulated_so(tmp_path: Path) -> None:
     """By the motion in closed form: nothing is to be named, though the model as written leaves several noises."""
-    system = dry_case(tmp_path)
+    system = dry_case(tmp_path, lasting_s=1.0)
     fitter, nominal = fitted(system)
     assert fitter.measured.excess(nominal.total, nominal.episodes) > 0.5
     found = diagnose(system, threads=1, advise=False)
@@ -82,7 +84,7 @@ def test_what_was_found_is_asked_where_the_nominal_model_could_not_tell(
         return better_solved(fitter, fit, as_believed) if fit.explanation.candidates else None
 
     monkeypatch.setattr("runner.diagnosis.attempt.better_solved", of_effects)
-    found = diagnose(dry_case(tmp_path, 3.0), threads=1, advise=False)
+    found = diagnose(dry_case(tmp_path, 3.0, lasting_s=1.0), threads=1, advise=False)
     assert found.ranked[0].effects == ("mass[carriage]",)
     assert abs(found.ranked[0].parameters["mass[carriage]"]["mass_kg"] - MASS_KG) < 0.01
     assert found.excess < 0.05

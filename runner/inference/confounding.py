@@ -90,7 +90,10 @@ def _tried(rival: Rival, fit: Fit, fitter: Fitter) -> Rival:
         for start in (*first, -first[0]):
             explanation = Explanation((*others, candidate))
             begin = np.concatenate([x, clip(candidate, start, context)])
-            fits.append(stand_in.fit(explanation, fit.episodes, x=begin, near=fit, iterations=SETTINGS.fit.warm_steps))
+            # only the one that comes nearest counts
+            nearest = min((f.total for f in fits), default=np.inf)
+            how = {"target": nearest, "patience": SETTINGS.fit.patience_steps, "iterations": SETTINGS.fit.warm_steps}
+            fits.append(stand_in.fit(explanation, fit.episodes, x=begin, near=fit, **how))
     instead = min(fits, key=lambda f: f.total)
     return replace(rival, log_odds=0.5 * instead.total, instead=instead)
 

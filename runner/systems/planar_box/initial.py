@@ -35,10 +35,11 @@ class PlanarStart(AbstractInitialState):
         return out
 
     def guess(self, signals: Signals, episode: int) -> FloatArray:
-        """Return the median of the first samples."""
+        """Return the median of the first samples that were measured."""
         if len(self._lacking):
             return self._smoothed(signals, Windows(np.array([episode]), np.array([0]), 1))[0]
-        first = np.where(signals.valid[episode][:FIRST], signals.values[episode][:FIRST], np.nan)
+        near = self._near(signals, episode, 0, FIRST - 1)
+        first = np.where(signals.valid[episode][near], signals.values[episode][near], np.nan)
         return np.nan_to_num(_median(first[:, self.channels]), nan=0.0)
 
     def guess_windows(self, signals: Signals, windows: Windows, *, smooth: bool) -> FloatArray:
@@ -58,8 +59,7 @@ class PlanarStart(AbstractInitialState):
         sigma = self.scale(signals.sigma)
         out = np.empty((len(windows), 6))
         for w, (e, f) in enumerate(zip(windows.episode, windows.first, strict=True)):
-            # at the edge of an episode one side has to do
-            near = slice(max(0, f - reach), min(len(signals.values[e]), f + reach + 1))
+            near = self._near(signals, e, f, reach)
             valid, values = self._states(signals, e, near)
             t = (np.arange(near.start, near.stop) - f) / rate_hz
             pose = np.stack([np.ones_like(t), t, t**2 / 2, t**3 / 6], axis=1)
@@ -70,6 +70,17 @@ class PlanarStart(AbstractInitialState):
                 right = (values[:, [c, c + 3]] * weight).T.ravel()
                 out[w, [c, c + 3]] = np.linalg.lstsq(matrix, right, rcond=None)[0][:2]
         return out
+
+    def _near(self, signals: Signals, episode: int, first: int, reach: int) -> slice:
+        """Return the samples around one that tell of the state there, so many to each side.
+
+        At the edge of an episode one side has to do; where a tracker was lost, the next samples that were measured.
+        """
+        valid = signals.valid[episode][:, self.channels]
+        there = np.flatnonzero(valid[:, valid.any(axis=0)].all(axis=1))
+        begin, end = max(0, first - reach), min(len(valid), first + reach + 1)
+        after = there[there >= begin][: reach + 1]
+        return slice(begin, max(end, after[-1] + 1) if len(after) else end)
 
     def _states(self, signals: Signals, episode: int, near: slice) -> tuple[np.ndarray, np.ndarray]:
         """Return what of the six numbers counts at some samples, and their values, 0 where not, both (T, 6)."""
