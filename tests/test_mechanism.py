@@ -213,6 +213,16 @@ def test_starts_are_guessed_from_what_is_measured(tmp_path: Path, velocities: bo
     assert system.initial.guess(signals, 0) == pytest.approx([0.0, 0.6], abs=2e-2)
 
 
+def test_a_start_that_was_not_measured_is_told_by_the_next_readings(tmp_path: Path):
+    """Nothing of the position came through for a while: it starts where the next ones lead, not at zero."""
+    system = system_of(slide_case(tmp_path, motion=lambda t: (1.0 + 0.3 * t + 0.05 * t**2, 0.3 + 0.1 * t)))
+    values = [v.copy() for v in system.values()]
+    values[0][:40, 0] = np.nan
+    system = system.with_values(values)
+    signals = raw_signals(system.recording)
+    assert system.initial.guess(signals, 0) == pytest.approx([1.0, 0.3], abs=5e-2)
+
+
 def test_a_start_at_rest_has_no_speed(tmp_path: Path):
     """Whatever the start says of speeds, an episode that begins at rest begins without; a part of it does not."""
     system = system_of(slide_case(tmp_path, start="rest"))
