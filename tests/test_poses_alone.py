@@ -64,6 +64,7 @@ def test_friction_is_found_from_poses_alone(system: PlanarBox) -> None:
 def test_a_start_that_was_lost_is_told_by_what_follows(system: PlanarBox, *, rates: bool) -> None:
     """A tracker that sees nothing of a box before 0.1 s: its start is where it comes from, not the origin."""
     box = open_case(EXAMPLE) if rates else system
+    assert isinstance(box, PlanarBox)
     values = [v.copy() for v in box.values()]
     true = values[0][0].copy()
     values[0][:7] = np.nan

@@ -9,6 +9,8 @@ import mujoco
 import numpy as np
 import pytest
 
+import runner
+from runner.diagnosis.corrected import write_corrected
 from runner.diagnosis.pipeline import diagnose
 from runner.effects.mechanism import JointFriction
 from runner.inference.least_squares import NONE, Fit, Fitter
@@ -118,6 +120,23 @@ def test_what_was_chosen_before_anything_explained_the_recording_is_given_up_for
     again = better_solved(fitter, fit, made.solved)
     assert again is not None
     assert again.solved == made.solved
+
+
+def test_a_corrected_model_is_solved_as_it_was_when_it_was_found(tmp_path: Path) -> None:
+    """A later recording is held against joints that hold if those of the diagnosis did."""
+    system = dry_case(tmp_path)
+    (hard,) = system.solved_otherwise()
+    path = write_corrected(tmp_path / "found", (), hard)
+    case = runner.read(system.recording.path)
+    assert runner.Corrected.read(path, case).system.solved == hard.solved
+    again = runner.Corrected.read(path, case).save(tmp_path / "again").parent / "model.xml"
+    assert "solreffriction" in again.read_text()
+    tables = [runner.gap(case, model=m, horizons_s=(0.5,)).table for m in (None, path)]
+    left = [t.loc[t["starts"] == "fitted", "noises"].mean() for t in tables]
+    assert left[1] < 0.5 * left[0], left
+    path.write_text(path.read_text().replace("truly", "hardly"))
+    with pytest.raises(runner.RunnerError, match="solved: allowed of this model: 'dry friction as soft"):
+        runner.gap(case, model=path)
 
 
 def test_a_model_that_means_hard_friction_has_no_other_way(tmp_path: Path) -> None:

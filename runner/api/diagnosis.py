@@ -125,7 +125,7 @@ class CaseDiagnosis:
     @property
     def corrected(self) -> Corrected:
         """The model with the effects found; `save` writes it."""
-        return Corrected(self.case, self.result.effects)
+        return Corrected(self.case, self.result.effects, self.result.system)
 
     def verdict(self) -> dict[str, Any]:
         """Return it as plain data, as it stands in `verdict.json`."""
@@ -150,13 +150,13 @@ class CaseDiagnosis:
         said, found = state(self.result), of_whole_episodes(self.result)
         order = said.order[:SHOWN]
         with mpl.rc_context(STYLE):
-            figure = Figure(figsize=(9.0, 0.9 + 0.28 * max(len(order), len(found))), layout="constrained")
+            figure = Figure(figsize=(11.0, 0.9 + 0.28 * max(len(order), len(found))), layout="constrained")
             left, right = figure.subplots(1, 2)
             left.barh([words.title(r.effects) for r in order], [r.probability for r in order], color=ORANGE, height=0.6)
             left.invert_yaxis()
             left.set(xlim=(0, 1), xlabel="probability", title=self.case.name)
             draw_bars(right, found)
-            right.set_title("missed before (grey) and after")
+            right.set_title("before (grey) and after")
         return figure
 
     def report(self, folder: str | Path, *, figures: bool = True, config_hash: str | None = None) -> Path:

@@ -30,9 +30,10 @@ def gap(
         RunnerError: If a horizon is shorter than a sample, or no episode is as long as that.
     """
     corrected = Corrected.read(model, case) if isinstance(model, str | Path) else model
+    system = case.system if corrected is None else corrected.system
     return measure_gap(
-        case.system,
-        measure(case.system),
+        system,
+        measure(system),
         effects=() if corrected is None else corrected.effects,
         horizons_s=horizons_s,
         advance=advance,

@@ -8,6 +8,7 @@ it; `corrected.yaml` names all of them:
       wind: {force_n: 0.4, direction_rad: 1.2}
     units: {friction: {mu: ''}, wind: {force_n: N, direction_rad: rad}}
     model: [model.xml]
+    solved: how what a simulator can solve in more than one way was solved, if there is such
 
 In a mechanism the names have targets: `joint_friction[elbow]: {...}`. Where one name of the vocabulary has several
 variants, the parameters' names tell which is meant.
@@ -51,6 +52,7 @@ def write_corrected(folder: str | Path, effects: Effects, system: AbstractSystem
         "effects": {e.full_name: {f.name: float(getattr(e, f.name)) for f in _fields(type(e))} for e in effects},
         "units": {e.full_name: _units(e, system) for e in effects},
         "model": list(files),
+        **({"solved": system.solved} if system.solved else {}),
     }
     path = folder / FILE
     write_yaml(path, content)
@@ -62,6 +64,7 @@ _Values = Annotated[dict[str, Annotated[StrictFloat, must("be a number")]], must
 
 class _Corrected(BaseModel):
     effects: dict[str, _Values] | None
+    solved: Annotated[str, must("be text")] = ""
 
 
 def corrected_file(path: str | Path) -> Path:
@@ -77,6 +80,21 @@ def corrected_file(path: str | Path) -> Path:
     return path
 
 
+def read_solved(path: str | Path, system: AbstractSystem) -> AbstractSystem:
+    """Return a system that is solved as that of `corrected.yaml` was; where it says nothing of that, as it is.
+
+    Raises:
+        ResultError: If there is no such file, or it is no YAML of that form.
+        ConfigError: If the system can't be solved so.
+    """
+    path = corrected_file(path)
+    told = _read(path).solved
+    ways = {s.solved: s for s in (system, *(system.solved_otherwise() if told else ()))}
+    if told and told not in ways:
+        raise ConfigError(f"{path}: solved: allowed of this model: {' or '.join(map(repr, ways))}, got {told!r}.")
+    return ways.get(told, system)
+
+
 def read_corrected(path: str | Path, vocabulary: Vocabulary) -> Effects:
     """Return the effects that `corrected.yaml` names.
 
@@ -89,12 +107,17 @@ def read_corrected(path: str | Path, vocabulary: Vocabulary) -> Effects:
         ConfigError: If an effect or a parameter does not exist, one is missing, or a value is out of range.
     """
     path = corrected_file(path)
+    effects = _read(path).effects or {}
+    return tuple(_effect(path, name, values, vocabulary) for name, values in effects.items())
+
+
+def _read(path: Path) -> _Corrected:
     try:
         content = read_yaml(path)
     except YamlError as error:
         raise ResultError(f"{path}: no YAML:{error}") from None
     try:
-        effects = _Corrected.model_validate(content).effects or {}
+        return _Corrected.model_validate(content)
     except ValidationError as error:
         place, text = refusal(error)
         if len(place) > 1:
@@ -102,7 +125,6 @@ def read_corrected(path: str | Path, vocabulary: Vocabulary) -> Effects:
         raise ResultError(
             f"{path}: must hold 'effects: {{name: {{parameter: value}}}}', as a diagnosis's corrected.yaml does."
         ) from None
-    return tuple(_effect(path, name, values, vocabulary) for name, values in effects.items())
 
 
 def _effect(path: Path, name: str, values: Mapping[str, float], vocabulary: Vocabulary) -> AbstractEffect:
