@@ -24,7 +24,7 @@ def interrupted(said: list[str], folder: Path) -> None:
 
 
 def test_the_last_of_what_was_found_is_left(tmp_path: Path) -> None:
-    """The file holds the likeliest by then, and the one line of the interruption says so, after the command."""
+    """The file holds the likeliest by then, and the one line of the interruption says so, before the command."""
     said: list[str] = []
     with pytest.raises(KeyboardInterrupt) as raised:
         interrupted(said, tmp_path)
@@ -36,7 +36,7 @@ def test_the_last_of_what_was_found_is_left(tmp_path: Path) -> None:
     words = line(raised.value)
     assert (
         words
-        == f"Interrupted. Go on with: runner diagnose x So far: mass + friction, probability 0.88 ({tmp_path / FILE})."
+        == f"Interrupted. So far: mass + friction, probability 0.88 ({tmp_path / FILE}). Go on with: runner diagnose x"
     )
 
 

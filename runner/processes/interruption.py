@@ -50,7 +50,7 @@ def going_on(words: str, at_end: Callable[[], object]) -> Iterator[None]:
     except KeyboardInterrupt as error:
         if words and not getattr(error, "going_on", False):
             error.going_on = True  # type: ignore[attr-defined]
-            error.args = (" ".join([words, *map(str, error.args)]),)
+            error.args = (" ".join([*map(str, error.args), words]),)  # a command that can be copied to the end
         raise
     finally:
         _go_on = before
