@@ -122,7 +122,7 @@ def _made_beside_starts(fitter: Fitter) -> float:
     for e, start, left, q in zip(episodes, fit.starts, fit.residual, fit.basis.q, strict=True):
         for other in others:
             moved = project(np.nan_to_num(other.whitened(e, [Run((), start)])[0] - left), q)
-            made += moved @ moved / len(others)
+            made += float(moved @ moved) / len(others)
     return made / max(fitter.measured.count(episodes), 1)
 
 
