@@ -71,7 +71,7 @@ def test_what_a_servo_lacks_is_no_slow_noise(tmp_path: Path) -> None:
     assert found.measured.sensor == pytest.approx([NOISE_M], rel=0.1)
 
 
-@pytest.mark.parametrize("velocities", [True, False])
+@pytest.mark.parametrize("velocities", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_what_acts_for_a_moment_is_looked_at(tmp_path: Path, *, velocities: bool) -> None:
     """Of two minutes a quarter is searched; the one second in which something pushes is part of it.
 
@@ -112,6 +112,7 @@ def test_what_acts_for_a_moment_is_looked_at(tmp_path: Path, *, velocities: bool
     assert set(chosen) - set(even) == {missed}
 
 
+@pytest.mark.slow
 def test_slow_noise_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where nothing differs and noise is truly slow, what leaps fit to it accounts for less, and nothing is named."""
     system = system_of(servo_case(tmp_path / "still", [np.zeros(601)] * 2))

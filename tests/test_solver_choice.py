@@ -77,6 +77,7 @@ def test_a_joint_that_truly_sticks_is_simulated_so(tmp_path: Path) -> None:
     assert any("solreffriction" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_what_was_found_is_asked_where_the_nominal_model_could_not_tell(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -94,8 +94,9 @@ class Attempt:
             return ()
         system = self.fitter.system
         if self.stretches != system.stretches():
-            noisy = "noise of the measured force, or " if system.driven_otherwise(1) else ""
-            why = f"over longer times {noisy}what the model lacks piles up"
+            driven = system.driven_otherwise(1)
+            what = "noise of the measured force, or what the model lacks," if driven else "what the model lacks"
+            why = f"over longer times {what} piles up"
         elif system.stretched_for_time:
             why = f"to save time, as about {system.searched_s:.2g} s are searched, which hold some of every episode"
         else:
