@@ -17,6 +17,7 @@ class Simulated:
     """A system whose written model fails as `error`; None: it does not."""
 
     error: Exception | None = None
+    solved: str = ""
 
     def write_model(self, effects: Any, folder: Path) -> tuple[str, ...]:
         """Fail, or write nothing."""

@@ -49,7 +49,7 @@ def test_a_gain_is_that_of_the_model_without_its_own_mismatch() -> None:
 def test_two_causes_are_found_in_one_leap(arm: MechanismSystem) -> None:
     """Both at once, from the model without either, and what both servos share as one number."""
     fitter = Fitter(arm, arm.simulator(threads=1), measure(arm))
-    episodes = range(3)
+    episodes = range(2)
     nominal = fitter.fit(NONE, episodes, iterations=20)
     every = directions(arm)
     worth = 0.03 * fitter.measured.count(episodes)
