@@ -49,9 +49,9 @@ def measured(episodes: int, seconds: float, *effects: AbstractEffect) -> Recordi
 
 def test_what_noise_of_a_force_makes_needs_no_cause() -> None:
     """Replayed with what its sensor added the force leaves tens of noises of a model that is right: not for long."""
-    system = PlanarBox(measured(2, 2.0))
+    system = PlanarBox(measured(3, 2.0))
     whole = Fitter(system, system.simulator(threads=1), measure(system))
-    nominal = whole.fit(NONE, range(2))
+    nominal = whole.fit(NONE, range(3))
     assert whole.measured.excess(nominal.total, nominal.episodes) > 10.0
     found = diagnose(system, threads=1, advise=False)
     assert found.nominal_excess < 1.0
