@@ -151,6 +151,7 @@ def pendulum_case(folder: Path, *, damping_n_m_s: float) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_new_mechanism_is_a_model_and_a_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`runner diagnose` fits, names, localises and reports a pendulum by the code that serves the box."""
     case, out = pendulum_case(tmp_path / "pendulum", damping_n_m_s=0.08), tmp_path / "out"

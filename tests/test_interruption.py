@@ -29,9 +29,9 @@ EXAMPLES = ROOT / "examples" / "cases"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 WITHIN_S = 2.0
 PATIENCE_S = 120.0
-WORK_S = 3.0  # of a worker, by which it has imported what it needs and is at work
+WORK_S = 2.0  # of a worker, by which it has imported what it needs and is at work
 MANY = 100_000  # ledgers
-RUNS = 40  # of a sweep, in tasks of five
+RUNS = 20  # of a sweep, in tasks of five
 TICKS = os.sysconf("SC_CLK_TCK")  # to a second
 
 
@@ -120,9 +120,9 @@ def begun_anew(line: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
-SIGNALS = pytest.mark.parametrize(
-    ("number", "all_of_them"), [(signal.SIGINT, True), (signal.SIGTERM, False)], ids=["ctrl-c", "sigterm"]
-)
+CTRL_C, SIGTERM = (signal.SIGINT, True), (signal.SIGTERM, False)
+SIGNALS = pytest.mark.parametrize(("number", "all_of_them"), [CTRL_C, SIGTERM], ids=["ctrl-c", "sigterm"])
+ONE, JOBLIB = (), ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
 
 
 def test_while_a_ledger_is_taken_and_let_go_of(tmp_path: Path) -> None:
@@ -170,8 +170,15 @@ def test_a_run(number: int, all_of_them: bool, tmp_path: Path) -> None:
     assert status_of(tmp_path / "r") is Status.interrupted
 
 
-@SIGNALS
-@pytest.mark.parametrize("launcher", [(), ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2")], ids=["one", "joblib"])
+@pytest.mark.parametrize(
+    ("number", "all_of_them", "launcher"),
+    [
+        pytest.param(*CTRL_C, ONE, id="ctrl-c-one"),
+        pytest.param(*SIGTERM, JOBLIB, id="sigterm-joblib"),
+        pytest.param(*SIGTERM, ONE, id="sigterm-one", marks=pytest.mark.slow),
+        pytest.param(*CTRL_C, JOBLIB, id="ctrl-c-joblib", marks=pytest.mark.slow),
+    ],
+)
 def test_a_sweep(number: int, all_of_them: bool, launcher: tuple[str, ...], tmp_path: Path) -> None:
     """A sweep in one process and in two: what has ended is kept, the command goes on with the rest."""
     sweep = [
@@ -205,7 +212,10 @@ def many(folder: Path, count: int) -> None:
         shutil.copytree(EXAMPLES / "slippery_floor", folder / f"c{k}")
 
 
-@SIGNALS
+@pytest.mark.parametrize(
+    ("number", "all_of_them"),
+    [pytest.param(*CTRL_C, id="ctrl-c"), pytest.param(*SIGTERM, id="sigterm", marks=pytest.mark.slow)],
+)
 def test_diagnoses(number: int, all_of_them: bool, tmp_path: Path) -> None:
     """Cases side by side: the workers end with it, and the command names the folder that it made by itself."""
     many(tmp_path / "cases", 4)
@@ -235,7 +245,10 @@ def test_a_diagnosis_goes_on(tmp_path: Path) -> None:
     assert set(json.loads((tmp_path / "d/verdicts.json").read_text())) == {"c0", "c1"}
 
 
-@SIGNALS
+@pytest.mark.parametrize(
+    ("number", "all_of_them"),
+    [pytest.param(*CTRL_C, id="ctrl-c", marks=pytest.mark.slow), pytest.param(*SIGTERM, id="sigterm")],
+)
 def test_a_single_diagnosis(number: int, all_of_them: bool, tmp_path: Path) -> None:
     """Deep in compiled code, where Python comes back late."""
     process = begin(tmp_path, "diagnose", str(EXAMPLES / "slippery_floor"), "report=false", "out=d")

@@ -49,7 +49,7 @@ def test_a_gain_is_that_of_the_model_without_its_own_mismatch() -> None:
 def test_two_causes_are_found_in_one_leap(arm: MechanismSystem) -> None:
     """Both at once, from the model without either, and what both servos share as one number."""
     fitter = Fitter(arm, arm.simulator(threads=1), measure(arm))
-    episodes = range(2)
+    episodes = [0]
     nominal = fitter.fit(NONE, episodes, iterations=20)
     every = directions(arm)
     worth = 0.03 * fitter.measured.count(episodes)
@@ -66,7 +66,7 @@ def test_two_causes_are_found_in_one_leap(arm: MechanismSystem) -> None:
 def test_with_another_account_of_the_noise_nothing_is_simulated_again(arm: MechanismSystem) -> None:
     """What every effect does around a fit is what a fresh survey says, to the last digit, once it is whitened anew."""
     fitter = Fitter(arm, arm.simulator(threads=1), measure(arm))
-    nominal, every = fitter.fit(NONE, range(2), iterations=2), directions(arm)
+    nominal, every = fitter.fit(NONE, [0], iterations=2), directions(arm)
     sensitivities(fitter, nominal, every)
     before_s = fitter.simulator.simulated_s
     noisier = replace(fitter, measured=replace(fitter.measured, sensor=1.5 * fitter.measured.sensor))
