@@ -7,7 +7,6 @@ that over long times errors of the model pile up instead of telling what they ar
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -260,8 +259,8 @@ def _better_solved(fitter: Fitter, found: Search, as_believed: str) -> AbstractS
 
 def _solved_otherwise(fitter: Fitter, system: AbstractSystem) -> Fitter:
     """Return a fitter of the same stretches and noise with the same beliefs solved otherwise."""
-    simulator = _counted_on(system, fitter).parts(fitter.measured.spans)
-    return replace(fitter, system=system, simulator=simulator, surveys=deque(maxlen=SETTINGS.fit.kept_surveys))
+    _counted_on(system, fitter)
+    return fitter.with_system(system)
 
 
 def _counted_on(system: AbstractSystem, fitter: Fitter) -> AbstractSimulator:

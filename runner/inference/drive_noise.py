@@ -86,9 +86,7 @@ def by_noise(fits: Sequence[Fit], fitter: Fitter, others: Sequence[Fitter]) -> B
 
 def driven_otherwise(fitter: Fitter) -> tuple[Fitter, ...]:
     """Return the fitter with more noise on what drove the object, some times over; none where that is known."""
-    systems = fitter.system.driven_otherwise(SETTINGS.odds.drive_draws)
-    spans = fitter.measured.spans
-    return tuple(replace(fitter, system=s, simulator=s.simulator().parts(spans)) for s in systems)
+    return tuple(fitter.with_system(s) for s in fitter.system.driven_otherwise(SETTINGS.odds.drive_draws))
 
 
 def told_apart_from_noise(whole: Fitter) -> list[Span] | None:
