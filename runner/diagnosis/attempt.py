@@ -93,8 +93,8 @@ class Attempt:
             return ()
         system = self.fitter.system
         if self.stretches != system.stretches():
-            driven = system.driven_otherwise(1)
-            what = "noise of the measured force, or what the model lacks," if driven else "what the model lacks"
+            noisy = system.has_noisy_drive
+            what = "noise of the measured force, or what the model lacks," if noisy else "what the model lacks"
             why = f"over longer times {what} piles up"
         elif system.stretched_for_time:
             why = f"to save time, as about {system.searched_s:.2g} s are searched, which hold some of every episode"
