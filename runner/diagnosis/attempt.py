@@ -111,13 +111,14 @@ def attempt(
     observer: ProgressObserver = UNOBSERVED,
 ) -> Attempt:
     """Search for the explanation of some episodes and hold what was found against the others."""
-    first = _first_look(system, simulator, fitted, observer)
-    if system.solved and (other := better_solved(first.fitter, _nearest(first), system.solved)):
+    as_believed = system.solved
+    first = _first_look(system, simulator, fitted, observer, as_believed)
+    if as_believed and (other := better_solved(first.fitter, _nearest(first), as_believed)):
         # what pieces suggest of joints that creep makes up for that
         simulator = _counted_on(other, first.fitter)
-        first = replace(_first_look(other, simulator, fitted, observer), as_believed=system.solved)
+        first = _first_look(other, simulator, fitted, observer, as_believed)
     fitter, found = _explained(first, held_out)
-    if other := _better_solved(fitter, found, system.solved):
+    if other := _better_solved(fitter, found, as_believed):
         fitter = _solved_otherwise(fitter, other)
         first = replace(first, fitter=fitter, nominal=found.nominal, beginning=_open_again(found, fitter))
         fitter, found = _explained(first, held_out)
@@ -218,7 +219,11 @@ class _FirstLook:
 
 
 def _first_look(
-    system: AbstractSystem, simulator: AbstractSimulator, fitted: Sequence[int], observer: ProgressObserver
+    system: AbstractSystem,
+    simulator: AbstractSimulator,
+    fitted: Sequence[int],
+    observer: ProgressObserver,
+    as_believed: str,
 ) -> _FirstLook:
     """Fit the nominal model, tell the noise from what it leaves, and look at pieces where it goes astray."""
     observer.stage("measuring the noise")
@@ -228,16 +233,16 @@ def _first_look(
     observer.stage("searching")
     seen = look(fitter, nominal)
     if seen is None:
-        return _FirstLook(fitter, nominal, None, root.measured, system.solved)
+        return _FirstLook(fitter, nominal, None, root.measured, as_believed)
     spans = root.pieces(seen.cut_s or np.inf, range(len(root.measured.values)))
     if seen.cut_s is None or {s.episode for s in spans} != set(range(len(root.measured.values))):
         fitter = replace(fitter, measured=fitter.measured.without(seen.hung))
-        return _FirstLook(fitter, nominal, seen.beginning, root.measured, system.solved)
+        return _FirstLook(fitter, nominal, seen.beginning, root.measured, as_believed)
     if fitter.simulator is not simulator:
         simulator.simulated_s += fitter.simulator.simulated_s
     fitter = root.stretched(spans)
     fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, SETTINGS.pieces.unexplained_share))
-    return _FirstLook(fitter, nominal, recut(seen.beginning, fitter, nominal), root.measured, system.solved)
+    return _FirstLook(fitter, nominal, recut(seen.beginning, fitter, nominal), root.measured, as_believed)
 
 
 def _nearest(first: _FirstLook) -> Fit:
