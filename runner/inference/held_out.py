@@ -15,7 +15,7 @@ import numpy as np
 
 from runner.effects.base import Scope
 from runner.effects.vocabulary import Candidate
-from runner.inference.contender import Contender
+from runner.inference.contender import Contender, leading, likeliest_first
 from runner.inference.drive_noise import ByNoise, as_told, by_noise, driven_otherwise
 from runner.inference.evidence import directions, evidence, normal_equations, sensitivities, together
 from runner.inference.foretold import astray, excesses, usually_left
@@ -84,16 +84,10 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     finite = [c for c in found.contenders if np.isfinite(c.log_posterior)]
     plain = next(c.evidence.left for c in finite if not c.fit.explanation.candidates) / count - 1.0
     finite = doubted(finite, fitter.context, plain, count)
-    finite = causes_of(sorted(finite, key=lambda c: -c.log_posterior), fitter, gap)
+    finite = causes_of(likeliest_first(finite), fitter, gap)
     nominal = next(c for c in finite if not c.fit.explanation.candidates)
-    limits = SETTINGS.held_out
-    near = finite[0].log_posterior - limits.close_log_odds
-    hopeless = finite[0].log_posterior - limits.hopeless_log_odds
-    leaders = [
-        c
-        for i, c in enumerate(finite)
-        if (i < limits.max_leaders and c.log_posterior > hopeless) or c is nominal or c.log_posterior > near
-    ]
+    leaders, near = leading(finite), finite[0].log_posterior - SETTINGS.held_out.close_log_odds
+    leaders += [c for c in finite[len(leaders) :] if c is nominal or c.log_posterior > near]
     before = unseen(nominal, fitter, held_out, None)
     there_by = {id(c.fit): before if c is nominal else unseen(c, fitter, held_out, before) for c in leaders}
     there_by = _unstuck(leaders, there_by, fitter)
@@ -129,12 +123,12 @@ def confirm(found: Search, fitter: Fitter, held_out: Sequence[int]) -> Confirmed
     ]
     weighed = [replace(c, log_posterior=c.log_posterior - a) for c, a in zip(weighed, against, strict=True)]
     whole_left = {id(c.fit): c.fit.total + there_by[id(c.fit)].total for c in leaders}
-    weighed = sorted(as_told(weighed, whole_left, by_drive), key=lambda c: -c.log_posterior)
+    weighed = likeliest_first(as_told(weighed, whole_left, by_drive))
     # those that were not weighed keep their distance to the first of the leaders, and don't pass the last of them
     moved = next(w for w in weighed if w.fit is leaders[0].fit).log_posterior - leaders[0].log_posterior
     last = min((w.log_posterior for w in weighed if w.fit is not nominal.fit), default=-np.inf)
     others = [replace(c, log_posterior=min(c.log_posterior + moved, last)) for c in finite if id(c.fit) not in there_by]
-    contenders = sorted((*weighed, *others), key=lambda c: -c.log_posterior)
+    contenders = likeliest_first((*weighed, *others))
     top = weighed[0]
     fitted = fitter.measured.excess(top.evidence.loss, top.fit.episodes)
     there = fitter.measured.excess(loss[id(top.fit)], held_out)

@@ -13,7 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from runner.effects.vocabulary import Candidate, Vocabulary
-from runner.inference.contender import Contender, Offer, are_confounded, contend, dispersion_of, offers
+from runner.inference.contender import (
+    Contender,
+    Offer,
+    are_confounded,
+    contend,
+    dispersion_of,
+    leading,
+    likeliest_first,
+    offers,
+)
 from runner.inference.evidence import (
     Direction,
     Sensitivities,
@@ -85,7 +94,7 @@ def search(
         rounds.take_out_untold()
         rounds.answered.clear()
         rounds.tell()
-    return Search(tuple(_likeliest_first(rounds.contenders)), rounds.nominal)
+    return Search(tuple(likeliest_first(rounds.contenders)), rounds.nominal)
 
 
 @dataclass
@@ -239,7 +248,7 @@ class _Rounds:
         self.contenders += new
         if size == 1:
             new = self._and_with_another(new, around_best)
-        new.sort(key=lambda c: -c.log_posterior)
+        new = likeliest_first(new)
         self.tell()
         if size == 1:
             return new
@@ -386,9 +395,9 @@ class _Rounds:
         Of what a leap has put together more than one effect may go.
         """
         while True:
-            new = _likeliest_first(self._and_with_one_less(new, around_best))
+            new = likeliest_first(self._and_with_one_less(new, around_best))
             if not 1 < len(new[0].fit.explanation.candidates) < size:
-                new = _likeliest_first(self._and_with_one_for_two(new, around_best))
+                new = likeliest_first(self._and_with_one_for_two(new, around_best))
             likeliest = len(new[0].fit.explanation.candidates)
             if not 1 < likeliest < size:
                 return new
@@ -438,7 +447,7 @@ class _Rounds:
         What is about to rest, or to hit with one corner or the other, holds a start on one side of that: an effect that
         another has by its side would be thanked for nothing but the other side.
         """
-        leaders = self._leaders()
+        leaders = leading(self.contenders)
         starts = np.stack([c.fit.starts for c in leaders], axis=1)
         for c in leaders:
             # what a start takes off at once, a descent from it may go on to take off a few times
@@ -464,27 +473,17 @@ class _Rounds:
 
     def take_out_untold(self) -> None:
         """Let every leader be without the numbers that the data do not tell from zero."""
-        for c in self._leaders():
+        for c in leading(self.contenders):
             fit = without_untold(c, self.fitter)
             if fit is not None:
                 again = self._worthy(fit, self._around(fit))
                 self.contenders = [again if other is c else other for other in self.contenders]
-
-    def _leaders(self) -> list[Contender]:
-        """Return the contenders of which one may turn out the likeliest, likeliest first."""
-        leaders = _likeliest_first([c for c in self.contenders if np.isfinite(c.log_posterior)])
-        hopeless = leaders[0].log_posterior - SETTINGS.held_out.hopeless_log_odds
-        return [c for c in leaders[: SETTINGS.held_out.max_leaders] if c.log_posterior > hopeless]
 
     def _worthy(self, fit: Fit, around_best: Sensitivities) -> Contender:
         """Return a fit as a contender; a single effect that hardly matters has that against it."""
         lacks = self.worth - (self.nominal.total - fit.total) if len(fit.explanation.candidates) == 1 else 0.0
         against = 0.5 * max(lacks, 0.0)
         return contend(self.fitter, fit, around_best, self.alone, against=against, dispersion=self.dispersion)
-
-
-def _likeliest_first(contenders: Sequence[Contender]) -> list[Contender]:
-    return sorted(contenders, key=lambda c: -c.log_posterior)
 
 
 def resumed(before: Search, fitter: Fitter) -> Beginning:
