@@ -19,13 +19,14 @@ from runner.inference.breakaway import hanging
 from runner.inference.contender import account_densities
 from runner.inference.drive_noise import told_apart_from_noise
 from runner.inference.evidence import directions, least_errors, sensitivities
-from runner.inference.held_out import Confirmed, confirm, portions, start_states, unseen
+from runner.inference.held_out import Confirmed, confirm
 from runner.inference.leap import leapt
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.multiple_shooting import begun, look, recut
 from runner.inference.outside import with_outside
 from runner.inference.search import Search, resumed, search
 from runner.inference.solver_choice import better_solved
+from runner.inference.unseen import portions, start_states, unseen
 from runner.inference.variable_projection import project
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of
 from runner.noise.measured import Measured, materially_different, materially_slower, measure, refine, without_outliers
