@@ -27,6 +27,7 @@ from runner.effects.base import AbstractEffect, Effects
 from runner.effects.vocabulary import Vocabulary
 from runner.errors import ConfigError, ResultError, nearest
 from runner.storage.checked import dotted, must, refusal
+from runner.storage.reading import file_of
 from runner.storage.writing import write_yaml
 from runner.storage.yaml_text import YamlError, read_yaml
 from runner.systems.base import AbstractSystem
@@ -73,8 +74,7 @@ def corrected_file(path: str | Path) -> Path:
     Raises:
         ResultError: If there is no such file.
     """
-    path = Path(path)
-    path = path / FILE if path.is_dir() else path
+    path = file_of(path, FILE)
     if not path.is_file():
         raise ResultError(f"{path}: no such file; a corrected model is the '{FILE}' that a diagnosis writes.")
     return path
