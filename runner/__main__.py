@@ -77,11 +77,13 @@ def _dispatch(arguments: _arguments.Arguments) -> int:
     if "version" in arguments.flags:
         print("\n".join(f"{name} {version(name)}" for name in STACK))
         return 0
-    from runner.commands import _execute, _help
-
     if "help" in arguments.flags:
+        from runner.commands import _help
+
         print(_help.of_command(arguments.command) if arguments.named else _help.overview())
         return 0
+    from runner.commands import _execute
+
     overrides = _arguments.overrides(arguments.command, load(arguments.command), arguments.rest)
     if "config" in arguments.flags:
         print(_execute.shown(arguments.command, overrides), end="")

@@ -21,8 +21,9 @@ from runner.effects import planar_box as fx
 from runner.effects.vocabulary import Candidate
 from runner.errors import RecordingError, ResultError
 from runner.inference.contender import Contender
+from runner.inference.doubts import doubted, faint, further, unsure
 from runner.inference.evidence import NormalEquations, directions, evidence, normal_equations, sensitivities
-from runner.inference.held_out import Confirmed, confirm, doubted, faint, further, unsure
+from runner.inference.held_out import Confirmed, confirm
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.search import Search, search
 from runner.noise.measured import measure

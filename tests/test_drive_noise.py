@@ -88,6 +88,8 @@ def test_a_force_that_was_commanded_is_replayed_as_it_is() -> None:
     smooth = np.repeat(recording.episodes[0].force_n[::6], 6, axis=0)[: len(recording.episodes[0])]
     held = replace(recording, episodes=(replace(recording.episodes[0], force_n=smooth),))
     assert PlanarBox(held).driven_otherwise(3) == ()
+    assert not PlanarBox(held).has_noisy_drive
+    assert PlanarBox(recording).has_noisy_drive
     noisy = PlanarBox(recording).driven_otherwise(3)
     assert len(noisy) == 3
     added = np.array([n.recording.episodes[0].force_n - recording.episodes[0].force_n for n in noisy])

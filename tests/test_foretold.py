@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
+from runner.inference.doubts import needed
 from runner.inference.foretold import astray, usually_left
-from runner.inference.held_out import Confirmed, needed
+from runner.inference.held_out import Confirmed
 
 COUNT = 100
 

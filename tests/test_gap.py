@@ -39,7 +39,7 @@ from runner.simulate.gap import WHOLE_EPISODE, measure_gap
 from runner.simulate.shooting import fit_starts, windows_of
 from runner.systems.planar_box.model_file import MODEL
 from runner.systems.planar_box.simulator import OBJECT, Simulator
-from runner.systems.planar_box.system import PlanarBox, vocabulary
+from runner.systems.planar_box.system import PlanarBox
 from runner.systems.planar_box.windows import Effects
 from runner.systems.simulator import Run
 from runner.systems.windows import Windows
@@ -176,8 +176,8 @@ def test_corrected_model_reads_back_and_its_mjcf_holds_the_numbers(tmp_path: Pat
     recording, _ = made(noise=0.0, episodes=1, seconds=1.0)
     system = PlanarBox(recording)
     path = write_corrected(tmp_path / "new", MANY, system)
-    assert read_corrected(path, vocabulary()) == MANY
-    assert read_corrected(tmp_path / "new", vocabulary()) == MANY
+    assert read_corrected(path, system) == (MANY, system)
+    assert read_corrected(tmp_path / "new", system) == (MANY, system)
     assert yaml.safe_load(path.read_text(encoding="utf-8"))["model"] == [MODEL]
     model = mujoco.MjModel.from_xml_path(str(path.parent / MODEL))
     ours = system.simulator().model(MANY)
@@ -190,8 +190,8 @@ def test_corrected_model_reads_back_and_its_mjcf_holds_the_numbers(tmp_path: Pat
 
 def test_no_correction_is_a_model_too(tmp_path: Path) -> None:
     """`none` writes an empty set of effects, and reads back as that."""
-    recording, _ = made(noise=0.0, episodes=1, seconds=1.0)
-    assert read_corrected(write_corrected(tmp_path, (), PlanarBox(recording)), vocabulary()) == ()
+    system = PlanarBox(made(noise=0.0, episodes=1, seconds=1.0)[0])
+    assert read_corrected(write_corrected(tmp_path, (), system), system) == ((), system)
 
 
 @pytest.mark.parametrize(
@@ -212,18 +212,18 @@ def test_bad_models_are_refused(tmp_path: Path, text: str, error: type[Exception
     """One line with the file, the key, and what is allowed."""
     (tmp_path / "corrected.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(error, match=message) as caught:
-        read_corrected(tmp_path, vocabulary())
+        read_corrected(tmp_path, PlanarBox(made(noise=0.0, episodes=1, seconds=1.0)[0]))
     assert str(tmp_path / "corrected.yaml") in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 def test_missing_model_and_doubled_effect_are_refused(tmp_path: Path) -> None:
     """A path without a file, and a model that the file can't hold."""
+    system = PlanarBox(made(noise=0.0, episodes=1, seconds=1.0)[0])
     with pytest.raises(ResultError, match=r"nowhere.yaml: no such file"):
-        read_corrected(tmp_path / "nowhere.yaml", vocabulary())
-    recording, _ = made(noise=0.0, episodes=1, seconds=1.0)
+        read_corrected(tmp_path / "nowhere.yaml", system)
     with pytest.raises(ResultError, match="'viscous_drag' can be written once only"):
-        write_corrected(tmp_path, (ViscousDrag(1.0), ViscousFilm(1.0)), PlanarBox(recording))
+        write_corrected(tmp_path, (ViscousDrag(1.0), ViscousFilm(1.0)), system)
 
 
 def test_units_follow_from_names() -> None:

@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 from runner.inference.contender import contend
 from runner.inference.evidence import directions, sensitivities
-from runner.inference.held_out import _grown_start, _holding, unseen
 from runner.inference.least_squares import NONE, Fitter
+from runner.inference.unseen import _grown_start, _holding, unseen
 from runner.noise.measured import measure
 from tests.mechanism_cases import PENDULUM, joint_channels, system_of, write_case
 

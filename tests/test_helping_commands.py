@@ -12,7 +12,8 @@ import pytest
 
 from runner.__main__ import main
 from runner.commands import _self_test, doctor, view
-from runner.commands._catalogue import GROUPS, Kind, described, files, listed, names
+from runner.commands._catalogue import GROUPS, Kind, files, listed, names
+from runner.commands._described import described
 from runner.commands._self_test import Comparison, sliding, swinging
 from runner.effects import mechanism, planar_box
 

@@ -74,6 +74,22 @@ def test_a_start_that_was_lost_is_told_by_what_follows(system: PlanarBox, *, rat
     assert start[:3] == pytest.approx(true[:3], abs=0.2)
 
 
+@pytest.mark.parametrize("smooth", [True, False])
+def test_a_window_that_begins_while_nothing_is_seen_starts_where_it_was_seen_next(*, smooth: bool) -> None:
+    """Or last, where nothing follows; a coordinate that was seen all the while is that of the sample itself."""
+    box = open_case(EXAMPLE)
+    assert isinstance(box, PlanarBox)
+    values = [v.copy() for v in box.values()]
+    true, end = values[0].copy(), len(values[0]) - 3
+    values[0][20:29, :2] = np.nan
+    values[0][end - 4 :] = np.nan
+    lost = measure(box.with_values(values))
+    starts = box.initial.guess_windows(lost, Windows(np.zeros(2, int), np.array([24, end]), 2), smooth=smooth)
+    assert np.hypot(*true[[24, end], :2].T).min() > 1.0
+    assert starts[:, :2] == pytest.approx(true[[24, end], :2], abs=0.2)
+    assert starts[0, 2] == pytest.approx(true[24, 2], abs=0.02)
+
+
 def test_slopes_start_a_window(system: PlanarBox) -> None:
     """Starts of windows have velocities although none were measured: that of the path between two samples."""
     measured = measure(system)

@@ -38,9 +38,12 @@ def test_why_models_are_replayed_for_less(known: Any, replayed: Any, for_time: b
             return 800
 
     recording = SimpleNamespace(episodes=[Recorded(step_s=0.01)] * 2)
-    known_drive: Any = {"driven_otherwise": lambda _: ()}
     system = SimpleNamespace(
-        recording=recording, stretches=lambda: known, stretched_for_time=for_time, searched_s=30.0, **known_drive
+        recording=recording,
+        stretches=lambda: known,
+        stretched_for_time=for_time,
+        searched_s=30.0,
+        has_noisy_drive=False,
     )
     fitter: Any = SimpleNamespace(system=system, measured=SimpleNamespace(spans=replayed))
     found: Any = None

@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 
 from runner.effects.mechanism import Compliance
 from runner.inference.contender import contend
-from runner.inference.held_out import _unstuck
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.start_draws import begun_elsewhere
+from runner.inference.unseen import unstuck
 from runner.inference.warm_start import where_to_begin
 from runner.noise.measured import measure
 from runner.settings import SETTINGS
@@ -86,7 +86,7 @@ def test_a_start_that_is_stuck_is_sought_anew_where_another_explanation_leaves_l
     assert aside.loss[0] > best.loss[0] + SETTINGS.held_out.stuck_loss
     first = contend(fitter, aside)
     other = replace(first, fit=best)
-    found = _unstuck([first, other], {id(aside): aside, id(best): best}, fitter)
+    found = unstuck([first, other], {id(aside): aside, id(best): best}, fitter)
     assert found[id(aside)].loss[0] == pytest.approx(best.loss[0], abs=0.5)
     np.testing.assert_array_equal(found[id(aside)].starts[1], aside.starts[1])
     assert found[id(best)] is best

@@ -23,7 +23,7 @@ OF_RECORDINGS = "kinematics model_form_commands model_form_plausible plausible p
 # file, name: why no verdict depends on it
 ALLOWED = {
     ("inference/variable_projection.py", "DAMPING"): "how a descent steps, not where it rests",
-    ("inference/held_out.py", "VALUES_AT_ONCE"): "memory: none of the portions depends on another",
+    ("inference/unseen.py", "VALUES_AT_ONCE"): "memory: none of the portions depends on another",
     ("localise/cells.py", "ORDERS_AT_ONCE"): "memory: orders are drawn in the same order in any portions",
     ("localise/likeness.py", "RIDGE"): "keeps the inverse of shapes that are always the same finite",
     ("localise/likeness.py", "SHAPES_SHOWN"): "how much of a list is shown",

@@ -29,8 +29,8 @@ from runner.errors import ConfigError, RecordingError
 from runner.inference import multiple_shooting
 from runner.inference.confounding import are_one
 from runner.inference.contender import contend
+from runner.inference.doubts import errors_off
 from runner.inference.evidence import by_form, directions, sensitivities
-from runner.inference.held_out import errors_off
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 from runner.inference.start_draws import tried_from_the_air
 from runner.noise.measured import measure

@@ -22,8 +22,9 @@ import yaml
 
 import runner.settings
 from runner import commands, config
-from runner.commands._catalogue import BOX, Described, described, names
+from runner.commands._catalogue import names
 from runner.commands._compose import config_dir
+from runner.commands._described import BOX, Described, described
 from runner.effects.wording import number
 from runner.settings import SETTINGS
 from runner.settings.declared import declared

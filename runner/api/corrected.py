@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from runner.api.case import Case
-from runner.diagnosis.corrected import read_corrected, read_solved, write_corrected
+from runner.diagnosis.corrected import read_corrected, write_corrected
 from runner.effects.base import Effects
 from runner.systems.base import AbstractSystem
 
@@ -43,7 +43,7 @@ class Corrected:
         Raises:
             RunnerError: If there is no such file, or it is of something else.
         """
-        return cls(case, read_corrected(path, case.system.vocabulary), read_solved(path, case.system))
+        return cls(case, *read_corrected(path, case.system))
 
     @property
     def values(self) -> pd.DataFrame:

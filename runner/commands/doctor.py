@@ -18,8 +18,8 @@ from pathlib import Path
 from rich.console import Console
 
 from runner.commands import Command, Job
-from runner.commands._execute import RESULTS
 from runner.commands._print import print_table
+from runner.commands._results import RESULTS
 from runner.commands._self_test import ALLOWED, sliding, swinging
 from runner.commands.view import has_display, viewer
 from runner.progress import progress

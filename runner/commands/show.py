@@ -17,8 +17,9 @@ from rich.padding import Padding
 from rich.text import Text
 
 from runner.commands import Command, Job
-from runner.commands._catalogue import BOX, GROUPS, Described, described, files, names
+from runner.commands._catalogue import GROUPS, files, names
 from runner.commands._compose import config_dir
+from runner.commands._described import BOX, Described, described
 from runner.commands._print import print_table
 from runner.effects.wording import number
 from runner.errors import ConfigError, nearest

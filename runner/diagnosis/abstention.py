@@ -12,8 +12,10 @@ from runner.diagnosis.ranking import contender_of
 from runner.diagnosis.result import Abstention, Nearest, Ranked
 from runner.effects.base import Effects
 from runner.inference.contender import Contender
-from runner.inference.held_out import Confirmed, errors_off, unseen
+from runner.inference.doubts import errors_off
+from runner.inference.held_out import Confirmed
 from runner.inference.least_squares import Fitter
+from runner.inference.unseen import unseen
 from runner.localise.likeness import likenesses
 from runner.localise.where import Where, localise
 from runner.noise.measured import Measured

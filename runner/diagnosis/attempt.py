@@ -7,7 +7,6 @@ that over long times errors of the model pile up instead of telling what they ar
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -20,13 +19,14 @@ from runner.inference.breakaway import hanging
 from runner.inference.contender import account_densities
 from runner.inference.drive_noise import told_apart_from_noise
 from runner.inference.evidence import directions, least_errors, sensitivities
-from runner.inference.held_out import Confirmed, confirm, portions, start_states, unseen
+from runner.inference.held_out import Confirmed, confirm
 from runner.inference.leap import leapt
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.multiple_shooting import begun, look, recut
 from runner.inference.outside import with_outside
 from runner.inference.search import Search, resumed, search
 from runner.inference.solver_choice import better_solved
+from runner.inference.unseen import portions, start_states, unseen
 from runner.inference.variable_projection import project
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of
 from runner.noise.measured import Measured, materially_different, materially_slower, measure, refine, without_outliers
@@ -94,8 +94,8 @@ class Attempt:
             return ()
         system = self.fitter.system
         if self.stretches != system.stretches():
-            driven = system.driven_otherwise(1)
-            what = "noise of the measured force, or what the model lacks," if driven else "what the model lacks"
+            noisy = system.has_noisy_drive
+            what = "noise of the measured force, or what the model lacks," if noisy else "what the model lacks"
             why = f"over longer times {what} piles up"
         elif system.stretched_for_time:
             why = f"to save time, as about {system.searched_s:.2g} s are searched, which hold some of every episode"
@@ -112,13 +112,14 @@ def attempt(
     observer: ProgressObserver = UNOBSERVED,
 ) -> Attempt:
     """Search for the explanation of some episodes and hold what was found against the others."""
-    first = _first_look(system, simulator, fitted, observer)
-    if system.solved and (other := better_solved(first.fitter, _nearest(first), system.solved)):
+    as_believed = system.solved
+    first = _first_look(system, simulator, fitted, observer, as_believed)
+    if as_believed and (other := better_solved(first.fitter, _nearest(first), as_believed)):
         # what pieces suggest of joints that creep makes up for that
         simulator = _counted_on(other, first.fitter)
-        first = replace(_first_look(other, simulator, fitted, observer), as_believed=system.solved)
+        first = _first_look(other, simulator, fitted, observer, as_believed)
     fitter, found = _explained(first, held_out)
-    if other := _better_solved(fitter, found, system.solved):
+    if other := _better_solved(fitter, found, as_believed):
         fitter = _solved_otherwise(fitter, other)
         first = replace(first, fitter=fitter, nominal=found.nominal, beginning=_open_again(found, fitter))
         fitter, found = _explained(first, held_out)
@@ -219,7 +220,11 @@ class _FirstLook:
 
 
 def _first_look(
-    system: AbstractSystem, simulator: AbstractSimulator, fitted: Sequence[int], observer: ProgressObserver
+    system: AbstractSystem,
+    simulator: AbstractSimulator,
+    fitted: Sequence[int],
+    observer: ProgressObserver,
+    as_believed: str,
 ) -> _FirstLook:
     """Fit the nominal model, tell the noise from what it leaves, and look at pieces where it goes astray."""
     observer.stage("measuring the noise")
@@ -229,16 +234,16 @@ def _first_look(
     observer.stage("searching")
     seen = look(fitter, nominal)
     if seen is None:
-        return _FirstLook(fitter, nominal, None, root.measured, system.solved)
+        return _FirstLook(fitter, nominal, None, root.measured, as_believed)
     spans = root.pieces(seen.cut_s or np.inf, range(len(root.measured.values)))
     if seen.cut_s is None or {s.episode for s in spans} != set(range(len(root.measured.values))):
         fitter = replace(fitter, measured=fitter.measured.without(seen.hung))
-        return _FirstLook(fitter, nominal, seen.beginning, root.measured, system.solved)
+        return _FirstLook(fitter, nominal, seen.beginning, root.measured, as_believed)
     if fitter.simulator is not simulator:
         simulator.simulated_s += fitter.simulator.simulated_s
     fitter = root.stretched(spans)
     fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, SETTINGS.pieces.unexplained_share))
-    return _FirstLook(fitter, nominal, recut(seen.beginning, fitter, nominal), root.measured, system.solved)
+    return _FirstLook(fitter, nominal, recut(seen.beginning, fitter, nominal), root.measured, as_believed)
 
 
 def _nearest(first: _FirstLook) -> Fit:
@@ -260,8 +265,8 @@ def _better_solved(fitter: Fitter, found: Search, as_believed: str) -> AbstractS
 
 def _solved_otherwise(fitter: Fitter, system: AbstractSystem) -> Fitter:
     """Return a fitter of the same stretches and noise with the same beliefs solved otherwise."""
-    simulator = _counted_on(system, fitter).parts(fitter.measured.spans)
-    return replace(fitter, system=system, simulator=simulator, surveys=deque(maxlen=SETTINGS.fit.kept_surveys))
+    _counted_on(system, fitter)
+    return fitter.with_system(system)
 
 
 def _counted_on(system: AbstractSystem, fitter: Fitter) -> AbstractSimulator:

@@ -27,6 +27,7 @@ from runner.effects.base import AbstractEffect, Effects
 from runner.effects.vocabulary import Vocabulary
 from runner.errors import ConfigError, ResultError, nearest
 from runner.storage.checked import dotted, must, refusal
+from runner.storage.reading import file_of
 from runner.storage.writing import write_yaml
 from runner.storage.yaml_text import YamlError, read_yaml
 from runner.systems.base import AbstractSystem
@@ -73,42 +74,37 @@ def corrected_file(path: str | Path) -> Path:
     Raises:
         ResultError: If there is no such file.
     """
-    path = Path(path)
-    path = path / FILE if path.is_dir() else path
+    path = file_of(path, FILE)
     if not path.is_file():
         raise ResultError(f"{path}: no such file; a corrected model is the '{FILE}' that a diagnosis writes.")
     return path
 
 
-def read_solved(path: str | Path, system: AbstractSystem) -> AbstractSystem:
-    """Return a system that is solved as that of `corrected.yaml` was; where it says nothing of that, as it is.
-
-    Raises:
-        ResultError: If there is no such file, or it is no YAML of that form.
-        ConfigError: If the system can't be solved so.
-    """
-    path = corrected_file(path)
-    told = _read(path).solved
-    ways = {s.solved: s for s in (system, *(system.solved_otherwise() if told else ()))}
-    if told and told not in ways:
-        raise ConfigError(f"{path}: solved: allowed of this model: {' or '.join(map(repr, ways))}, got {told!r}.")
-    return ways.get(told, system)
-
-
-def read_corrected(path: str | Path, vocabulary: Vocabulary) -> Effects:
-    """Return the effects that `corrected.yaml` names.
+def read_corrected(path: str | Path, system: AbstractSystem) -> tuple[Effects, AbstractSystem]:
+    """Return the effects that `corrected.yaml` names, and the system solved as that was in which they were found.
 
     Args:
         path: The file, or the folder that holds it.
-        vocabulary: Of the system that they are for.
+        system: What they are for. Where the file says nothing of how it is solved, it is returned as it is.
 
     Raises:
         ResultError: If there is no such file, or it is no YAML of that form.
-        ConfigError: If an effect or a parameter does not exist, one is missing, or a value is out of range.
+        ConfigError: If an effect or a parameter does not exist, one is missing, or a value is out of range; or if the
+            system can't be solved so.
     """
     path = corrected_file(path)
-    effects = _read(path).effects or {}
-    return tuple(_effect(path, name, values, vocabulary) for name, values in effects.items())
+    told = _read(path)
+    effects = tuple(_effect(path, name, values, system.vocabulary) for name, values in (told.effects or {}).items())
+    return effects, _solved(path, told.solved, system)
+
+
+def _solved(path: Path, told: str, system: AbstractSystem) -> AbstractSystem:
+    if not told or told == system.solved:
+        return system
+    ways = {s.solved: s for s in (system, *system.solved_otherwise())}
+    if told not in ways:
+        raise ConfigError(f"{path}: solved: allowed of this model: {' or '.join(map(repr, ways))}, got {told!r}.")
+    return ways[told]
 
 
 def _read(path: Path) -> _Corrected:

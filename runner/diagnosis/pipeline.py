@@ -16,9 +16,9 @@ from runner.diagnosis.notes import notes
 from runner.diagnosis.ranking import contender_of, ranking
 from runner.diagnosis.result import Diagnosis
 from runner.diagnosis.split import split
-from runner.inference.held_out import start_states, unseen
 from runner.inference.least_squares import Fit
 from runner.inference.outside import said_of_outside
+from runner.inference.unseen import start_states, unseen
 from runner.localise.dated import dated_disturbances
 from runner.localise.regimes import closure_by_regime
 from runner.localise.where import localise

@@ -10,7 +10,7 @@ from pydantic import Field, StrictFloat, TypeAdapter, ValidationError
 from runner.errors import ResultError
 from runner.settings import SETTINGS
 from runner.storage.checked import Keys, must, refusal
-from runner.storage.reading import read_json
+from runner.storage.reading import file_of, read_json
 
 if TYPE_CHECKING:
     from runner.diagnosis.result import Diagnosis
@@ -97,7 +97,7 @@ def read_verdicts(path: Path) -> dict[str, dict[str, Any]]:
     Raises:
         ResultError: If there is none, or it is something else.
     """
-    path = path / ALL if path.is_dir() else path
+    path = file_of(path, ALL)
     content = read_json(path, otherwise="`runner diagnose recording=CASES` and `runner blind run CASES` write one")
     try:
         _VERDICTS.validate_python(content)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -127,6 +127,18 @@ def memory(fit: Fit, fitter: Fitter) -> float:
     alike = covariance / covariance[0]
     last = int(np.argmax(alike <= 0)) if (alike <= 0).any() else len(alike)
     return float(max(1.0 + 2.0 * alike[1:last].sum(), 1.0))
+
+
+def likeliest_first(contenders: Iterable[Contender]) -> list[Contender]:
+    """Return contenders by their odds; of equal ones, in the order in which they come."""
+    return sorted(contenders, key=lambda c: -c.log_posterior)
+
+
+def leading(contenders: Sequence[Contender]) -> list[Contender]:
+    """Return the contenders of which one may turn out the likeliest by what is not weighed yet, likeliest first."""
+    leaders = likeliest_first(c for c in contenders if np.isfinite(c.log_posterior))[: SETTINGS.held_out.max_leaders]
+    hopeless = leaders[0].log_posterior - SETTINGS.held_out.hopeless_log_odds
+    return [c for c in leaders if c.log_posterior > hopeless]
 
 
 def are_confounded(a: Fit, b: Fit) -> bool:

@@ -23,6 +23,7 @@ from runner.inference.variable_projection import project
 from runner.numerics.arrays import FloatArray
 from runner.recording import Span
 from runner.settings import SETTINGS
+from runner.systems.base import AbstractSystem
 from runner.systems.simulator import Run
 
 
@@ -86,9 +87,7 @@ def by_noise(fits: Sequence[Fit], fitter: Fitter, others: Sequence[Fitter]) -> B
 
 def driven_otherwise(fitter: Fitter) -> tuple[Fitter, ...]:
     """Return the fitter with more noise on what drove the object, some times over; none where that is known."""
-    systems = fitter.system.driven_otherwise(SETTINGS.odds.drive_draws)
-    spans = fitter.measured.spans
-    return tuple(replace(fitter, system=s, simulator=s.simulator().parts(spans)) for s in systems)
+    return tuple(fitter.with_system(s) for s in fitter.system.driven_otherwise(SETTINGS.odds.drive_draws))
 
 
 def told_apart_from_noise(whole: Fitter) -> list[Span] | None:
@@ -99,11 +98,12 @@ def told_apart_from_noise(whole: Fitter) -> list[Span] | None:
     Args:
         whole: Of whole episodes, with the noise as it shows before any model was looked at.
     """
-    if not whole.system.driven_otherwise(1):
+    systems = whole.system.driven_otherwise(SETTINGS.odds.drive_draws)
+    if not systems:
         return None
     every = range(len(whole.measured.values))
     length_s, spans, part = whole.longest_s(every), None, whole
-    while _made_beside_starts(part) > 1.0 and length_s / 2 >= SETTINGS.pieces.min_length_s:
+    while _made_beside_starts(part, systems) > 1.0 and length_s / 2 >= SETTINGS.pieces.min_length_s:
         shorter = whole.pieces(length_s / 2, every)
         if {s.episode for s in shorter} != set(every):
             break
@@ -111,12 +111,16 @@ def told_apart_from_noise(whole: Fitter) -> list[Span] | None:
     return spans
 
 
-def _made_beside_starts(fitter: Fitter) -> float:
+def _made_beside_starts(fitter: Fitter, systems: Sequence[AbstractSystem]) -> float:
     """Return what noise of the drive makes beside the noise of all that was measured, as a mean square in noises.
 
     What start states take up of it is taken off.
+
+    Args:
+        fitter: Of what was recorded.
+        systems: The same with more noise on the drive.
     """
-    episodes, others = range(len(fitter.measured.values)), driven_otherwise(fitter)
+    episodes, others = range(len(fitter.measured.values)), [fitter.with_system(s) for s in systems]
     fit = fitter.fit(NONE, episodes, iterations=SETTINGS.fit.nominal_steps)
     made = 0.0
     for e, start, left, q in zip(episodes, fit.starts, fit.residual, fit.basis.q, strict=True):

@@ -186,6 +186,11 @@ class Fitter:
         """Return a fitter of parts of the episodes; to it each is an episode, with a start state of its own."""
         return replace(self, simulator=self.simulator.parts(spans), measured=self.measured.parts(spans))
 
+    def with_system(self, system: AbstractSystem) -> Fitter:
+        """Return a fitter of the same stretches and noise that simulates another system of the same recording."""
+        simulator = system.simulator().parts(self.measured.spans)
+        return Fitter(system, simulator, self.measured, self.held, self.observer)
+
     def stretched(self, spans: Sequence[Span]) -> Fitter:
         """Return a fitter of these parts of the episodes; of whole episodes, in their order, itself."""
         whole = [Span(e, 0, len(v)) for e, v in enumerate(self.measured.values)]

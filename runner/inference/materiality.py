@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from runner.effects.vocabulary import Candidate
-from runner.inference.contender import Contender
+from runner.inference.contender import Contender, likeliest_first
 from runner.inference.least_squares import Fit, Fitter
 from runner.inference.probability import allowed_excess
 from runner.inference.warm_start import key_of
@@ -62,7 +62,7 @@ def causes_of(contenders: Sequence[Contender], fitter: Fitter, gap: float) -> li
             t = SETTINGS.probability.temperature
             together = t * np.logaddexp(taken.log_posterior / t, given.log_posterior / t)
             known[key] = replace(taken, log_posterior=float(together))
-    return sorted(known.values(), key=lambda c: -c.log_posterior)
+    return likeliest_first(known.values())
 
 
 def _without_least(

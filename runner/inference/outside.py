@@ -8,7 +8,7 @@ noise's is no sign that those are the cause.
 from __future__ import annotations
 
 from runner.effects.vocabulary import Vocabulary
-from runner.inference.contender import Contender, contend
+from runner.inference.contender import Contender, contend, likeliest_first
 from runner.inference.evidence import directions, sensitivities
 from runner.inference.least_squares import Explanation, Fitter
 from runner.inference.search import Search
@@ -35,7 +35,7 @@ def with_outside(found: Search, fitter: Fitter) -> Search:
             every = directions(fitter.system)
             around, dispersion = sensitivities(fitter, fit, every), found.best.evidence.dispersion
             new.append(contend(fitter, fit, around, against=SETTINGS.odds.outside_log_odds, dispersion=dispersion))
-    return Search(tuple(sorted((*found.contenders, *new), key=lambda c: -c.log_posterior)), found.nominal)
+    return Search(tuple(likeliest_first((*found.contenders, *new))), found.nominal)
 
 
 def said_of_outside(found: Search, system: AbstractSystem) -> list[str]:

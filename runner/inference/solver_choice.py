@@ -11,9 +11,6 @@ more by what an effect is worth, and to come back it only has to leave less.
 
 from __future__ import annotations
 
-from collections import deque
-from dataclasses import replace
-
 from runner.inference.least_squares import Fit, Fitter
 from runner.inference.shortlist import least_gain
 from runner.settings import SETTINGS
@@ -37,12 +34,11 @@ def better_solved(fitter: Fitter, fit: Fit, as_believed: str) -> AbstractSystem 
         worth = SETTINGS.fit.tolerance_loss
         if system.solved != as_believed:
             worth = least_gain(fitter.measured.count(fit.episodes))
-        simulator = system.simulator().parts(fitter.measured.spans)
-        other = replace(fitter, system=system, simulator=simulator, surveys=deque(maxlen=SETTINGS.fit.kept_surveys))
+        other = fitter.with_system(system)
         # where the model has nothing that is solved otherwise, neither is it with other parameters
         if other.loss(fit.explanation, fit.x, fit.starts, fit.episodes) != left:
             again = other.fit(fit.explanation, fit.episodes, x=fit.x, starts=fit.starts)
-            system.simulator().simulated_s += simulator.simulated_s
+            system.simulator().simulated_s += other.simulator.simulated_s
             if again.total < left - worth:
                 return system
     return None

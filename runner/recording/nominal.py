@@ -29,6 +29,7 @@ from runner.errors import LimitError, RecordingError, nearest
 from runner.recording.data import BelievedPin, Noise, Nominal, Support
 from runner.recording.outline import check_outline, outline_of
 from runner.storage.checked import dotted, must, refusal, refused
+from runner.storage.reading import file_of
 from runner.storage.writing import write_yaml
 from runner.storage.yaml_text import YamlError, read_yaml
 
@@ -107,8 +108,7 @@ def read_nominal(path: str | Path) -> Nominal:
         RecordingError: If the file is missing or no YAML, a key is missing, unknown or given twice, or a value is no
             number, not possible, or hints at another unit. Numbers that YAML takes for text (`1e-3`) are numbers.
     """
-    path = Path(path)
-    path = path / FILE if path.is_dir() else path
+    path = file_of(path, FILE)
     content = load_mapping(path, REQUIRED)
     try:
         return nominal_of(content, path)

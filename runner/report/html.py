@@ -16,6 +16,7 @@ from runner.report import sections, unknown, words
 from runner.report.before_after import headline_miss
 from runner.report.motions import replay
 from runner.report.statement import NONE, Statement, caveats, state
+from runner.storage.reading import file_of
 from runner.storage.writing import write_text
 from runner.systems.base import AbstractSystem
 from runner.systems.recorded import in_parts, longest_part_s
@@ -39,8 +40,7 @@ def write_html(diagnosis: Diagnosis, path: str | Path) -> Path:
     Returns:
         The file.
     """
-    path = Path(path)
-    path = path / FILE if path.is_dir() else path
+    path = file_of(path, FILE)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, render(diagnosis, path.parent))
     return path

@@ -35,6 +35,7 @@ from runner.report.record_layout import (
 )
 from runner.report.record_shapes import colours, colours_over_time, kinds, shapes
 from runner.report.statement import NONE, state
+from runner.storage.reading import file_of
 from runner.systems.drawing import DrawnBody, Shape
 from runner.viewer.rrd import written
 
@@ -62,8 +63,7 @@ def write_rrd(diagnosis: Diagnosis, path: str | Path) -> Path:
     Returns:
         The file.
     """
-    path = Path(path)
-    path = path / FILE if path.is_dir() else path
+    path = file_of(path, FILE)
     path.parent.mkdir(parents=True, exist_ok=True)
     paths = sorted(replay(diagnosis), key=lambda p: (not p.held_out, p.episode))
     gaps = window_gaps(diagnosis, paths)

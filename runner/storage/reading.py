@@ -1,4 +1,4 @@
-"""JSON as it was written, and in one line what is wrong with a file that holds none."""
+"""JSON as it was written, in one line what is wrong with a file that holds none, and which file a path means."""
 
 from __future__ import annotations
 
@@ -8,6 +8,12 @@ from typing import Any
 
 from runner.errors import ResultError
 from runner.storage.limits import check_size
+
+
+def file_of(path: str | Path, name: str) -> Path:
+    """Return the file that is meant by a path: that itself, or where it is a folder what has this name in it."""
+    path = Path(path)
+    return path / name if path.is_dir() else path
 
 
 def read_json(path: Path, *, otherwise: str | None = None) -> Any:

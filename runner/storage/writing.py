@@ -14,12 +14,14 @@ import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
 import yaml
 
 from runner.errors import WriteError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 NO_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EBADF)  # of file systems that can't do it for folders
 STEM = 200  # characters of a name that are kept beside its place: the whole may have 255 bytes

@@ -171,10 +171,15 @@ class AbstractSystem(ABC):
         """
         return None
 
+    @property
+    def has_noisy_drive(self) -> bool:
+        """Whether what drove the object was measured, with the noise of a sensor, rather than known as a command is."""
+        return False
+
     def driven_otherwise(self, draws: int) -> tuple[AbstractSystem, ...]:
         """Return the same recording with more noise on what drove the object, as large as its sensor's, so many times.
 
-        None of them where the drive is known, as a command is.
+        None of them where the drive is known, see `has_noisy_drive`.
         """
         return ()
 

@@ -51,3 +51,43 @@ class AbstractInitialState(ABC):
     @abstractmethod
     def guess_windows(self, signals: Signals, windows: Windows, *, smooth: bool) -> FloatArray:
         """Return a start of each window, (W, S): from its first sample, or `smooth` from the samples around that."""
+
+
+def told_around(valid: NDArray[np.bool_], first: int, reach: int, *, least: int = 1) -> slice:
+    """Return the samples around one that tell of it: so many to each side, at the edge of an episode to one.
+
+    Where a channel was lost they go on until they hold `reach + 1` readings of it, or back where too few follow. Each
+    channel is looked at by itself, as sensors need not read at the same samples; one that reads nothing has no say.
+
+    Args:
+        valid: What counts of the channels of an episode, (T, C).
+        first: The sample.
+        reach: How many to each side.
+        least: A channel with fewer readings there was lost. Of one that reads at every sample that is as many as are
+            needed; of one whose sensor is slower than the others' any reading will do, as more are far away.
+    """
+    begin, end = max(0, first - reach), min(len(valid), first + reach + 1)
+    lost = (valid[begin:end].sum(axis=0) < least) & valid.any(axis=0)
+    near = slice(begin, end)
+    for there in map(np.flatnonzero, valid.T[lost]):
+        after = there[there >= begin][: reach + 1]
+        own = after if len(after) >= least else there[-reach - 1 :]
+        near = slice(min(near.start, int(own[0])), max(near.stop, int(own[-1]) + 1))
+    return near
+
+
+def level_around(values: FloatArray, valid: NDArray[np.bool_], first: int, reach: int, *, least: int = 1) -> FloatArray:
+    """Return the median of each channel over the samples around one, (C,); 0 of one that reads nothing.
+
+    Args:
+        values: Of an episode, (T, C).
+        valid: What of them counts, (T, C).
+        first: The sample.
+        reach: See `told_around`, channel by channel.
+        least: See there.
+    """
+    out = np.zeros(values.shape[1])
+    for c in np.flatnonzero(valid.any(axis=0)):
+        near = told_around(valid[:, [c]], first, reach, least=least)
+        out[c] = np.median(values[near, c][valid[near, c]])
+    return out

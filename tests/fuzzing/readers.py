@@ -16,8 +16,9 @@ import yaml
 from runner import commands
 from runner.api.tables import read_table
 from runner.commands._compose import composer, without_hydra
-from runner.commands._execute import _remembered, composed_for
+from runner.commands._execute import composed_for
 from runner.commands._explain import built
+from runner.commands._multirun import remembered
 from runner.commands._stored import stored_run
 from runner.commands._sweep import combinations, explain_sweep
 from runner.commands._trust import check_kept
@@ -162,7 +163,7 @@ def _sweep(place: Path) -> Reader:
     command = commands.load("run")
 
     def read(folder: Path) -> None:
-        _, *kept = _remembered(folder / SWEEP)
+        _, *kept = remembered(folder / SWEEP)
         check_kept("run", folder / SWEEP, kept, [])
         with composer("run", command) as hydra:
             try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 from typing import NamedTuple
 
@@ -143,11 +144,7 @@ def _compile(at: FrictionOffsets):
     return dry_friction
 
 
-_INSTALLED: list[object] = []
-
-
+@functools.cache
 def install() -> None:
     """Give dry friction to MuJoCo, once per process. The first call on a machine compiles it (some seconds)."""
-    if not _INSTALLED:
-        _INSTALLED.append(_compile(_measure()))
-        passive.install(_INSTALLED[0])
+    passive.install(_compile(_measure()))

@@ -25,6 +25,7 @@ a row (its `frictionloss` is zero) has no dry friction to change.
 from __future__ import annotations
 
 import ctypes
+import functools
 import math
 from pathlib import Path
 from typing import NamedTuple
@@ -229,12 +230,8 @@ def _compile(at: JointLawOffsets):
     return joint_law
 
 
-_INSTALLED: list[object] = []
-
-
+@functools.cache
 def install() -> None:
     """Give the law of joints to MuJoCo, once per process. The first call on a machine compiles it (a second or two)."""
-    if not _INSTALLED:
-        load_engine()
-        _INSTALLED.append(_compile(_measure()))
-        passive.install(_INSTALLED[0])
+    load_engine()
+    passive.install(_compile(_measure()))

@@ -18,7 +18,7 @@ from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import ChannelSource
 from runner.settings import SETTINGS
 from runner.systems.channels import Signals
-from runner.systems.initial import AbstractInitialState
+from runner.systems.initial import AbstractInitialState, told_around
 from runner.systems.mechanism import quaternions
 from runner.systems.mechanism.coordinates import HINGE, Coordinates
 from runner.systems.mechanism.kinematics import Kinematics
@@ -181,7 +181,7 @@ class MechanismStart(AbstractInitialState):
         whole = signals.spans[episode]
         t = self._recording.episodes[whole.episode].t_s[whole.begin : whole.end]
         reach = max(SETTINGS.fit.min_start_samples, round(MECHANISM.start.smooth_s / self._recording.step_s))
-        span = _told_around(signals.valid[episode], first, reach)
+        span = told_around(signals.valid[episode], first, reach)
         values = self._turned(signals.values[episode], whole, first)[span]
         valid = signals.valid[episode][span] & np.isfinite(values)
         time = t[span] - t[first]
@@ -215,21 +215,6 @@ class MechanismStart(AbstractInitialState):
         measured = self._recording.episodes[episode].orientations[source.column]
         known = np.flatnonzero(np.isfinite(measured[:, 0]))
         return measured[known[np.argmin(np.abs(known - first))]] if len(known) else np.array([1.0, 0.0, 0.0, 0.0])
-
-
-def _told_around(valid: np.ndarray, first: int, reach: int) -> slice:
-    """Return the samples around one that tell of it, so many to each side, of (T, C) that count or do not.
-
-    Where a channel was lost all that while they go on to its next readings, so many, or back to its last.
-    """
-    begin, end = max(0, first - reach), min(len(valid), first + reach + 1)
-    for there in (np.flatnonzero(v) for v in valid.T if v.any() and not v[begin:end].any()):
-        after = there[there >= end][: reach + 1]
-        if len(after):
-            end = int(after[-1]) + 1
-        else:
-            begin = int(there[-reach - 1 :][0])
-    return slice(begin, end)
 
 
 def _least_squares(rows: FloatArray, right: FloatArray) -> FloatArray:

@@ -16,6 +16,7 @@ A servo at the limit of its force has no damping, and MuJoCo gives it none. What
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 import mujoco
@@ -153,15 +154,11 @@ def _compile(at: MidpointOffsets):
     return midpoint
 
 
-_INSTALLED: list[object] = []
-
-
+@functools.cache
 def install() -> None:
     """Give the callback to MuJoCo, once per process. The first call on a machine compiles it (a second or two)."""
-    if not _INSTALLED:
-        load_engine()
-        _INSTALLED.append(_compile(_measure()))
-        passive.install(_INSTALLED[0])
+    load_engine()
+    passive.install(_compile(_measure()))
 
 
 def reserve(spec: mujoco.MjSpec) -> None:

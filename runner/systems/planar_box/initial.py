@@ -6,11 +6,11 @@ import numpy as np
 
 from runner.numerics.arrays import FloatArray
 from runner.systems.channels import Signals
-from runner.systems.initial import AbstractInitialState
+from runner.systems.initial import AbstractInitialState, level_around, told_around
 from runner.systems.windows import Windows
 
 SMOOTH_S = 0.1  # half width of the local smoother
-FIRST = 5  # samples whose median a start is guessed from
+FIRST = 5  # samples whose median a start is guessed from, or one that was lost
 REACH = 3  # samples to each side that the smoother has at least where it tells velocities from positions alone
 SETTLING_S = 0.1  # of a pin and a body that noise of the start has put too near, too far, or at other speeds
 SLOPE_S = 0.1  # a slope over a window that short: its error is that of a sample over so many seconds
@@ -38,16 +38,16 @@ class PlanarStart(AbstractInitialState):
         """Return the median of the first samples that were measured."""
         if len(self._lacking):
             return self._smoothed(signals, Windows(np.array([episode]), np.array([0]), 1))[0]
-        near = self._near(signals, episode, 0, FIRST - 1)
-        first = np.where(signals.valid[episode][near], signals.values[episode][near], np.nan)
-        return np.nan_to_num(_median(first[:, self.channels]), nan=0.0)
+        values, valid = (every[episode][:, self.channels] for every in (signals.values, signals.valid))
+        return level_around(values, valid, 0, FIRST - 1, least=FIRST)
 
     def guess_windows(self, signals: Signals, windows: Windows, *, smooth: bool) -> FloatArray:
         """Return the measured states, or `smooth` those of local cubics through poses and velocities."""
         if smooth:
             return self._smoothed(signals, windows)
         out = np.empty((len(windows), 6))
-        out[:, self._columns] = _measured(signals, windows)[:, self.channels]
+        for w, (e, f) in enumerate(zip(windows.episode, windows.first, strict=True)):
+            out[w, self._columns] = self._measured(signals, int(e), int(f))
         if len(self._lacking):
             out[:, self._lacking] = self._smoothed(signals, windows)[:, self._lacking]
         return out
@@ -59,7 +59,7 @@ class PlanarStart(AbstractInitialState):
         sigma = self.scale(signals.sigma)
         out = np.empty((len(windows), 6))
         for w, (e, f) in enumerate(zip(windows.episode, windows.first, strict=True)):
-            near = self._near(signals, e, f, reach)
+            near = told_around(signals.valid[e][:, self.channels], f, reach, least=reach + 1)
             valid, values = self._states(signals, e, near)
             t = (np.arange(near.start, near.stop) - f) / rate_hz
             pose = np.stack([np.ones_like(t), t, t**2 / 2, t**3 / 6], axis=1)
@@ -71,16 +71,12 @@ class PlanarStart(AbstractInitialState):
                 out[w, [c, c + 3]] = np.linalg.lstsq(matrix, right, rcond=None)[0][:2]
         return out
 
-    def _near(self, signals: Signals, episode: int, first: int, reach: int) -> slice:
-        """Return the samples around one that tell of the state there, so many to each side.
-
-        At the edge of an episode one side has to do; where a tracker was lost, the next samples that were measured.
-        """
-        valid = signals.valid[episode][:, self.channels]
-        there = np.flatnonzero(valid[:, valid.any(axis=0)].all(axis=1))
-        begin, end = max(0, first - reach), min(len(valid), first + reach + 1)
-        after = there[there >= begin][: reach + 1]
-        return slice(begin, max(end, after[-1] + 1) if len(after) else end)
+    def _measured(self, signals: Signals, episode: int, first: int) -> np.ndarray:
+        """Return what was measured at a sample, (K,); a median around it where that doesn't count."""
+        values, valid = (every[episode][:, self.channels] for every in (signals.values, signals.valid))
+        if valid[first].all():
+            return values[first]
+        return np.where(valid[first], values[first], level_around(values, valid, first, FIRST // 2))
 
     def _states(self, signals: Signals, episode: int, near: slice) -> tuple[np.ndarray, np.ndarray]:
         """Return what of the six numbers counts at some samples, and their values, 0 where not, both (T, 6)."""
@@ -89,21 +85,3 @@ class PlanarStart(AbstractInitialState):
         valid[:, self._columns] = there
         values[:, self._columns] = np.where(there, signals.values[episode][near, self.channels], 0.0)
         return valid, values
-
-
-def _measured(signals: Signals, windows: Windows) -> np.ndarray:
-    """Return what was measured at the start of each window, (W, C); a median around it where it doesn't count."""
-    out = np.empty((len(windows), len(signals.sigma)))
-    for w, (e, f) in enumerate(zip(windows.episode, windows.first, strict=True)):
-        near = slice(max(0, f - 2), f + 3)
-        around = np.where(signals.valid[e][near], signals.values[e][near], np.nan)
-        fine = signals.valid[e][f]
-        instead = np.zeros(len(fine)) if fine.all() else np.nan_to_num(_median(around))
-        out[w] = np.where(fine, signals.values[e][f], instead)
-    return out
-
-
-def _median(values: np.ndarray) -> np.ndarray:
-    """Return medians over rows without NaN, NaN where there is nothing."""
-    columns = [column[np.isfinite(column)] for column in values.T]
-    return np.array([np.median(column) if len(column) else np.nan for column in columns])

@@ -137,12 +137,23 @@ class PlanarBox(AbstractSystem):
             self._simulator = Simulator(self.recording, threads=threads)
         return self._simulator
 
+    @property
+    def has_noisy_drive(self) -> bool:
+        """See `AbstractSystem`: forces that a sensor has measured are; where a pin pushes, its path decides."""
+        return bool(self._drive_noise_n().any())
+
     def driven_otherwise(self, draws: int) -> tuple[PlanarBox, ...]:
-        """See `AbstractSystem`: under forces that a sensor has measured; where a pin pushes, its path decides."""
-        noise_n = pushing_noise(e.force_n[:, :2] for e in self.recording.episodes)
-        if self.recording.nominal.pin is not None or not noise_n.any():
-            return ()
-        return tuple(PlanarBox(_noisier(self.recording, noise_n, seed)) for seed in range(draws))
+        """See `AbstractSystem`."""
+        noise_n = self._drive_noise_n()
+        return tuple(
+            PlanarBox(_noisier(self.recording, noise_n, seed)) for seed in range(draws if noise_n.any() else 0)
+        )
+
+    def _drive_noise_n(self) -> FloatArray:
+        """Return the noise of the force along world x and y, (2,), N."""
+        if self.recording.nominal.pin is not None:
+            return np.zeros(2)
+        return pushing_noise(e.force_n[:, :2] for e in self.recording.episodes)
 
     def label(self, signals: Signals, windows: Windows) -> Labels:
         """See `AbstractSystem`."""
