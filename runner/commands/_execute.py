@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -206,7 +206,7 @@ def _resume(
 
 
 @contextmanager
-def _folder(out: str | None, experiment: str, *, empty: bool = False) -> Iterator[Path]:
+def _folder(out: str | None, experiment: str, *, empty: bool = False) -> Generator[Path]:
     """Make a results folder and hold it, so that no other process writes to it meanwhile.
 
     Raises:

@@ -179,8 +179,10 @@ class _Rounds:
         if self.seeds:
             seed = min(self.seeds.values(), key=lambda s: s.total)
             if seed.total < begin.total:
-                how = {"x": seed.x, "starts": seed.starts, "iterations": SETTINGS.fit.warm_steps}
-                begin = self.fitter.fit(seed.explanation, self.episodes, polish=False, **how)
+                steps = SETTINGS.fit.warm_steps
+                begin = self.fitter.fit(
+                    seed.explanation, self.episodes, x=seed.x, starts=seed.starts, iterations=steps, polish=False
+                )
                 self._seed(begin)
         fit, self.last = leap(self.fitter, begin, self.every, self._around(begin), self._worth_beside)
         if fit is not begin:
@@ -451,8 +453,15 @@ class _Rounds:
             # what holds fewer effects leaves more, and may still be likelier
             like = len(c.fit.explanation.candidates) >= len(leaders[0].fit.explanation.candidates)
             target = leaders[0].fit.total if like else np.inf
-            how = {"x": c.fit.x, "starts": begin, "iterations": steps, "patience": SETTINGS.fit.patience_steps}
-            fit = self.fitter.fit(c.fit.explanation, self.episodes, target=target, **how)
+            fit = self.fitter.fit(
+                c.fit.explanation,
+                self.episodes,
+                x=c.fit.x,
+                starts=begin,
+                target=target,
+                iterations=steps,
+                patience=SETTINGS.fit.patience_steps,
+            )
             if fit.explanation.candidates:
                 again = self._worthy(fit, self._around(fit))
             else:

@@ -67,7 +67,7 @@ class MechanismSystem(AbstractSystem):
     # of two effects that do the same each would be explained away by what the other's small mismatch may do
     screening_level = 0.0
     recording: MechanismRecording
-    initial: MechanismStart
+    initial: MechanismStart  # ty: ignore[incompatible-mutable-override]  # none of another kind is ever put there
 
     def __init__(
         self, recording: MechanismRecording, *, step_s: float | None = None, hard_friction: bool | None = None
