@@ -45,7 +45,7 @@ slow: $(FULL)  ## Tests that take too long for every change: before a release
 check: $(FULL)
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
-	@$(BIN)/pyright
+	@$(BIN)/ty check
 
 compiled: $(FULL)  # what every process of the tests would compile for itself, while types are checked
 	@env -u PYTHONDONTWRITEBYTECODE $(ONE_BLAS_THREAD) $(BIN)/python -m tests.compiled

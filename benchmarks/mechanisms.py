@@ -101,8 +101,8 @@ def emps(folder: Path, case: Path, results: Path) -> list[tuple[str, float, floa
     out = []
     for name, one in (("as published", axis), ("corrected", corrected)):
         off = closed_loop(reference, float(rows["q_slide"].iloc[0]), one, 5) - recorded
-        shares = [np.sqrt(np.mean(off[part] ** 2) / np.mean(recorded[part] ** 2)) for part in (slice(None), third)]
-        out.append((name, *map(float, shares)))
+        whole, last = (np.mean(off[part] ** 2) / np.mean(recorded[part] ** 2) for part in (slice(None), third))
+        out.append((name, float(np.sqrt(whole)), float(np.sqrt(last))))
     return out
 
 

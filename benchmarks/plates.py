@@ -139,7 +139,7 @@ def main() -> None:
                 + ", ".join(f"{v:.4g}" for v in common)
             )
         if given.corrected and (given.corrected / plate.name / FILE).is_file():
-            models["corrected"] = read_corrected(given.corrected / plate.name / FILE, system.vocabulary)
+            models["corrected"], _ = read_corrected(given.corrected / plate.name / FILE, system)
         for name, effects in models.items():
             ends = ends_of(system, effects)
             found.setdefault(name, []).extend(ends)

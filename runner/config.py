@@ -30,15 +30,18 @@ import typing
 from collections.abc import Callable, Mapping
 from enum import Enum
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from runner.errors import ConfigError, RunnerError, nearest
 
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 TARGET = "_target_"
 
-_REGISTERED: dict[tuple[str, str], type] = {}
-_TARGETS: dict[str, type] = {}
+_REGISTERED: dict[tuple[str, str], type[DataclassInstance]] = {}
+_TARGETS: dict[str, type[DataclassInstance]] = {}
 
 
 def registered(group: str, name: str | None = None) -> Callable[[type[T]], type[T]]:
@@ -73,7 +76,7 @@ def options(group: str) -> tuple[str, ...]:
 
 
 @functools.cache
-def schema(cls: type) -> type:
+def schema(cls: type[DataclassInstance]) -> type:
     """Return the OmegaConf schema of a frozen dataclass: the same fields, mutable, and `_target_`.
 
     Fields of an abstract class may hold any option of their group; nested dataclasses become nested schemas. A field
@@ -153,7 +156,7 @@ def _schema_value(value: Any) -> Any:
     return value
 
 
-def store_schemas(name: str, root: type) -> None:
+def store_schemas(name: str, root: type[DataclassInstance]) -> None:
     """Give Hydra the schema of a command (`schema_<name>`) and of every class that was registered."""
     from hydra.core.config_store import ConfigStore
 
@@ -163,7 +166,7 @@ def store_schemas(name: str, root: type) -> None:
         store.store(group=group, name=f"schema_{option}", node=schema(cls), provider="runner")
 
 
-def restored(plain: Any, cls: type) -> Any:
+def restored(plain: Any, cls: type[DataclassInstance]) -> Any:
     """Return plain containers of a file as `build` wants them: types checked, names in place of which enums stand.
 
     Args:
@@ -196,7 +199,8 @@ def _restored(value: Any, cls: Any, key: str) -> Any:
             continue
         try:
             node[name] = part
-            out[str(name)] = OmegaConf.to_container(node, resolve=False)[name]  # type: ignore[index]
+            checked: Any = OmegaConf.to_container(node, resolve=False)
+            out[str(name)] = checked[name]
         except (OmegaConfBaseException, ValueError) as error:
             raise ConfigError(f"{place}: {' '.join(str(error).split('full_key')[0].split())}") from None
     return out

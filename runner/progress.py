@@ -9,7 +9,7 @@ import sys
 import textwrap
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence, Sized
 from contextlib import contextmanager
 from typing import Protocol, TypeVar
 
@@ -103,7 +103,7 @@ def silent(_: int) -> None:
 
 
 @contextmanager
-def observed(description: str) -> Iterator[ProgressObserver]:
+def observed(description: str) -> Generator[ProgressObserver]:
     """Give an observer of a diagnosis, which shows what it is at: on a terminal at once, else a line now and then."""
     current = [""]
 
@@ -115,7 +115,7 @@ def observed(description: str) -> Iterator[ProgressObserver]:
 
 
 @contextmanager
-def _shown(description: str, line: Callable[[], str]) -> Iterator[None]:
+def _shown(description: str, line: Callable[[], str]) -> Generator[None]:
     """Show what changes until the end, behind the time that went by: after a second, or every ten.
 
     Lines of what takes many minutes come more and more rarely.
@@ -161,7 +161,7 @@ def _folded(line: str) -> str:
 @contextmanager
 def progress(
     description: str, *, total: float | None, unit: str = "", minutes: bool = False
-) -> Iterator[Callable[..., None]]:
+) -> Generator[Callable[..., None]]:
     """Give a function `advance(steps=1)` that moves a bar on; the bar shows after a second, on stderr.
 
     Args:

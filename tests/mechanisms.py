@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -85,13 +86,22 @@ def move(
     return np.arange(steps + 1) * model.opt.timestep, q, v
 
 
+@dataclass(frozen=True)
+class Until:
+    """An event that ends `solve_ivp`: a value of time and state goes through zero, upwards for 1, either way for 0."""
+
+    value: Callable[[float, np.ndarray], float]
+    direction: float = 0.0
+    terminal: bool = True
+
+    def __call__(self, t: float, y: np.ndarray) -> float:
+        return self.value(t, y)
+
+
 def coast(speed: float, resistance: Callable[[float], float]) -> tuple[float, float]:
     """Return time and distance of the slider until it rests, from integration of m dv/dt = -resistance(v)."""
 
-    def stops(_t: float, y: np.ndarray) -> float:
-        return float(y[1]) * np.sign(speed) - 1e-9
-
-    stops.terminal = True  # type: ignore[attr-defined]
+    stops = Until(lambda _t, y: float(y[1]) * np.sign(speed) - 1e-9)
     run = solve_ivp(
         lambda _t, y: [y[1], -resistance(y[1]) / SLIDER_KG], (0, 20), [0.0, speed], events=stops, rtol=1e-9, atol=1e-12
     )

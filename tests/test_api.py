@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -227,7 +228,7 @@ def test_orientations_forces_and_sensors(tmp_path: Path) -> None:
 
 
 T = np.arange(10) * 0.01
-REFUSED = {
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "no such model": ({"model": "nowhere.xml"}, r"model: no file 'nowhere\.xml'\."),
     "length": ({"channels": {"q_hinge": T[1:]}}, r"'q_hinge': must have shape \(10,\), as long as t, got \(9,\)\."),
     "text": ({"channels": {"q_hinge": ["a"] * 10}}, "'q_hinge': must be numbers"),
@@ -250,7 +251,7 @@ REFUSED = {
 def test_wrong_arrays_are_one_line(wrong: str, model: Path) -> None:
     """Which array, what was wrong, what is allowed; no folder that is gone is named."""
     arguments, message = REFUSED[wrong]
-    given = {"model": model, "t": T, "channels": {"q_hinge": 0.1 * T}} | arguments
+    given: dict[str, Any] = {"model": model, "t": T, "channels": {"q_hinge": 0.1 * T}} | arguments
     with pytest.raises(runner.RunnerError, match=message) as error:
         runner.case_from_arrays(**given)
     assert "\n" not in str(error.value)

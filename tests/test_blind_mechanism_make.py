@@ -215,7 +215,7 @@ def test_a_made_set_is_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str])
                 assert [c.name for c in candidates_of([effect], system.vocabulary)] == [
                     full(effect["name"], effect.get("target"))
                 ]
-    (copied,) = copy_cases({name: folder}, tmp_path / "hidden").values()
+    (copied,) = copy_cases({name: tmp_path / "set" / name for name in answers}, tmp_path / "hidden").values()
     assert {p.name for p in copied.iterdir()} == {"recording.parquet", "nominal.yaml", "model.xml"}
     assert main(["blind", "make", "n=1", "system=arm", f"out={tmp_path / 'other'}"]) == 2
     assert "system: no 'arm'. Valid: 'arm2'" in capsys.readouterr().err

@@ -6,6 +6,7 @@ import ast
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -30,12 +31,13 @@ def episode(
     duration_s: float = 2.0,
     until_s: float = math.inf,
     rate_hz: float = 100.0,
-    **more: float,
+    elapsed_s: float = 0.0,
+    number: int = 0,
 ) -> PlannedEpisode:
     n = round(duration_s * rate_hz) + 1
     command = np.zeros((n, 5))
     command[np.arange(n) / rate_hz < until_s] = [*force, *point]
-    return PlannedEpisode(np.array(start, float), command, rate_hz, **more)  # pyright: ignore[reportArgumentType]
+    return PlannedEpisode(np.array(start, float), command, rate_hz, elapsed_s, number)
 
 
 def times(e: PlannedEpisode) -> np.ndarray:
@@ -164,9 +166,9 @@ def test_wind_tilt_and_leak_accelerate_as_their_closed_forms() -> None:
 
 
 @pytest.mark.parametrize("flow", ["associated", "scaled"])
-def test_anisotropic_friction_differs_along_its_axes(flow: str) -> None:
+def test_anisotropic_friction_differs_along_its_axes(flow: Literal["associated", "scaled"]) -> None:
     angle = 0.5
-    box = replace(BOX, anisotropy=(1.3, 0.7), anisotropy_angle=angle, anisotropy_flow=flow)  # pyright: ignore
+    box = replace(BOX, anisotropy=(1.3, 0.7), anisotropy_angle=angle, anisotropy_flow=flow)
     for factor, direction in ((1.3, angle), (0.7, angle + math.pi / 2)):
         start = (0, 0, 0, math.cos(direction), math.sin(direction), 0)
         end = simulate(box, episode(start=start))[-1]
@@ -193,8 +195,8 @@ def test_stribeck_stops_by_its_integral_and_stiction_holds_up_to_its_excess() ->
 
 
 @pytest.mark.parametrize("shape", ["disc", "gaussian"])
-def test_a_patch_changes_friction_where_it_is(shape: str) -> None:
-    small = replace(BOX, half_size=(0.05, 0.05, 0.05), patch=0.5, patch_place=(3.0, 1.0), patch_shape=shape)  # pyright: ignore
+def test_a_patch_changes_friction_where_it_is(shape: Literal["disc", "gaussian"]) -> None:
+    small = replace(BOX, half_size=(0.05, 0.05, 0.05), patch=0.5, patch_place=(3.0, 1.0), patch_shape=shape)
 
     def drag(x: float) -> float:
         return -base_load(small, np.array([x, 1.0, 0, 0, 1.0, 0]))["fy_n"] / (0.3 * WEIGHT)
@@ -205,8 +207,8 @@ def test_a_patch_changes_friction_where_it_is(shape: str) -> None:
 
 
 def test_pressure_at_the_rim_turns_harder_than_in_the_middle() -> None:
-    def torque(**change: object) -> float:
-        box = replace(BOX, **change)  # pyright: ignore[reportArgumentType]
+    def torque(**change: Any) -> float:
+        box = replace(BOX, **change)
         return -base_load(box, np.array([0, 0, 0, 0, 0, 3.0]))["torque_n_m"]
 
     even = torque()

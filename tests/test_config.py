@@ -211,4 +211,4 @@ def test_built_is_frozen() -> None:
     """What comes out can't be changed by accident."""
     whole = build(composed(), Whole)
     with pytest.raises(dataclasses.FrozenInstanceError):
-        whole.seed = 4  # type: ignore[misc]
+        whole.seed = 4  # ty: ignore[invalid-assignment]  # it is tested

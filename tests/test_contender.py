@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,7 +18,7 @@ from runner.inference.evidence import directions, sensitivities
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.variable_projection import Spread
 from runner.noise.measured import measure
-from runner.recording import Nominal, Recording
+from runner.recording import Recording
 from runner.systems.planar_box.simulator import Simulator
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.simulator import Run
@@ -69,7 +70,7 @@ def test_other_edges_are_those_of_another_box() -> None:
     recording, starts = made(episodes=1, seconds=3.0)
     assert isinstance(NOMINAL.half_size_m, tuple)
     hx, hy, hz = NOMINAL.half_size_m
-    larger = Nominal(**{**vars(NOMINAL), "half_size_m": (1.1 * hx, 0.95 * hy, hz)})
+    larger = replace(NOMINAL, half_size_m=(1.1 * hx, 0.95 * hy, hz))
     other = Recording(recording.path, recording.form, larger, recording.episodes)
     (effect,) = Simulator(recording).predict(0, [Run((BodySize(1.1, 0.95),), starts[0])])
     (built,) = Simulator(other).predict(0, [Run((), starts[0])])

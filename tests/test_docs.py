@@ -31,7 +31,7 @@ from tests.cases import made
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "docs" / "reference"))
-from make_reference import PAGES, described_columns  # noqa: E402  # pyright: ignore[reportMissingImports]
+from make_reference import PAGES, described_columns  # noqa: E402
 
 
 def blocks(page: str) -> str:
@@ -67,7 +67,7 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]
     for registry in (config._REGISTERED, config._TARGETS):
         for key, cls in list(registry.items()):
             if getattr(sys.modules.get(cls.__module__), cls.__name__, None) is not cls:
-                del registry[key]  # type: ignore[arg-type]
+                del registry[key]  # ty: ignore[invalid-argument-type]  # the key is of the same one
 
 
 def run_page(page: str, **names: object) -> dict:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ NOISE = Noise(0.0005, 0.0008, 0.003, 0.005)
 SIGMA = np.array([0.0005, 0.0005, 0.0008, 0.003, 0.003, 0.005])
 
 # (the effect as a model edit, the same thing in the other integrator, how near the fit must come: of each parameter)
-PLANTED = {
+PLANTED: dict[str, tuple[AbstractEffect, dict[str, Any], float]] = {
     "mass": (fx.Mass(2.3), {"mass": 2.3}, 0.01),
     "friction": (fx.Friction(0.28), {"friction": 0.28}, 0.01),
     "com_offset": (fx.ComOffset(0.03, -0.04), {"com": (0.03, -0.04)}, 0.1),
@@ -113,8 +114,9 @@ def recorded(world: World, *, noise: float = 0.0) -> Recording:
     return Recording(Path("planted"), Form.PLANAR, Nominal(HALF, MASS, MU, 9.81, RATE, noise=NOISE), tuple(episodes))
 
 
-def world(**changes: object) -> World:
-    return World(**{"half_size": HALF, "mass": MASS, "friction": MU, **changes})  # type: ignore[arg-type]
+def world(**changes: Any) -> World:
+    values: dict[str, Any] = {"half_size": HALF, "mass": MASS, "friction": MU}
+    return World(**(values | changes))
 
 
 @pytest.mark.parametrize("name", PLANTED)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,9 +29,9 @@ REMOTE = RemoteConfig(mass_kg=3.0, com_m=(0.06, -0.04, 0.0), inertia_kg_m2=(0.6,
 SD = np.array([np.log(2), 0.3, 0.3, np.log(2), np.log(2)])
 
 
-def experiment(pushes: int = 2, **changes: object) -> Experiment:
+def experiment(pushes: int = 2, **changes: Any) -> Experiment:
     """The paper's sequence, cut short."""
-    values: dict[str, object] = {
+    values: dict[str, Any] = {
         "seed": 0,
         "scene": SCENE,
         "forces": PaperForces(pushes=pushes, lead_s=0.1, rest_s=0.5),
@@ -39,7 +40,7 @@ def experiment(pushes: int = 2, **changes: object) -> Experiment:
         "link": LinkConfig(),
         "estimator": {"linear": Linear()},
     }
-    return Experiment(**(values | changes))  # type: ignore[arg-type]
+    return Experiment(**(values | changes))
 
 
 @cache

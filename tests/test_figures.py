@@ -135,12 +135,13 @@ def test_when_the_clock_is_the_cause(slower: float, worse_in: int, holds: bool |
     for rate in (30.0, 45.0, 60.0):
         for i, phase in enumerate((0.3, 0.6, 0.9, 0.0)):
             end = 0.0 if phase == 0.0 else -0.2 if rate == 60.0 and i < worse_in else 0.1
-            rows.append({"link.rate_hz": rate, "link.phase": phase, "mass_final_error": end, "mass_median_error": 1e-3})
-            rows[-1]["run"] = str(tmp_path / f"{rate}_{phase}")
-            Path(rows[-1]["run"]).mkdir()
+            run = tmp_path / f"{rate}_{phase}"
+            run.mkdir()
+            errors_after = {"mass_final_error": end, "mass_median_error": 1e-3}
+            rows.append({"run": str(run), "link.rate_hz": rate, "link.phase": phase, **errors_after})
             errors = np.array([0.5, *(1e-2 * 0.1 ** np.arange(12) * (slower if rate == 60.0 else 1.0))])
             frames = pd.DataFrame({"time_s": 0.02 * np.arange(1, 14), "linear_mass_error": -errors})
-            frames.to_parquet(Path(rows[-1]["run"]) / "frames.parquet")
+            frames.to_parquet(run / "frames.parquet")
     drawn = load()["unfixed_clock"]["by_rate"](Runs("unfixed_clock", pd.DataFrame(rows), pd.DataFrame()))
     assert drawn.holds is holds
 

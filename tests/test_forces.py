@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -167,16 +168,16 @@ def test_csv_must_exist(tmp_path: Path) -> None:
     [
         (lambda: PaperForces(force_n=math.nan), r"force_n: must be a finite number in \]0, 1e\+06\] N, got nan"),
         (lambda: PaperForces(pushes=0), r"pushes: must be"),
-        (lambda: Straight(force_n=(1.0, 2.0)), r"force_n: must be 3 numbers in N"),  # type: ignore[arg-type]
+        (lambda: Straight(force_n=(1.0, 2.0)), r"force_n: must be 3 numbers in N"),  # ty: ignore[invalid-argument-type]  # it is tested
         (lambda: Offcentre(point_m=(0.0, math.inf, 0.0)), r"point_m\[1\]"),
         (lambda: Chirp(end_hz=-1.0), r"end_hz: must be"),
         (lambda: RandomForces(push_s=(0.5, 0.2)), r"push_s: must be \[smallest, largest\], got \[0.5, 0.2\] s"),
     ],
 )
-def test_wrong_values_are_refused(make: object, message: str) -> None:
+def test_wrong_values_are_refused(make: Callable[[], object], message: str) -> None:
     """A value out of range, NaN or of the wrong length is refused on making the sequence."""
     with pytest.raises(ConfigError, match=message):
-        make()  # type: ignore[operator]
+        make()
 
 
 def test_every_sequence_has_a_file() -> None:

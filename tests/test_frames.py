@@ -32,7 +32,7 @@ def test_nothing_can_be_changed() -> None:
     with pytest.raises(ValueError, match="read-only"):
         made.column("a")[0] = 1
     with pytest.raises(TypeError):
-        made.columns["b"] = source  # type: ignore[index]
+        made.columns["b"] = source  # ty: ignore[invalid-assignment]  # it is tested
     with pytest.raises(AttributeError, match="can't be changed"):
         made[0].a = 1.0
     table = made.table()

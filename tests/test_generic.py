@@ -105,8 +105,8 @@ def _sizes(call: ast.Call) -> Iterator[int]:
     shapes = [*call.args[: SHAPED[name]], *(k.value for k in call.keywords if k.arg in ("shape", "newshape", "N", "M"))]
     for shape in shapes:
         for part in shape.elts if isinstance(shape, ast.Tuple | ast.List) else [shape]:
-            if isinstance(part, ast.Constant) and part.value in SIZES:
-                yield part.value
+            if isinstance(part, ast.Constant):
+                yield from (size for size in SIZES if size == part.value)
 
 
 def _is_of_rich(node: ast.AST) -> bool:

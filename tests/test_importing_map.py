@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 import yaml
 from log_writers import FLAT, WRITERS, Import, Run
+from pydantic import BaseModel
 
 from runner.errors import RecordingError
 from runner.importing import map_file, units
@@ -120,8 +121,8 @@ def test_the_map_with_all_keys_works(tmp_path: Path, run_import: Import) -> None
     keys = shown(0)
     sections: dict[str, Any] = {"log": [keys["log"]], "clock": [keys["clock"]], "forces": keys["forces"]}
     sections |= {kind: list(keys[kind].values()) for kind in ("commands", "channels")}
-    schemas = {"log": map_file.LogKeys, "clock": map_file.ClockKeys, "forces": map_file.ForceKeys}
-    schemas |= {"channels": map_file.ChannelKeys}
+    schemas: dict[str, type[BaseModel]] = {"log": map_file.LogKeys, "clock": map_file.ClockKeys}
+    schemas |= {"forces": map_file.ForceKeys, "channels": map_file.ChannelKeys}
     assert set(keys) == set(map_file.Map.model_fields)
     for name, schema in schemas.items():
         assert set().union(*sections[name]) == set(schema.model_fields)
@@ -158,7 +159,7 @@ def test_the_map_with_all_keys_works(tmp_path: Path, run_import: Import) -> None
     ("number", "kind"),
     [(1, map_file.BoxMap), (2, map_file.BoxMap), (3, map_file.Map), (4, map_file.Map), (5, map_file.Map)],
 )
-def test_maps_on_the_page_are_maps(number: int, kind: type, tmp_path: Path) -> None:
+def test_maps_on_the_page_are_maps(number: int, kind: Any, tmp_path: Path) -> None:
     (tmp_path / "map.yaml").write_text(yaml.safe_dump(shown(number)))
     assert map_file.read_map(tmp_path / "map.yaml", kind).channels
 

@@ -12,12 +12,12 @@ from runner.physics.forces import PaperForces
 from runner.physics.scene import Dof, FloorContact, SceneConfig
 from runner.studies.latency import NOISE, Latency, sent
 from runner.teleop import late_side, loop
-from runner.teleop.estimators import Linear, Rotational
+from runner.teleop.estimators import AbstractEstimator, Linear, Rotational
 from runner.teleop.experiment import Experiment, RemoteConfig, StartConfig
 from runner.teleop.follow import AbstractFollow, Blended, FreeSpace, Immediate, RateLimited, Unaware
 from runner.teleop.link import LinkConfig, NoiseConfig, arrivals, taken_in
 
-RULES = {"linear": Linear(), "rotational": Rotational()}
+RULES: dict[str, AbstractEstimator] = {"linear": Linear(), "rotational": Rotational()}
 
 
 def experiment(link: LinkConfig, follow: AbstractFollow | None = None, pushes: int = 3) -> Experiment:

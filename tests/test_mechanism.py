@@ -341,7 +341,7 @@ def test_windows_are_labelled_by_what_was_done(tmp_path: Path):
 def test_proposals_stay_within_the_recorded_commands(tmp_path: Path):
     system = arm(tmp_path)
     trials, empty, start = system.proposals()
-    assert {t.pattern for t in trials} == {"step", "ramp", "sine", "reversal"}  # type: ignore[attr-defined]
+    assert {t.pattern for t in trials} == {"step", "ramp", "sine", "reversal"}
     assert all(np.isnan(v).all() for v in empty.values())
     recorded = np.concatenate([e.commands for e in system.recording.episodes])
     for i, trial in enumerate(trials):

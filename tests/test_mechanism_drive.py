@@ -14,6 +14,7 @@ from mechanisms import (
     SLIDER_DAMPING,
     SLIDER_DRY_N,
     SLIDER_KG,
+    Until,
     compiled,
     move,
 )
@@ -42,16 +43,11 @@ def two_bodies(play: float, force: float, rate: float, duration: float, damping:
         on_link, on_drive = forces(t, y)
         return (LINK_KG * on_drive - DRIVE_KG * on_link) / (LINK_KG + DRIVE_KG)
 
-    def until(function, direction: float):
-        event = lambda t, y: function(t, y)  # noqa: E731
-        event.terminal, event.direction = True, direction
-        return event
-
     t, y, side = 0.0, np.zeros(4), 0.0
     while t < duration - 1e-12:
         if side == 0.0:
-            ahead = until(lambda _t, y: y[0] - y[1] - play / 2, 1)
-            behind = until(lambda _t, y: y[0] - y[1] + play / 2, -1)
+            ahead = Until(lambda _t, y: y[0] - y[1] - play / 2, 1)
+            behind = Until(lambda _t, y: y[0] - y[1] + play / 2, -1)
             run = solve_ivp(apart, (t, duration), y, events=(ahead, behind), rtol=1e-10, atol=1e-12, max_step=0.01)
             t, y = float(run.t[-1]), run.y[:, -1].copy()
             if run.status == 1:
@@ -60,7 +56,7 @@ def two_bodies(play: float, force: float, rate: float, duration: float, damping:
                 if side * pressed(t, y) > 0:  # the drive pulls away at once
                     side = 0.0
         else:
-            leaves = until(lambda t, y: side * pressed(t, y), 1)  # noqa: B023
+            leaves = Until(lambda t, y: side * pressed(t, y), 1)  # noqa: B023
             run = solve_ivp(together, (t, duration), y, events=leaves, rtol=1e-10, atol=1e-12, max_step=0.01)
             t, y, side = float(run.t[-1]), run.y[:, -1].copy(), 0.0
     return y

@@ -48,7 +48,7 @@ def test_a_new_effect_is_one_that_can_be_told(
         assert len(found) == 2
     finally:
         planar_box.EFFECTS.pop("weak_side", None)
-        mechanism.EFFECTS[:] = known  # type: ignore[index]
+        mechanism.EFFECTS[:] = known
 
 
 @pytest.mark.parametrize(

@@ -14,11 +14,14 @@ NOTEBOOK = Path(__file__).parents[1] / "examples" / "first_hour.ipynb"
 def run_cell(source: str, names: dict) -> object:
     """Run a cell as a notebook does; return what its last line shows."""
     tree = ast.parse(source)
-    shown = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
+    last = tree.body[-1]
+    shown = last.value if isinstance(last, ast.Expr) else None
+    if shown is not None:
+        tree.body.pop()
     exec(compile(tree, "cell", "exec", dont_inherit=True), names)
     if shown is None:
         return None
-    return eval(compile(ast.Expression(shown.value), "cell", "eval", dont_inherit=True), names)  # type: ignore[attr-defined]
+    return eval(compile(ast.Expression(shown), "cell", "eval", dont_inherit=True), names)
 
 
 def test_the_notebook_is_true(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

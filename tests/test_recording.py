@@ -192,7 +192,7 @@ def test_columns_beyond_the_format_are_noted(tmp_path: Path) -> None:
 def test_any_type_of_number_is_read(dtype: str, tmp_path: Path) -> None:
     """Halved and nullable floats, text and categories that hold numbers are numbers."""
     frame = frame_of(planar(), tmp_path)
-    frame["fx"] = frame["fx"].astype(dtype)  # pyright: ignore[reportCallIssue, reportArgumentType]
+    frame["fx"] = frame["fx"].astype(dtype)
     frame.to_parquet(tmp_path / "recording.parquet")
     np.testing.assert_array_equal(read_case(tmp_path).episodes[1].force_n, planar().episodes[1].force_n)
 

@@ -43,7 +43,7 @@ def cell(column: str, row: int, value: object) -> Callable[[pd.DataFrame], pd.Da
     def edit(frame: pd.DataFrame) -> pd.DataFrame:
         if isinstance(value, str):
             frame[column] = frame[column].astype(object)
-        frame.loc[row, column] = value  # pyright: ignore[reportCallIssue, reportArgumentType]
+        frame.loc[row, column] = value
         return frame
 
     return edit

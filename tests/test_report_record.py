@@ -105,8 +105,8 @@ def test_one_window_that_is_seen_is_not_the_whole_episode(found: Any, tmp_path: 
 
 def test_shares_of_the_gap_are_those_of_the_windows(found: Any) -> None:
     """All windows together are the whole gap; the darkest has most of it."""
-    paths = [SimpleNamespace(episode=e) for e in range(3)]
-    gaps = [g for g in window_gaps(found, paths) if g is not None]  # type: ignore[arg-type]
+    paths: list[Any] = [SimpleNamespace(episode=e) for e in range(3)]
+    gaps = [g for g in window_gaps(found, paths) if g is not None]
     share = np.concatenate([g.share for g in gaps])
     strength = np.concatenate([g.strength for g in gaps])
     assert share.sum() == pytest.approx(1.0)

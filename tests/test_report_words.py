@@ -223,14 +223,14 @@ def test_every_note_is_a_sentence_and_stands_once(found: Any) -> None:
 
 def test_lost_samples_are_no_outliers(found: Any) -> None:
     """What was not measured is not said to stick out of its neighbours."""
-    top = SimpleNamespace(fit=SimpleNamespace(converged=True))
+    top: Any = SimpleNamespace(fit=SimpleNamespace(converged=True))
     measured = found.measured
     values, valid = ([np.array(v) for v in of] for of in (measured.values, measured.valid))
     values[0][:9], valid[0][:9] = np.nan, False
     lost = replace(measured, values=tuple(values), valid=tuple(valid))
-    assert not any("stick out" in n for n in notes(found.system, lost, top, (1, 2)))  # type: ignore[arg-type]
+    assert not any("stick out" in n for n in notes(found.system, lost, top, (1, 2)))
     valid[0][20, 0] = False
-    said = notes(found.system, replace(lost, valid=tuple(valid)), top, (1, 2))  # type: ignore[arg-type]
+    said = notes(found.system, replace(lost, valid=tuple(valid)), top, (1, 2))
     assert "1 value sticks out of its neighbours and was left out: position x at 0.33 s of episode 3." in said
 
 

@@ -185,7 +185,7 @@ def test_a_killed_run_is_told_from_a_done_one(name: str, number: int, tmp_path: 
     finally:
         process.send_signal(number)
         process.wait()
-    assert status_of(out).value == name  # pyright: ignore[reportOptionalMemberAccess]
+    assert status_of(out) is Status(name)
     (row,) = tables.collect([tmp_path]).to_dict("records")
     assert row["status"] == name
 

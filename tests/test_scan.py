@@ -80,9 +80,10 @@ def test_a_fit_of_elasticity_begins_in_the_valley_of_its_resonance(elastic: Mech
 def test_a_start_that_is_stuck_is_sought_anew_where_another_explanation_leaves_less(elastic: MechanismSystem) -> None:
     """What another explanation leaves less of by two log units is fitted from the first samples; the rest stays."""
     fitter = Fitter(elastic, elastic.simulator(threads=1), measure(elastic))
-    right = {"explanation": Explanation(elastic.vocabulary.by_name["compliance[slide]"]), "episodes": range(2)}
-    best = fitter.fit(x=np.array([1.0 / STIFFNESS]), **right)
-    aside = fitter.fit(x=best.x, starts=best.starts + np.array([[0.0, 8e-6], [0.0, 0.0]]), iterations=0, **right)
+    right = Explanation(elastic.vocabulary.by_name["compliance[slide]"])
+    best = fitter.fit(right, range(2), x=np.array([1.0 / STIFFNESS]))
+    beside = best.starts + np.array([[0.0, 8e-6], [0.0, 0.0]])
+    aside = fitter.fit(right, range(2), x=best.x, starts=beside, iterations=0)
     assert aside.loss[0] > best.loss[0] + SETTINGS.held_out.stuck_loss
     first = contend(fitter, aside)
     other = replace(first, fit=best)
@@ -95,9 +96,10 @@ def test_a_start_that_is_stuck_is_sought_anew_where_another_explanation_leaves_l
 def test_starts_that_take_off_too_little_to_turn_an_order_are_left_alone(elastic: MechanismSystem) -> None:
     """Another explanation's starts are taken where they leave less by as much as is of use, and not by less."""
     fitter = Fitter(elastic, elastic.simulator(threads=1), measure(elastic))
-    right = {"explanation": Explanation(elastic.vocabulary.by_name["compliance[slide]"]), "episodes": range(2)}
-    best = fitter.fit(x=np.array([1.0 / STIFFNESS]), **right)
-    aside = fitter.fit(x=best.x, starts=best.starts + np.array([[0.0, 8e-6], [0.0, 0.0]]), iterations=0, **right)
+    right = Explanation(elastic.vocabulary.by_name["compliance[slide]"])
+    best = fitter.fit(right, range(2), x=np.array([1.0 / STIFFNESS]))
+    beside = best.starts + np.array([[0.0, 8e-6], [0.0, 0.0]])
+    aside = fitter.fit(right, range(2), x=best.x, starts=beside, iterations=0)
     gain, offered = aside.total - best.total, np.stack([aside.starts, best.starts], axis=1)
     begin = begun_elsewhere(fitter, aside, offered, 0.9 * gain)
     assert begin is not None

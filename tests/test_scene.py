@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -83,8 +84,8 @@ def test_box_inertia_is_that_of_mujoco() -> None:
         ),
     ],
 )
-def test_wrong_settings_are_refused(build_it: object, message: str) -> None:
+def test_wrong_settings_are_refused(build_it: Callable[[], object], message: str) -> None:
     """A wrong setting is one line that names the key, the value and what is allowed."""
     with pytest.raises(ConfigError, match=message) as caught:
-        build_it()  # type: ignore[operator]
+        build_it()
     assert "\n" not in str(caught.value)

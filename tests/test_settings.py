@@ -98,7 +98,7 @@ def test_the_page_on_statistics_says_how_many_they_are() -> None:
 def test_they_cannot_be_changed_in_passing() -> None:
     """A diagnosis is the same whatever ran before it in the process."""
     with pytest.raises(FrozenInstanceError):
-        SETTINGS.search.beam_width = 3  # pyright: ignore[reportAttributeAccessIssue]
+        SETTINGS.search.beam_width = 3  # ty: ignore[invalid-assignment]  # it is tested
 
 
 def test_what_follows_from_others_is_no_number_of_its_own() -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -314,10 +315,10 @@ def test_numbers_that_did_not_arrive_are_left_out() -> None:
         replace(reading, wrench=np.full((1, 6), np.nan))
 
 
-def experiment(**changes: object) -> Experiment:
+def experiment(**changes: Any) -> Experiment:
     """The body as settings."""
     remote = RemoteConfig(1.2, (0.12, 0.08, 0.05), (0.02, -0.015, 0.01), (3.8e-3, 6.4e-3, 7.4e-3))
-    values: dict[str, object] = {
+    values: dict[str, Any] = {
         "seed": 0,
         "scene": SceneConfig(timestep_s=0.002),
         "forces": Straight(),
@@ -326,7 +327,7 @@ def experiment(**changes: object) -> Experiment:
         "link": LinkConfig(rate_hz=100, noise=NOISE),
         "estimator": {"linear": Linear()},
     }
-    return Experiment(**(values | changes))  # type: ignore[arg-type]
+    return Experiment(**(values | changes))
 
 
 def test_the_study_says_what_a_flight_does_not_tell(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -105,7 +105,7 @@ _reference = functools.lru_cache(maxsize=2)(_bare)
 
 
 @contextmanager
-def composer(name: str, command: Command[Any]) -> Iterator[Composer]:
+def composer(name: str, command: Command[Any]) -> Generator[Composer]:
     """Start Hydra for a command, with the schemas of everything that its module imported."""
     config.store_schemas(module(name), command.config)
     with initialize_config_dir(str(config_dir()), job_name="runner", version_base="1.3"):

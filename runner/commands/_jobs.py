@@ -14,6 +14,7 @@ import yaml
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override, OverrideType
 from omegaconf import DictConfig, OmegaConf, ValueNode
+from yaml.cyaml import CSafeDumper
 
 from runner.commands import Job
 from runner.commands._compose import Composer, without_hydra
@@ -164,7 +165,7 @@ def heading(name: str, overrides: Sequence[str]) -> str:
     return f"# {shlex.join(['runner', *name.split(), *overrides])}\n"
 
 
-class _Dumper(yaml.CSafeDumper):
+class _Dumper(CSafeDumper):
     """Writes paths as text."""
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import subprocess
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, cast
@@ -65,7 +65,7 @@ def launch(do: Task, count: int, own: DictConfig, hydra: Composer) -> None:
 
 
 @contextmanager
-def _all_of_submitit() -> Iterator[None]:
+def _all_of_submitit() -> Generator[None]:
     """Have submitit wait for all of the jobs that it has sent, and cancel them where it can't.
 
     By itself it goes away when the first is lost, and the others stay at work, or in the queue: whoever went on would

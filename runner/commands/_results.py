@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -16,7 +16,7 @@ RESULTS = Path("results")
 
 
 @contextmanager
-def results_folder(out: str | None, experiment: str, *, empty: bool = False) -> Iterator[Path]:
+def results_folder(out: str | None, experiment: str, *, empty: bool = False) -> Generator[Path]:
     """Make a results folder and hold it, so that no other process writes to it meanwhile.
 
     Raises:

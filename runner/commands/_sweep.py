@@ -15,7 +15,7 @@ import os
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -182,7 +182,7 @@ def _missing(jobs: Sequence[Sequence[str]], hydra: Composer, folder: Path) -> li
 
 
 @contextmanager
-def _watched(folder: Path) -> Iterator[Callable[[int], None]]:
+def _watched(folder: Path) -> Generator[Callable[[int], None]]:
     """Show a bar of the runs that have ended, whoever does them, by their rows; give a function that sets the total."""
     total, over = [0], threading.Event()
 
@@ -229,7 +229,7 @@ def _chunk(work: _Work, number: int) -> None:
 
 
 @contextmanager
-def _collected_by_hand() -> Iterator[None]:
+def _collected_by_hand() -> Generator[None]:
     """Keep the garbage collector from looking for what it can't find yet, which takes longer than the updates do.
 
     Runs hold megabytes in few objects and are let go of all at once, which the caller knows and the collector does not.

@@ -260,7 +260,7 @@ def _better_solved(fitter: Fitter, found: Search, as_believed: str) -> AbstractS
     Whether anything is to be named is not told yet.
     """
     named = next((c for c in found.contenders if c.fit.explanation.candidates), None)
-    return named and better_solved(fitter, named.fit, as_believed)
+    return None if named is None else better_solved(fitter, named.fit, as_believed)
 
 
 def _solved_otherwise(fitter: Fitter, system: AbstractSystem) -> Fitter:
@@ -328,8 +328,8 @@ def _less_noise(first: _FirstLook, fitter: Fitter, found: Search) -> _FirstLook 
     around = sensitivities(still, fit, directions(still.system))
     if (least_errors(fit, around, still) > 1.0).all():
         return None
-    how = {"starts": found.nominal.starts, "iterations": SETTINGS.fit.nominal_steps}
-    fit = leapt(still, fit, still.fit(NONE, episodes, **how))
+    starts, steps = found.nominal.starts, SETTINGS.fit.nominal_steps
+    fit = leapt(still, fit, still.fit(NONE, episodes, starts=starts, iterations=steps))
     left = _left(fit, fit.explanation.make(fit.x, still.context), still)
     whiter = replace(still, measured=refine(resting, still.system, left))
     if not materially_slower(fitter.measured, whiter.measured):
@@ -342,8 +342,8 @@ def _less_noise(first: _FirstLook, fitter: Fitter, found: Search) -> _FirstLook 
     seeds = resumed(found, whiter).seeds
     if fit.explanation.candidates:
         seeds[key_of(fit.explanation)] = WarmStart(fit.explanation, fit.x, fit.starts, fit.total)
-    nominal, beginning = whiter.fit(NONE, episodes, **how), Beginning(seeds, answered=True)
-    return replace(first, fitter=whiter, nominal=nominal, beginning=beginning)
+    nominal = whiter.fit(NONE, episodes, starts=starts, iterations=steps)
+    return replace(first, fitter=whiter, nominal=nominal, beginning=Beginning(seeds, answered=True))
 
 
 def _searched(first: _FirstLook) -> tuple[Fitter, Search]:

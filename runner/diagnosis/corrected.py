@@ -150,7 +150,7 @@ def _units(effect: AbstractEffect, system: AbstractSystem) -> dict[str, str]:
 
 
 def _fields(cls: type[AbstractEffect]) -> tuple[Field[Any], ...]:
-    return tuple(f for f in fields(cls) if f.name != "target")  # type: ignore[arg-type]
+    return tuple(f for f in fields(cls) if f.name != "target")
 
 
 def _accepts(cls: type[AbstractEffect], names: set[str]) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import expit, softmax
@@ -101,7 +102,7 @@ def rank(found: Search, system: AbstractSystem, unknown: float, weighed: Contain
     for r in sorted(out, key=lambda r: -r.probability):
         if r.effects in merged:
             first = merged[r.effects]
-            merged[r.effects] = Ranked(**{**vars(first), "probability": first.probability + r.probability})
+            merged[r.effects] = replace(first, probability=first.probability + r.probability)
         else:
             merged[r.effects] = r
     merged[("unknown",)] = Ranked(("unknown",), (), unknown, (), {}, {}, None, None)

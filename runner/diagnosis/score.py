@@ -3,12 +3,9 @@
 The answers are read here and nowhere else.
 """
 
-# pandas' own annotations name every type that an index could lead to, which no caller can narrow
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
-
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from pathlib import Path
@@ -103,7 +100,7 @@ def score(
         raise ResultError("no case has both a verdict and an answer; the names of the cases must be the same in both.")
     scored = {c: verdicts[c] for c in shared} if otherwise is None else dict.fromkeys(answers, otherwise) | verdicts
     cases = pd.DataFrame([_marked(case, scored[case], answers[case]) for case in answers if case in scored])
-    confusion = cases.groupby(["truth", "first", "right"]).size().rename("cases").reset_index()
+    confusion = pd.Series(cases.groupby(["truth", "first", "right"]).size(), name="cases").reset_index()
     p, right = cases["probability"].to_numpy(float), cases["right"].to_numpy(float)
     summary = {
         "first_right": float(right.mean()),
@@ -113,6 +110,15 @@ def score(
     table = pd.DataFrame([{"group": name, **accuracy(part)} for name, part in _groups(cases)])
     unanswered = tuple(c for c in answers if c not in verdicts)
     return Score(cases, table, confusion, calibration(p, right), summary, unanswered)
+
+
+def grouped(
+    table: pd.DataFrame, by: Sequence[Any], *, sort: bool = True
+) -> Iterator[tuple[tuple[Any, ...], pd.DataFrame]]:
+    """Yield the rows of each combination of several columns, below its values: pandas calls those a Hashable."""
+    for key, part in table.groupby(list(by), sort=sort):
+        assert isinstance(key, tuple)
+        yield key, part
 
 
 def _marked(case: str, verdict: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:

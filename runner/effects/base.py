@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import Field, dataclass, fields
 from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
@@ -97,6 +97,7 @@ class Confounded:
 class AbstractEffect(ABC):
     """A difference between world and model; see the module's docstring."""
 
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]  # every effect is a dataclass
     name: ClassVar[str]
     label: ClassVar[str]  # in words, for reports
     structural: ClassVar[bool] = False  # changes the MJCF, so that the model must be compiled anew
@@ -169,7 +170,7 @@ class AbstractEffect(ABC):
     @classmethod
     def units(cls, context: Any) -> Mapping[str, str]:
         """Return the unit of each of its numbers, by name, "" for a pure one; by default what the name ends on."""
-        return {f.name: unit_of(f.name) for f in fields(cls) if f.name != "target"}  # type: ignore[arg-type]
+        return {f.name: unit_of(f.name) for f in fields(cls) if f.name != "target"}
 
     @property
     def full_name(self) -> str:
@@ -179,7 +180,7 @@ class AbstractEffect(ABC):
 
     def report(self) -> Mapping[str, float]:
         """The effect's values by name, SI units."""
-        return {f.name: float(getattr(self, f.name)) for f in fields(self) if f.name != "target"}  # type: ignore[arg-type]
+        return {f.name: float(getattr(self, f.name)) for f in fields(self) if f.name != "target"}
 
 
 Effects = tuple[AbstractEffect, ...]

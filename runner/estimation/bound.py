@@ -106,7 +106,7 @@ def batch_fit(
     found = scipy.optimize.least_squares(
         residuals,
         np.zeros(UNKNOWNS),
-        lambda p: jacobian(start + scale * p) * scale,  # pyright: ignore[reportArgumentType]
+        lambda p: jacobian(start + scale * p) * scale,
         ftol=1e-12,
         xtol=1e-12,
     )

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 INK, GREY, FAINT, BAND = "#16191d", "#8a8d91", "#d9dbde", "#eceef0"
@@ -64,8 +65,8 @@ def panels(
     columns: int, rows: int = 1, *, width_in: float = 10.0, height_in: float = 4.6, **grid: Any
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure with panels side by side, row by row; other arguments go to `add_gridspec`."""
-    page = Figure(figsize=(width_in, height_in), layout="constrained")
-    page.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 1.0 - TITLE_IN / height_in))  # type: ignore[union-attr]
+    below_title = ConstrainedLayoutEngine(rect=(0.0, 0.0, 1.0, 1.0 - TITLE_IN / height_in))
+    page = Figure(figsize=(width_in, height_in), layout=below_title)
     spec = page.add_gridspec(rows, columns, **grid)
     return page, [page.add_subplot(spec[r, c]) for r in range(rows) for c in range(columns)]
 

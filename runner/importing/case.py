@@ -90,12 +90,14 @@ def write_case(built: Built, out: Path, *, model: Path, log: Sequence[Path], map
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as made:
-            notes = _make(built, Path(made), model=model, log=log, map_file=map_file)
+            try:
+                notes = _make(built, Path(made), model=model, log=log, map_file=map_file)
+            except RecordingError as error:
+                of_case = str(error).replace(str(Path(made)), str(out))
+                so_is = f"So is the case that '{map_file.name}' makes; it was not written."
+                raise RecordingError(f"{of_case} {so_is}") from None
             _check_unedited(Path(made), out)
             _put(Path(made), out)
-    except RecordingError as error:
-        of_case = str(error).replace(str(Path(made)), str(out))
-        raise RecordingError(f"{of_case} So is the case that '{map_file.name}' makes; it was not written.") from None
     except OSError as error:
         raise WriteError(f"{out}: can't be written: {error.strerror or error}.") from error
     return notes

@@ -92,8 +92,17 @@ def _tried(rival: Rival, fit: Fit, fitter: Fitter) -> Rival:
             begin = np.concatenate([x, clip(candidate, start, context)])
             # only the one that comes nearest counts
             nearest = min((f.total for f in fits), default=np.inf)
-            how = {"target": nearest, "patience": SETTINGS.fit.patience_steps, "iterations": SETTINGS.fit.warm_steps}
-            fits.append(stand_in.fit(explanation, fit.episodes, x=begin, near=fit, **how))
+            fits.append(
+                stand_in.fit(
+                    explanation,
+                    fit.episodes,
+                    x=begin,
+                    near=fit,
+                    target=nearest,
+                    patience=SETTINGS.fit.patience_steps,
+                    iterations=SETTINGS.fit.warm_steps,
+                )
+            )
     instead = min(fits, key=lambda f: f.total)
     return replace(rival, log_odds=0.5 * instead.total, instead=instead)
 

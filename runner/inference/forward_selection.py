@@ -72,8 +72,10 @@ def leap_ahead(rounds: Rounds) -> None:
     if rounds.seeds:
         seed = min(rounds.seeds.values(), key=lambda s: s.total)
         if seed.total < begin.total:
-            how = {"x": seed.x, "starts": seed.starts, "iterations": SETTINGS.fit.warm_steps}
-            begin = rounds.fitter.fit(seed.explanation, rounds.episodes, polish=False, **how)
+            steps = SETTINGS.fit.warm_steps
+            begin = rounds.fitter.fit(
+                seed.explanation, rounds.episodes, x=seed.x, starts=seed.starts, iterations=steps, polish=False
+            )
             rounds.keep_seed(begin)
     fit, rounds.last = leap(rounds.fitter, begin, rounds.every, rounds.around(begin), rounds.worth_beside)
     if fit is not begin:

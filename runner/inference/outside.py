@@ -25,10 +25,10 @@ def with_outside(found: Search, fitter: Fitter) -> Search:
     new: list[Contender] = []
     for candidate in fitter.system.vocabulary.outside:
         steps, patience = SETTINGS.fit.refit_steps, SETTINGS.fit.outside_patience_steps
-        how = {"iterations": steps, "target": best.total, "patience": patience}
+        alone, begins = Explanation((candidate,)), (best.starts, found.nominal.starts)
         tries = [
-            fitter.fit(Explanation((candidate,)), best.episodes, starts=near.starts, **how)
-            for near in (best, found.nominal)
+            fitter.fit(alone, best.episodes, starts=s, iterations=steps, target=best.total, patience=patience)
+            for s in begins
         ]
         fit = min(tries, key=lambda f: f.total)
         if fit.total < best.total + SETTINGS.search.negligible_excess * count and not fit.at_bound.any():

@@ -167,8 +167,15 @@ def _share_starts(rounds: Rounds) -> None:
         # what holds fewer effects leaves more, and may still be likelier
         like = len(c.fit.explanation.candidates) >= len(leaders[0].fit.explanation.candidates)
         target = leaders[0].fit.total if like else np.inf
-        how = {"x": c.fit.x, "starts": begin, "iterations": steps, "patience": SETTINGS.fit.patience_steps}
-        fit = rounds.fitter.fit(c.fit.explanation, rounds.episodes, target=target, **how)
+        fit = rounds.fitter.fit(
+            c.fit.explanation,
+            rounds.episodes,
+            x=c.fit.x,
+            starts=begin,
+            target=target,
+            iterations=steps,
+            patience=SETTINGS.fit.patience_steps,
+        )
         if fit.explanation.candidates:
             again = rounds.worthy(fit, rounds.around(fit))
         else:

@@ -73,14 +73,17 @@ def finished(fitter: Fitter, fits: list[Fit], count: int, leaders: int, *, steps
 
 def _from_elsewhere(fitter: Fitter, fit: Fit, count: int, *, steps: int) -> Fit:
     """Fit anew from what does nearly the same, as long as that takes off what is worth an effect."""
+    patience = SETTINGS.fit.patience_steps
     while True:
         tries = []
         for candidate, part in fit.explanation.parts(fitter.context):
             for vector in candidate.elsewhere(fit.x[part], fitter.context):
                 x = fit.x.copy()
                 x[part] = clip(candidate, vector, fitter.context)
-                how = {"target": fit.total, "patience": SETTINGS.fit.patience_steps, "iterations": steps}
-                tries.append(fitter.fit(fit.explanation, fit.episodes, x=x, near=fit, **how))
+                again = fitter.fit(
+                    fit.explanation, fit.episodes, x=x, near=fit, target=fit.total, patience=patience, iterations=steps
+                )
+                tries.append(again)
         best = min(tries, key=lambda f: f.total, default=fit)
         if fit.total - best.total < least_gain(count):
             return fit
@@ -102,8 +105,9 @@ def without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], e
         reached = before.get(key_of(rest), np.inf)
         if reached - whole.fit.total > least_gain(count):
             steps, patience = SETTINGS.fit.refit_steps, SETTINGS.fit.patience_steps
-            how = {"target": whole.fit.total, "patience": patience, "iterations": steps}
-            fit = fitter.fit(rest, episodes, x=x, near=whole.fit, **how)
+            fit = fitter.fit(
+                rest, episodes, x=x, near=whole.fit, target=whole.fit.total, patience=patience, iterations=steps
+            )
             if reached - fit.total > least_gain(count):
                 out.append(fit)
     return out

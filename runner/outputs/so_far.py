@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -43,7 +43,7 @@ class SoFar:
 
 
 @contextmanager
-def kept_so_far(observer: ProgressObserver, folder: Path) -> Iterator[SoFar]:
+def kept_so_far(observer: ProgressObserver, folder: Path) -> Generator[SoFar]:
     """Keep what is found in `so_far.json` of a folder until the end; an interruption leaves it, and says so."""
     kept = SoFar(observer, folder / FILE)
     try:

@@ -161,7 +161,7 @@ def install() -> None:
     xml = """<mujoco><size nuserdata="6007"/><worldbody><body><joint/><geom size=".1"/></body></worldbody></mujoco>"""
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
-    m, d = model._address, data._address  # type: ignore[attr-defined]
+    m, d = model._address, data._address
     compiled = _compile(
         PlayerOffsets(
             nuserdata=offset_of(m, 6007, 4000),

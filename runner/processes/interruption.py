@@ -13,7 +13,7 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import NoReturn
@@ -35,7 +35,7 @@ class Terminated(KeyboardInterrupt):
 
 
 @contextmanager
-def going_on(words: str, at_end: Callable[[], object]) -> Iterator[None]:
+def going_on(words: str, at_end: Callable[[], object]) -> Generator[None]:
     """Say meanwhile how to go on after an interruption.
 
     Args:
@@ -49,7 +49,7 @@ def going_on(words: str, at_end: Callable[[], object]) -> Iterator[None]:
         yield
     except KeyboardInterrupt as error:
         if words and not getattr(error, "going_on", False):
-            error.going_on = True  # type: ignore[attr-defined]
+            error.going_on = True  # ty: ignore[missing-attribute]  # a mark, for those further out
             error.args = (" ".join([*map(str, error.args), words]),)  # a command that can be copied to the end
         raise
     finally:
@@ -68,7 +68,7 @@ def exit_code(error: KeyboardInterrupt) -> int:
 
 
 @contextmanager
-def interruptible() -> Iterator[None]:
+def interruptible() -> Generator[None]:
     """Take signals as this module's docstring says; elsewhere than in the main thread nothing is changed."""
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -7,7 +7,7 @@ code; both are refused before anything is compiled.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,7 +27,7 @@ POWERS = {letter: 1024.0**k for k, letter in enumerate("KMGTPE", 1)}
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
+def quiet() -> Generator[None]:
     """Keep MuJoCo from printing its warnings, and from writing them to a file in the working directory.
 
     dm_control hands them to its own log once it is imported: one line for each step of a trial that has diverged.

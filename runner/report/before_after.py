@@ -83,7 +83,7 @@ def misses(diagnosis: Diagnosis) -> list[Miss]:
             key = (channel.name, f"{horizon:g} s")
             values = (before.loc[key, "rms"], after.loc[key, "rms"], before.loc[key, "noise"])
             if not np.isnan(float(values[0])):  # over less than it takes to settle nothing is told of a force
-                out.append(Miss(channel, unit, horizon, *(scale * float(v) for v in values)))  # type: ignore[arg-type]
+                out.append(Miss(channel, unit, horizon, *(scale * float(v) for v in values)))
         out += [at_last[channel.name]] if channel.name in at_last else []
     return out
 

@@ -165,10 +165,10 @@ class _Episode:
         columns = rr.Transform3D.columns(translation=pose[:, :3], quaternion=pose[:, [4, 5, 6, 3]])
         log.send_columns(entity, _index(self.path.t_s), columns)
 
-    def _send_gap_colours(self, log: rr.RecordingStream, entity: str, body: object, kind: str) -> None:
+    def _send_gap_colours(self, log: rr.RecordingStream, entity: str, body: DrawnBody, kind: str) -> None:
         """Send the colours of the simulated body: how much of the gap comes about in each window."""
         t_s, strength = (np.zeros(1), np.zeros(1)) if self.gap is None else (self.gap.begin_s, self.gap.strength)
-        each = [colours(body, kind, blended(float(s))) for s in strength]  # type: ignore[arg-type]
+        each = [colours(body, kind, blended(float(s))) for s in strength]
         packed = np.array(each, np.uint8).reshape(-1, 3)
         columns = colours_over_time(kind, packed)
         log.send_columns(entity, _index(t_s), columns.partition(np.full(len(each), len(each[0]))))

@@ -251,9 +251,9 @@ def _place(cell: str, order: Sequence[str]) -> tuple[str, float, str]:
     if cell in order:
         return "", order.index(cell), cell
     # a number in the name of a joint is none of its places
-    quoted, place = re.fullmatch(r"('.*' )?(.*)", cell, re.DOTALL).groups()  # type: ignore[union-attr]
+    quoted, place = re.findall(r"('.*' )?(.*)", cell, re.DOTALL)[0]
     found = re.search(r"-?\d+(\.\d+)?", place)
-    return quoted or "", (float(found.group()) if found else math.inf), cell
+    return quoted, (float(found.group()) if found else math.inf), cell
 
 
 def _factor(diagnosis: Diagnosis, cells: pd.DataFrame, factor: str) -> dict[str, Any]:

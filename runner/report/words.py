@@ -61,7 +61,7 @@ def label(system: AbstractSystem, effect: str, values: Numbers) -> str:
 
 def _variant(system: AbstractSystem, effect: str, values: Numbers) -> Candidate:
     variants = system.vocabulary.by_name[effect]
-    known = [{f.name for f in fields(v.effect)} for v in variants]  # type: ignore[arg-type]
+    known = [{f.name for f in fields(v.effect)} for v in variants]
     return next(v for v, names in zip(variants, known, strict=True) if set(values) <= names)
 
 

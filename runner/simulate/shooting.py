@@ -105,14 +105,18 @@ def fit_starts(
         tolerance: Ends when no window expects to gain more than this in its sum of squares.
         short: The windows are so short that derivatives hold where a step gains what it promised.
     """
-    begin, samples = first, values.shape[1]
-    for share in shares:
+    samples = values.shape[1]
+
+    def fit(begin: np.ndarray, share: float) -> Fitted:
         seen = valid & (np.arange(samples) < math.ceil(share * samples))[:, None]
         problem = _Problem(predict, values, seen, signals, first, steps, scale, tolerance, short)
         point = problem.linearise(begin)
-        fitted = descend(problem.attempt, point, DAMPING, iterations=iterations, blocks=len(values)).fitted
-        begin = fitted.starts
-    return fitted
+        return descend(problem.attempt, point, DAMPING, iterations=iterations, blocks=len(values)).fitted
+
+    begin = first
+    for share in shares[:-1]:
+        begin = fit(begin, share).starts
+    return fit(begin, shares[-1])
 
 
 @dataclass(frozen=True)

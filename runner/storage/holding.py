@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -18,7 +18,7 @@ TRIES, PAUSE_S = 5, 0.02  # whoever only looks whether a folder is held, holds i
 
 
 @contextmanager
-def holding(path: Path, *, wait: bool = False) -> Iterator[bool]:
+def holding(path: Path, *, wait: bool = False) -> Generator[bool]:
     """Hold a folder or a file, and tell whether that went; it is held itself, so that no lock file is left beside it.
 
     Args:

@@ -6,7 +6,7 @@ It is there from the first second of a run. A run that says `running` while nobo
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
@@ -132,7 +132,7 @@ class Note:
 
 
 @contextmanager
-def running(folder: Path, belongs: Belongs, say: Callable[[str], object]) -> Iterator[Note]:
+def running(folder: Path, belongs: Belongs, say: Callable[[str], object]) -> Generator[Note]:
     """Note a run's beginning and its end in `run.yaml`; the folder must be held.
 
     What made earlier parts of the results stays noted; where it was another program, that is said.

@@ -11,7 +11,7 @@ import json
 import math
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +28,7 @@ STEM = 200  # characters of a name that are kept beside its place: the whole may
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path) -> Generator[Path]:
     """Give a name to write a file to, of the same folder and ending, which takes the file's place at the end.
 
     Whatever is raised meanwhile, the file is as before and nothing is left beside it.

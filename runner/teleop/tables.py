@@ -11,7 +11,7 @@ import json
 import os
 import shutil
 import socket
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -182,7 +182,7 @@ class Ledger:
         self._path = own_folder(folder, ROWS) / f"{first:06d}.jsonl"
 
     @contextmanager
-    def held(self) -> Iterator[Ledger]:
+    def held(self) -> Generator[Ledger]:
         """Hold the file while the task is done: a worker can outlive the sweep that was killed, see `still_held`."""
         with suppress(FileExistsError):  # where the task goes on
             os.close(os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644))

@@ -7,7 +7,7 @@ that nobody refers to in `rr.init` alone, and the stream of a blueprint not at a
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -37,7 +37,7 @@ class _Followed(rrb.Blueprint):
 
 
 @contextmanager
-def written(path: Path, blueprint: rrb.Blueprint, application: str = "runner") -> Iterator[rr.RecordingStream]:
+def written(path: Path, blueprint: rrb.Blueprint, application: str = "runner") -> Generator[rr.RecordingStream]:
     """Give a recording that goes to a file, and close it.
 
     Args:

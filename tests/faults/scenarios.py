@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -186,7 +186,7 @@ class Diagnosis(Scenario):
             return main(["diagnose", str(self.case), f"out={self.results}"])
 
     @contextmanager
-    def found_before(self) -> Iterator[None]:
+    def found_before(self) -> Generator[None]:
         """Take what was found before for what a diagnosis finds."""
         pages: list[str] = []
 
@@ -223,7 +223,7 @@ class DiagnosisAgain(Diagnosis):
     """The same into the folder that holds what it found before; Rerun's own writes are gone through by the other."""
 
     @contextmanager
-    def found_before(self) -> Iterator[None]:
+    def found_before(self) -> Generator[None]:
         with super().found_before(), patch("runner.report.record.write_rrd", self._write_again):
             yield
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,7 +86,7 @@ def readers(only: str = "") -> dict[str, Reader]:
 
 
 @contextmanager
-def _place() -> Iterator[Path]:
+def _place() -> Generator[Path]:
     with tempfile.TemporaryDirectory(prefix="runner-fuzz-") as name:
         yield Path(name)
 

@@ -36,23 +36,37 @@ class CasePlan:
 
 
 class AbstractMaker(ABC):
-    """Makes cases of one kind of system; plain data, so that processes can be given one.
+    """Makes cases of one kind of system; plain data, so that processes can be given one."""
 
-    Attributes:
-        system: Its name, as `runner blind make system=` has it.
-        vocabulary: Names of what can be planted that a verdict has a word for, without targets.
-        outside: Names of what can be planted that it has none for.
-        together_alike: Pairs that are one effect to any such data, or that write the same field.
-        before: Which of a pair is planted first: those that others are relative to.
-        attempts: How often everything is drawn anew until a case can be had, and another pair after that.
-    """
+    @property
+    @abstractmethod
+    def system(self) -> str:
+        """Its name, as `runner blind make system=` has it."""
 
-    system: str
-    vocabulary: Sequence[str]
-    outside: Sequence[str]
-    together_alike: Sequence[set[str]]
-    before: Sequence[str] = ()
-    attempts: int = 40
+    @property
+    @abstractmethod
+    def vocabulary(self) -> Sequence[str]:
+        """Names of what can be planted that a verdict has a word for, without targets."""
+
+    @property
+    @abstractmethod
+    def outside(self) -> Sequence[str]:
+        """Names of what can be planted that it has none for."""
+
+    @property
+    @abstractmethod
+    def together_alike(self) -> Sequence[set[str]]:
+        """Pairs that are one effect to any such data, or that write the same field."""
+
+    @property
+    def before(self) -> Sequence[str]:
+        """Which of a pair is planted first: those that others are relative to."""
+        return ()
+
+    @property
+    def attempts(self) -> int:
+        """How often everything is drawn anew until a case can be had, and another pair after that."""
+        return 40
 
     def make(self, plan: CasePlan, folder: Path) -> dict[str, Any]:
         """Write one case into its folder and return its answer; of a pair that can't be had together, another's.

@@ -52,11 +52,16 @@ class Circumstances:
 class MechanismMaker(AbstractMaker):
     """Makes pendulums, arms or slides; what their owner believes is exact but for the effect."""
 
-    system: str
+    name: str
     circumstances: Circumstances = field(default_factory=Circumstances)
 
     together_alike = TOGETHER_ALIKE
     before = ("mass", "actuator_gain")
+
+    @property
+    def system(self) -> str:
+        """See `AbstractMaker`."""
+        return self.name
 
     @property
     def vocabulary(self) -> Sequence[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Unpack
 
 import numpy as np
 from scipy.ndimage import map_coordinates
@@ -12,6 +13,7 @@ from scipy.ndimage import map_coordinates
 from runner.blind.make.size import error_ratio
 from runner.blind.planar_box.physics import (
     TEXTURE_CELL_M,
+    Accuracy,
     IntegrationError,
     PlannedEpisode,
     World,
@@ -21,7 +23,7 @@ from runner.blind.planar_box.physics import (
 )
 from runner.blind.planar_box.plants import UnplantedCase
 
-COARSE = {"points": 8, "rtol": 1e-6, "atol": 1e-8}  # for finding sizes: a quarter of the time
+COARSE: Accuracy = {"points": 8, "rtol": 1e-6, "atol": 1e-8}  # for finding sizes: a quarter of the time
 
 
 @dataclass(frozen=True)
@@ -54,10 +56,12 @@ class Reality:
     corners: float = 0.04
 
 
-def simulate_or_none(world: World, episodes: Sequence[PlannedEpisode], **options: float) -> list[np.ndarray] | None:
+def simulate_or_none(
+    world: World, episodes: Sequence[PlannedEpisode], **accuracy: Unpack[Accuracy]
+) -> list[np.ndarray] | None:
     """Return the motion, or none where the world can't be integrated (it tips, or it runs away)."""
     try:
-        return simulate_all(world, list(episodes), **options)
+        return simulate_all(world, list(episodes), **accuracy)
     except IntegrationError:
         return None
 

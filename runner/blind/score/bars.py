@@ -1,8 +1,5 @@
 """Every figure of a blind score with its interval, beside the bar that it is to reach."""
 
-# pandas' own annotations name every type that an index could lead to, which no caller can narrow
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
-
 from __future__ import annotations
 
 import math

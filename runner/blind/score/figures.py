@@ -1,8 +1,5 @@
 """Figures of a blind score, in the look of the reports: light or dark in the page, light in files."""
 
-# pandas' own annotations name every type that an index could lead to, which no caller can narrow
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
-
 from __future__ import annotations
 
 from collections import Counter

@@ -1,8 +1,5 @@
 """Parameters that a verdict states beside those that were planted: how often its intervals hold them, how far off."""
 
-# pandas' own annotations name every type that an index could lead to, which no caller can narrow
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
-
 from __future__ import annotations
 
 import math
@@ -12,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from runner.blind.planted import difference, planted
-from runner.diagnosis.score import full_name, share
+from runner.diagnosis.score import full_name, grouped, share
 
 WIDE = 1.959964  # standard errors to each side of a 95 % interval
 PLACED = ("friction_patch", "tether")
@@ -42,7 +39,7 @@ def compared(case: str, answer: dict[str, Any], verdict: dict[str, Any], beliefs
 
 
 def coverage_of(parameters: pd.DataFrame) -> pd.DataFrame:
-    groups = [(("all", ""), parameters), *parameters.groupby(["effect", "parameter"])]
+    groups = [(("all", ""), parameters), *grouped(parameters, ["effect", "parameter"])]
     rows = []
     for (effect, parameter), part in groups:
         value, low, high = share(part["covered"])
@@ -57,8 +54,7 @@ def coverage_of(parameters: pd.DataFrame) -> pd.DataFrame:
 
 def places_of(parameters: pd.DataFrame) -> pd.DataFrame:
     rows = []
-    for key, part in parameters[parameters["effect"].isin(PLACED)].groupby(["case", "effect"]):
-        case, effect = tuple(key)
+    for (case, effect), part in grouped(parameters[parameters["effect"].isin(PLACED)], ["case", "effect"]):
         part = part.set_index("parameter")
         if {"x_m", "y_m"} <= set(part.index):
             off = part.loc[["x_m", "y_m"], "value"] - part.loc[["x_m", "y_m"], "true"]

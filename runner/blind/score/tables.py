@@ -1,8 +1,5 @@
 """All tables of a blind score."""
 
-# pandas' own annotations name every type that an index could lead to, which no caller can narrow
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
-
 from __future__ import annotations
 
 import hashlib

@@ -1,8 +1,5 @@
 """The tables of a blind score as text, for the terminal and for the page alike."""
 
-# pandas' own annotations name every type that an index could lead to, which no caller can narrow
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
-
 from __future__ import annotations
 
 import math
@@ -10,7 +7,7 @@ import math
 import pandas as pd
 
 from runner.blind.score import Bar, BlindScore
-from runner.diagnosis.score import NONE, UNKNOWN, Score
+from runner.diagnosis.score import NONE, UNKNOWN, Score, grouped
 
 Rows = list[tuple[str, ...]]
 
@@ -60,13 +57,13 @@ def outcome(bar: Bar) -> str:
 
 def bars(found: BlindScore) -> tuple[tuple[str, ...], Rows]:
     """Return heading and rows of the figures beside their bars."""
-    rows = [(b.name, str(b.cases), figure(b), wanted(b), outcome(b)) for b in found.bars]
+    rows: Rows = [(b.name, str(b.cases), figure(b), wanted(b), outcome(b)) for b in found.bars]
     return ("", "n", "measured (95 %)", "bar", "outcome"), rows
 
 
 def groups(table: pd.DataFrame) -> tuple[tuple[str, ...], Rows]:
     """Return heading and rows of the first answers by group."""
-    rows = [
+    rows: Rows = [
         (spaced(str(r["group"])), str(r["cases"]), share(r["first_right"], r["low"], r["high"]),
          share(r["first_three_right"], r["three_low"], r["three_high"]))
         for r in table.to_dict("records")
@@ -77,7 +74,7 @@ def groups(table: pd.DataFrame) -> tuple[tuple[str, ...], Rows]:
 def effects(table: pd.DataFrame) -> tuple[tuple[str, ...], Rows]:
     """Return heading and rows of single effects by size."""
     rows: Rows = []
-    for (effect, size), part in table.groupby(["effect", "size"], sort=False):
+    for (effect, size), part in grouped(table, ["effect", "size"], sort=False):
         r = part.iloc[0].to_dict()
         rows.append(
             ("" if size != "all" else spaced(str(effect)), str(size), str(r["cases"]),
@@ -93,18 +90,18 @@ def confusion(found: Score) -> tuple[tuple[str, ...], Rows]:
     cases = found.cases
     planted = cases["truth"].map(spaced).where(cases["kind"] != UNKNOWN, "unknown: " + cases["what"].map(spaced))
     rows: Rows = []
-    for (_, truth), part in cases.groupby([cases["kind"].map(order), planted]):
-        named = (
-            part.groupby(["right", "first"]).size().sort_values(ascending=False).sort_index(level=0, ascending=False)
-        )
-        texts = [f"{spaced(str(n))} {c}{'' if right else ' ✗'}" for (right, n), c in named.items()]  # type: ignore[misc]
+    for (_, truth), part in grouped(cases, [cases["kind"].map(order), planted]):
+        counts = pd.Series(part.groupby(["right", "first"]).size()).sort_values(ascending=False)
+        named = counts.sort_index(level=0, ascending=False)
+        each = zip(named.index, named, strict=True)
+        texts = [f"{spaced(str(n))} {c}{'' if right else ' ✗'}" for (right, n), c in each]
         rows.append((str(truth), ", ".join(texts)))
     return ("planted", "named, how often (✗ wrong)"), rows
 
 
 def coverage(found: BlindScore) -> tuple[tuple[str, ...], Rows]:
     """Return heading and rows of the intervals that hold the truth."""
-    rows = [
+    rows: Rows = [
         (f"{spaced(r['effect'])} {r['parameter']}".strip(), str(r["values"]), share(r["covered"], r["low"], r["high"]),
          "–" if math.isnan(r["errors_off"]) else f"{r['errors_off']:.2f}")
         for r in found.coverage.to_dict("records")

@@ -15,7 +15,7 @@ them where they are when an episode or window begins.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, TypeVar
 
 import mujoco
@@ -84,7 +84,7 @@ class Scope:
 
     def at(self, target: str | None) -> Scope:
         """Return what is known of a target."""
-        return Scope(**{**vars(self), "target": target})
+        return replace(self, target=target)
 
 
 JointUnit = Callable[[mujoco.MjModel, str | None], str]  # from a model and the name of a joint to a unit

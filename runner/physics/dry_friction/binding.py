@@ -62,7 +62,7 @@ def _measure() -> FrictionOffsets:
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     data.time = 0.00198765432101
-    m, d = model._address, data._address  # type: ignore[attr-defined]
+    m, d = model._address, data._address
 
     def of_model(name: str) -> int:
         return offset_of(m, getattr(model, name).ctypes.data)

@@ -223,10 +223,12 @@ def has_soft_friction(model: mujoco.MjModel) -> bool:
 
 def mechanical(effects: Effects) -> Sequence[MechanismEffect]:
     """Return effects as what they are in a mechanism."""
+    out: list[MechanismEffect] = []
     for effect in effects:
         if not isinstance(effect, MechanismEffect):
             raise TypeError(f"{type(effect).__name__} is no effect of a mechanism")
-    return effects  # type: ignore[return-value]
+        out.append(effect)
+    return out
 
 
 def frame_sensors(recording: MechanismRecording) -> dict[tuple[str, str], None]:

@@ -16,7 +16,7 @@ from runner.recording import Span
 from runner.recording.model_form import MechanismRecording, read_model_case, with_episode_to_check
 from runner.recording.model_form_mapping import ChannelSource
 from runner.settings import SETTINGS
-from runner.systems.base import AbstractSystem, Proposal
+from runner.systems.base import AbstractSystem
 from runner.systems.channels import Channel, Scatter, Signals, Space
 from runner.systems.disturbance import Disturbance
 from runner.systems.drawing import DrawnBody
@@ -27,7 +27,7 @@ from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.labels import FACTORS, PHRASES, REGIMES, label
 from runner.systems.mechanism.model_file import write_model
 from runner.systems.mechanism.models import Models, has_soft_friction
-from runner.systems.mechanism.proposals import trials, unmeasured
+from runner.systems.mechanism.proposals import Trial, trials, unmeasured
 from runner.systems.mechanism.rests import resting
 from runner.systems.mechanism.scatter import scatter
 from runner.systems.mechanism.scope import (
@@ -67,7 +67,7 @@ class MechanismSystem(AbstractSystem):
     # of two effects that do the same each would be explained away by what the other's small mismatch may do
     screening_level = 0.0
     recording: MechanismRecording
-    initial: MechanismStart
+    initial: MechanismStart  # ty: ignore[incompatible-mutable-override]  # none of another kind is ever put there
 
     def __init__(
         self, recording: MechanismRecording, *, step_s: float | None = None, hard_friction: bool | None = None
@@ -262,7 +262,7 @@ class MechanismSystem(AbstractSystem):
         """See `AbstractSystem`."""
         return force_shapes(self.recording, self.initial.coordinates, self.disturbance.names, missing)
 
-    def proposals(self) -> tuple[Sequence[Proposal], AbstractSystem, FloatArray]:
+    def proposals(self) -> tuple[Sequence[Trial], AbstractSystem, FloatArray]:
         """Return steps, ramps, sines and reversals of each actuator, from where the episodes usually began."""
         found = trials(self.recording, self.context.model)
         system = _Unmeasured(self, unmeasured(self.recording, self.context.model, found))

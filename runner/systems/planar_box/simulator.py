@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import mujoco
 import numpy as np
-from dm_control import mjcf
+from dm_control.mjcf import RootElement
 from mujoco import rollout
 
 from runner.effects.base import AbstractEffect
@@ -137,7 +137,7 @@ class Simulator(AbstractSimulator):
         self._spans = whole if self.spans is None else self.spans
         self._surveyor: Simulator | None = None
 
-    def mjcf(self, effects: Effects) -> mjcf.RootElement:
+    def mjcf(self, effects: Effects) -> RootElement:
         """Return the MJCF of the believed body with the elements that structural effects add."""
         scene = SceneConfig(
             dof=Dof.planar,

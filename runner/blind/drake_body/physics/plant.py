@@ -108,7 +108,7 @@ class BodyOnTable:
         acting = drake("multibody.plant").ExternallyAppliedSpatialForce()
         acting.body_index, acting.p_BoBq_B = self._body.index(), np.zeros(3)
         acting.F_Bq_W = drake("multibody.math").SpatialForce(wrench[:3], wrench[3:])
-        value = drake("common.value").Value[list[type(acting)]]([acting])
+        value = drake("common.value").Value[list[type(acting)]]([acting])  # ty: ignore[invalid-type-form]  # a key
         self._plant.get_applied_spatial_force_input_port().FixValue(self._context, value)
 
     def go(self, steps: int) -> None:

@@ -28,7 +28,7 @@ from __future__ import annotations
 
 from runner.blind.planar_box.physics.actuator import carried_out
 from runner.blind.planar_box.physics.bearing import base_load
-from runner.blind.planar_box.physics.episode import IntegrationError, PlannedEpisode, simulate, simulate_all
+from runner.blind.planar_box.physics.episode import Accuracy, IntegrationError, PlannedEpisode, simulate, simulate_all
 from runner.blind.planar_box.physics.forces import wander_terms
 from runner.blind.planar_box.physics.pack import SLIP_EPS
 from runner.blind.planar_box.physics.surface import TEXTURE_CELL_M, base_points, floor_texture
@@ -37,6 +37,7 @@ from runner.blind.planar_box.physics.world import World
 __all__ = [
     "SLIP_EPS",
     "TEXTURE_CELL_M",
+    "Accuracy",
     "IntegrationError",
     "PlannedEpisode",
     "World",

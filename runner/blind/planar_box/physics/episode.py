@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import dataclass
+from typing import TypedDict, Unpack
 
 import numpy as np
 from scipy.integrate import ODEintWarning, odeint
@@ -23,6 +24,15 @@ SHORT = 2.5  # samples: intervals below are first tried in single steps
 
 class IntegrationError(RunnerError):
     """LSODA could not go on: the time, the state and its message."""
+
+
+class Accuracy(TypedDict, total=False):
+    """How finely is integrated, see `simulate`."""
+
+    rtol: float
+    atol: float
+    points: int
+    slip_eps: float
 
 
 @dataclass(frozen=True)
@@ -153,9 +163,7 @@ def _odeint(p: np.ndarray, y: np.ndarray, times: np.ndarray, rtol: float, atol: 
     return path
 
 
-def simulate_all(world: World, episodes: list[PlannedEpisode], **options: float) -> list[np.ndarray]:
+def simulate_all(world: World, episodes: list[PlannedEpisode], **accuracy: Unpack[Accuracy]) -> list[np.ndarray]:
     """Return `simulate` of every episode."""
-    packed = pack(
-        world, points=int(options.get("points", BASE_POINTS)), slip_eps=float(options.get("slip_eps", SLIP_EPS))
-    )
-    return [simulate(world, episode, packed=packed, **options) for episode in episodes]  # pyright: ignore[reportArgumentType]
+    packed = pack(world, points=accuracy.get("points", BASE_POINTS), slip_eps=accuracy.get("slip_eps", SLIP_EPS))
+    return [simulate(world, episode, packed=packed, **accuracy) for episode in episodes]
