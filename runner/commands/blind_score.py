@@ -25,6 +25,7 @@ from runner.diagnosis.score import read_answers
 from runner.diagnosis.verdict import ALL, read_verdicts
 from runner.errors import check_workers
 from runner.storage.provenance import files_digest
+from runner.storage.reading import file_of
 from runner.storage.writing import write_parquet
 
 FITS = "oracle.jsonl"
@@ -90,8 +91,7 @@ def _checkpoint(path: Path, digest: str) -> Checkpoint:
 
 def inputs(config: BlindScoreConfig) -> dict[str, str]:
     """Return hashes of verdicts and answers; what is not there is told where it is read."""
-    verdicts = config.verdicts / ALL if config.verdicts.is_dir() else config.verdicts
-    named = {"verdicts": verdicts, "answers": config.answers}
+    named = {"verdicts": file_of(config.verdicts, ALL), "answers": config.answers}
     return {name: files_digest([("", file)]) for name, file in named.items() if file.is_file()}
 
 

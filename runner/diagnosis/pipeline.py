@@ -16,6 +16,7 @@ from runner.diagnosis.notes import notes
 from runner.diagnosis.ranking import contender_of, ranking
 from runner.diagnosis.result import Diagnosis
 from runner.diagnosis.split import split
+from runner.inference.contender import nominal_of
 from runner.inference.least_squares import Fit
 from runner.inference.outside import said_of_outside
 from runner.inference.unseen import start_states, unseen
@@ -71,8 +72,7 @@ def diagnose(
     nominal_starts = _starts(searched.nominal, before)
     corrected_starts = _starts(top.fit, after)
     if rest := found.not_searched:
-        nominal = next(c for c in searched.contenders if not c.fit.explanation.candidates)
-        nominal_starts |= start_states(nominal, fitter, rest)
+        nominal_starts |= start_states(nominal_of(searched.contenders), fitter, rest)
         corrected_starts |= start_states(top, fitter, rest)
     observer.stage("telling where the gap lies")
     measured = fitter.measured.joined(measure(system, scatter=system.scatter())) if found.in_parts else fitter.measured

@@ -141,6 +141,11 @@ def leading(contenders: Sequence[Contender]) -> list[Contender]:
     return [c for c in leaders if c.log_posterior > hopeless]
 
 
+def nominal_of(contenders: Iterable[Contender]) -> Contender:
+    """Return the one without effects."""
+    return next(c for c in contenders if not c.fit.explanation.candidates)
+
+
 def are_confounded(a: Fit, b: Fit) -> bool:
     """Whether two explanations differ only by effects that such recordings can't tell apart.
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from runner.inference.contender import Contender, leading, likeliest_first
+from runner.inference.contender import Contender, leading, likeliest_first, nominal_of
 from runner.inference.doubts import doubted, further, odds_against_none
 from runner.inference.drive_noise import ByNoise, as_told, by_noise, driven_otherwise
 from runner.inference.evidence import Evidence, directions, evidence, normal_equations, sensitivities, together
@@ -144,18 +144,13 @@ def _told(found: Search, fitter: Fitter) -> list[Contender]:
     gap = fitter.measured.excess(found.nominal.total, found.nominal.episodes)
     count = fitter.measured.count(found.nominal.episodes)
     finite = [c for c in found.contenders if np.isfinite(c.log_posterior)]
-    plain = _nominal(finite).evidence.left / count - 1.0
+    plain = nominal_of(finite).evidence.left / count - 1.0
     return causes_of(likeliest_first(doubted(finite, fitter.context, plain, count)), fitter, gap)
-
-
-def _nominal(contenders: Sequence[Contender]) -> Contender:
-    """Return the one without effects."""
-    return next(c for c in contenders if not c.fit.explanation.candidates)
 
 
 def _replayed(told: Sequence[Contender], fitter: Fitter, held_out: Sequence[int]) -> _Replayed:
     """Return what leads, and what is close or has no effect, with the episodes left out."""
-    nominal, near = _nominal(told), told[0].log_posterior - SETTINGS.held_out.close_log_odds
+    nominal, near = nominal_of(told), told[0].log_posterior - SETTINGS.held_out.close_log_odds
     leaders = leading(told)
     leaders += [c for c in told[len(leaders) :] if c is nominal or c.log_posterior > near]
     before = unseen(nominal, fitter, held_out, None)

@@ -144,10 +144,10 @@ class PlanarBox(AbstractSystem):
 
     def driven_otherwise(self, draws: int) -> tuple[PlanarBox, ...]:
         """See `AbstractSystem`."""
+        if not self.has_noisy_drive:
+            return ()
         noise_n = self._drive_noise_n()
-        return tuple(
-            PlanarBox(_noisier(self.recording, noise_n, seed)) for seed in range(draws if noise_n.any() else 0)
-        )
+        return tuple(PlanarBox(_noisier(self.recording, noise_n, seed)) for seed in range(draws))
 
     def _drive_noise_n(self) -> FloatArray:
         """Return the noise of the force along world x and y, (2,), N."""
