@@ -54,7 +54,9 @@ def test_what_noise_of_a_force_makes_is_little_for_a_while() -> None:
     nominal = whole.fit(NONE, range(3))
     over_all = whole.measured.excess(nominal.total, nominal.episodes)
     assert over_all > 10.0
-    brief = whole.stretched(told_apart_from_noise(whole) or ())
+    spans = told_apart_from_noise(whole)
+    assert spans is not None
+    brief = whole.stretched(spans)
     nominal = brief.fit(NONE, range(len(brief.measured.spans)))
     assert brief.measured.excess(nominal.total, nominal.episodes) < 0.2 * over_all
 

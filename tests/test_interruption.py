@@ -29,9 +29,9 @@ EXAMPLES = ROOT / "examples" / "cases"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 WITHIN_S = 2.0
 PATIENCE_S = 120.0
-WORK_S = 2.0  # of a worker, by which it has imported what it needs and is at work
+WORK_S = 3.0  # of a worker, by which it has imported what it needs and is at work
 MANY = 100_000  # ledgers
-RUNS = 20  # of a sweep, in tasks of five
+RUNS = 40  # of a sweep, in tasks of five
 TICKS = os.sysconf("SC_CLK_TCK")  # to a second
 
 
