@@ -35,13 +35,14 @@ class ProgressObserver(Protocol):
     def fitting(self, effects: Sequence[str]) -> object:
         """Take note that these effects, none: the nominal model, are being fitted."""
 
-    def best(self, effects: Sequence[str], noises: float, probability: float) -> object:
+    def best(self, effects: Sequence[str], noises: float, probability: float, part: str = "") -> object:
         """Take note of the likeliest explanation so far.
 
         Args:
             effects: What it holds; none: the nominal model.
             noises: The root mean square that it leaves.
             probability: Its own, `unknown` counted in, by what was fitted so far and nothing that is held out.
+            part: Of what was recorded, which alone tells that, such as "flights until the first hit"; "": of all of it.
         """
 
 
@@ -54,7 +55,7 @@ class Unobserved:
     def fitting(self, effects: Sequence[str]) -> None:
         """Ignore it."""
 
-    def best(self, effects: Sequence[str], noises: float, probability: float) -> None:
+    def best(self, effects: Sequence[str], noises: float, probability: float, part: str = "") -> None:
         """Ignore it."""
 
 
@@ -84,13 +85,14 @@ class Spoken:
             self._fitting = said
             self._changed()
 
-    def best(self, effects: Sequence[str], noises: float, probability: float) -> None:
+    def best(self, effects: Sequence[str], noises: float, probability: float, part: str = "") -> None:
         """The best so far."""
+        of = f"of {part} alone, " if part else ""
         if effects or probability >= UNLIKELY:
             said = " + ".join(effects) or "none"
-            self._best = f"so far best {said} (probability {probability:.2f}, {noises:.3g} noises left)"
+            self._best = f"so far best {said} ({of}probability {probability:.2f}, {noises:.3g} noises left)"
         else:
-            self._best = f"so far nothing explains it ({noises:.3g} noises left)"
+            self._best = f"so far nothing explains it ({of}{noises:.3g} noises left)"
         self._changed()
 
     def _changed(self) -> None:

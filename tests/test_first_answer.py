@@ -28,7 +28,7 @@ class Told:
         """Count it."""
         self.fitted.append(tuple(effects))
 
-    def best(self, effects: Sequence[str], noises: float, probability: float) -> None:
+    def best(self, effects: Sequence[str], noises: float, probability: float, part: str = "") -> None:
         """Keep it, with how many fits had begun by then."""
         self.best_after.append((len(self.fitted), tuple(effects), probability))
 

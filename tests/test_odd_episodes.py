@@ -44,7 +44,7 @@ def fitted(odd_from: float, *, parameters: tuple[Parameter, ...] = PARAMETERS, s
     def best(x: NDArray[np.float64], starts: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         raise AssertionError("the problem is smooth: no step is refused")
 
-    descent = Descent(parameters, linearise, best, len(T) * len(measured), np.inf, 0, 1e-9, polish=True)
+    descent = Descent(parameters, linearise, best, len(T) * len(measured), np.inf, 0, 1e-9, polish=True, jumps=False)
     return descent.down(linearise(np.zeros(1), np.zeros((len(measured), 1)), None, False), steps)
 
 
@@ -123,7 +123,7 @@ def test_an_episode_that_cannot_follow_does_not_hold_the_others() -> None:
         left = np.array([[r @ r for r in residuals(x, starts[:, k])] for k in range(starts.shape[1])]).T
         return starts[np.arange(len(starts)), left.argmin(axis=1)], left.min(axis=1)
 
-    descent = Descent(PARAMETERS, linearise, best, len(T) * 7, np.inf, 0, 1e-9, polish=True)
+    descent = Descent(PARAMETERS, linearise, best, len(T) * 7, np.inf, 0, 1e-9, polish=True, jumps=False)
     found = descent.down(linearise(np.zeros(1), np.zeros((7, 1)), None, False), 50)
     assert found.x[0] == pytest.approx(SHARED, abs=4 * np.sqrt(12.0 / (len(T) * 7)))
 
@@ -152,3 +152,22 @@ def test_what_is_a_hundred_prior_widths_off_is_reached_in_a_dozen_steps() -> Non
     far, whole = fitted(np.inf, parameters=narrow, steps=12), fitted(np.inf)
     assert abs(whole.x[0]) > 100 * narrow[0].scale
     assert far.x[0] == pytest.approx(whole.x[0], rel=0.05)  # it rests where little of what is left is promised
+
+
+@pytest.mark.parametrize(("jumps", "rests"), [(True, True), (False, False)])
+def test_through_a_hit_a_promise_is_worth_what_the_last_one_was(jumps: bool, rests: bool) -> None:
+    """After a step that gained a billionth of what it promised none is taken; a smooth motion keeps to its slopes."""
+    basis, measured = orthonormal(np.ones((len(T), 1))), SHARED * T
+
+    def linearise(x: NDArray[np.float64], starts: NDArray[np.float64], _: Basis | None, checked: bool) -> FitPoint:
+        residual = [starts[0, 0] + x[0] * T - measured]
+        around = Basis((basis[0],), (basis[1],))
+        return FitPoint(x, starts, residual, [T[:, None]], Spread.none(1), around, fresh=True, kept=1e-9)
+
+    def best(x: NDArray[np.float64], starts: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        raise AssertionError("the problem is smooth: no step is refused")
+
+    descent = Descent(PARAMETERS, linearise, best, len(T), np.inf, 0, 1e-6, polish=True, jumps=jumps)
+    found = descent.down(linearise(np.zeros(1), np.zeros((1, 1)), None, False), 50)
+    assert (found.x[0] == 0.0) == rests
+    assert rests or found.x[0] == pytest.approx(SHARED, abs=1e-3)

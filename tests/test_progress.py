@@ -47,6 +47,20 @@ def test_lines_fit_80_columns(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     )
 
 
+def test_what_a_part_of_the_recording_tells_is_said_to_be_that() -> None:
+    """Until all of it is told by."""
+    said: list[str] = []
+    observer = Spoken(said.append)
+    observer.best(("com_offset",), 0.95, 0.97, "flights until the first hit")
+    observer.best((), 9.35, 0.0, "flights until the first hit")
+    observer.best(("com_offset",), 3.8, 0.03)
+    assert said == [
+        "so far best com_offset (of flights until the first hit alone, probability 0.97, 0.95 noises left)",
+        "so far nothing explains it (of flights until the first hit alone, 9.35 noises left)",
+        "so far best com_offset (probability 0.03, 3.8 noises left)",
+    ]
+
+
 def test_nothing_is_best_that_is_as_good_as_impossible() -> None:
     """While nothing explains a recording, that is said, and not that `none` is best."""
     said: list[str] = []

@@ -49,3 +49,18 @@ def test_nothing_is_left_of_it_at_the_end(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt) as raised, kept_so_far(Spoken(lambda _: None), tmp_path):
         raise KeyboardInterrupt
     assert raised.value.args == ()
+
+
+def interrupted_in_the_air(folder: Path) -> None:
+    """Find something in flights alone, and be interrupted."""
+    with kept_so_far(Spoken(lambda _: None), folder) as observer:
+        observer.best(("com_offset",), 0.95, 0.97, "flights until the first hit")
+        raise KeyboardInterrupt
+
+
+def test_what_flights_alone_tell_is_left_as_that(tmp_path: Path) -> None:
+    """In the file and in the line of an interruption."""
+    with pytest.raises(KeyboardInterrupt) as raised:
+        interrupted_in_the_air(tmp_path)
+    assert json.loads((tmp_path / FILE).read_text())["part"] == "flights until the first hit"
+    assert "So far of flights until the first hit alone: com_offset, probability 0.97" in line(raised.value)

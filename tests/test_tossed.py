@@ -504,9 +504,11 @@ def test_moments_of_inertia_are_named_by_their_proportions(tmp_path: Path):
     assert found.gap_closed > 0.7
 
 
-def begun(folder: Path, truth: mujoco.MjModel) -> tuple[Fitter, Fit]:
+def begun(
+    folder: Path, truth: mujoco.MjModel, *, height_m: float = 0.16, spin_rad_s: float = 3.0
+) -> tuple[Fitter, Fit]:
     """Return the fitter of some tosses in the stretches that are searched, and the fit without effects, some steps."""
-    system = open_case(toss_case(folder, truth, tosses=4))
+    system = open_case(toss_case(folder, truth, tosses=4, height_m=height_m, spin_rad_s=spin_rad_s))
     whole = Fitter(system, system.simulator(threads=1), measure(system, scatter=system.scatter()))
     fitter = whole.stretched(system.stretches())
     return fitter, fitter.fit(NONE, range(len(fitter.measured.spans)), iterations=5)
@@ -533,6 +535,17 @@ def test_a_flight_rules_out_nothing_that_shows_after_a_hit(tmp_path: Path, monke
     assert seen is not None
     assert seen.beginning.seeds
     assert not seen.beginning.ruled_out
+
+
+def test_a_flight_rules_out_what_leaves_much_of_it(tmp_path: Path):
+    """Where a centre of mass explains the flights no other effect is tried alone, and friction beside it is."""
+    seen = multiple_shooting.look(*begun(tmp_path, world(off_m=0.008), height_m=0.4, spin_rad_s=8.0))
+    assert seen is not None
+    short, seeds = {k[0].name for k in seen.beginning.short}, {c.name for k in seen.beginning.seeds for c in k}
+    assert seen.beginning.ruled_out == seen.beginning.short
+    assert "com_offset[box]" in seeds
+    assert {"friction[box]", "gravity", "restitution[box]"} <= short
+    assert "com_offset[box]" not in short
 
 
 def test_a_derivative_through_a_hit_outlasts_the_step_in_which_it_falls(tmp_path: Path):

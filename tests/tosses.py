@@ -20,12 +20,19 @@ def world(
     friction: float = 0.4,
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
     mass_kg: float = 0.5,
+    off_m: float = 0.0,
 ) -> mujoco.MjModel:
-    """Return a box above a floor; its contacts are those of a rigid box as far as MuJoCo goes."""
-    g = " ".join(map(str, gravity))
+    """Return a box above a floor; its contacts are those of a rigid box as far as MuJoCo goes.
+
+    Its centre of mass may be off the middle along its x axis; its frame is at the middle.
+    """
+    g, moment = " ".join(map(str, gravity)), mass_kg * (2 * half_m) ** 2 / 6
+    inertial = (
+        f'<inertial pos="{off_m} 0 0" mass="{mass_kg}" diaginertia="{moment} {moment} {moment}"/>' if off_m else ""
+    )
     return mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="0.0005" cone="elliptic" integrator="implicitfast" gravity="{g}"/>
-        <worldbody><geom type="plane" size="1 1 1"/><body name="box"><freejoint/>
+        <worldbody><geom type="plane" size="1 1 1"/><body name="box"><freejoint/>{inertial}
         <geom type="box" size="{half_m} {half_m} {half_m}" mass="{mass_kg}" friction="{friction}" priority="1"
         solref="0.004 1"/></body></worldbody></mujoco>"""
     )

@@ -22,7 +22,7 @@ from runner.inference.evidence import directions, least_errors, sensitivities
 from runner.inference.held_out import Confirmed, confirm
 from runner.inference.leap import leapt
 from runner.inference.least_squares import NONE, Fit, Fitter
-from runner.inference.multiple_shooting import begun, look, recut
+from runner.inference.multiple_shooting import look, recut
 from runner.inference.outside import with_outside
 from runner.inference.search import Search, resumed, search
 from runner.inference.solver_choice import better_solved
@@ -284,13 +284,16 @@ def _open_again(found: Search, fitter: Fitter) -> Beginning:
 
 
 def _nominal(fitter: Fitter, stretches: Sequence[int]) -> tuple[Fitter, Fit]:
-    nominal = fitter.fit(NONE, stretches, iterations=SETTINGS.fit.nominal_steps)
+    starts, steps = None, SETTINGS.fit.nominal_steps
     if before := fitter.until_hit(stretches):
-        # through an impact a start descends to anywhere: also from where it was told in the air
-        flown = fitter.parts(before).fit(NONE, range(len(before)), iterations=SETTINGS.fit.nominal_steps)
-        again = fitter.fit(NONE, stretches, starts=begun(flown, before, nominal), iterations=SETTINGS.fit.nominal_steps)
-        starts = np.where((again.loss < nominal.loss)[:, None], again.starts, nominal.starts)
-        nominal = fitter.fit(NONE, stretches, starts=starts, iterations=0)
+        # through an impact a start descends to anywhere: it begins where it was told in the air
+        flown, starts = (
+            fitter.parts(before).fit(NONE, range(len(before)), iterations=steps),
+            fitter.first_starts(stretches),
+        )
+        starts[[stretches.index(s.episode) for s in before]] = flown.starts
+        starts, _ = fitter.best_starts((), starts[:, None], stretches)
+    nominal = fitter.fit(NONE, stretches, starts=starts, iterations=steps)
     return replace(fitter, measured=refine(fitter.measured, fitter.system, _left(nominal, (), fitter))), nominal
 
 
@@ -363,7 +366,7 @@ def _searched(first: _FirstLook) -> tuple[Fitter, Search]:
     told = fitter.measured.excess(best.total, best.episodes) < fitter.system.cut_from
     if told and (again.hung != fitter.measured.hung or materially_different(measured, again)):
         fitter = replace(fitter, measured=again)
-        beginning = resumed(found, fitter)
+        beginning = resumed(found, fitter, first.beginning)
         if other := _better_solved(fitter, found, first.as_believed):
             fitter = _solved_otherwise(fitter, other)
             beginning = _open_again(found, fitter)

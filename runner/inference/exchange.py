@@ -26,17 +26,20 @@ from runner.settings import SETTINGS
 Promise = tuple[float, Explanation, FloatArray]  # the loss that is left in the linear model, of what, where to begin
 
 
-def one_for_another(fitter: Fitter, whole: Contender, reached: Mapping[Key, float]) -> list[Fit]:
+def one_for_another(
+    fitter: Fitter, whole: Contender, reached: Mapping[Key, float], ruled_out: Set[Key] = frozenset()
+) -> list[Fit]:
     """Return fits with another effect in the place of one, begun at the motion that was found.
 
     Args:
         fitter: Of the explanation.
         whole: It, amid the directions of all effects.
         reached: What others have left: what is no further behind than noise could be is not fitted again.
+        ruled_out: What is not fitted either.
     """
     least = whole.fit.total + least_gain(fitter.measured.count(whole.fit.episodes))
     near = {key for key, total in reached.items() if total < least}
-    promised = _promised(fitter, whole, near, 1)
+    promised = _promised(fitter, whole, near | ruled_out, 1)
     # what has a place or a range of its own does much of what another does once it is put there, cause or not
     return _fitted(
         fitter, whole, (p for p in promised if not any(c.is_placed(fitter.context) for c in p[1].candidates))

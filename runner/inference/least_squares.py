@@ -165,7 +165,8 @@ def are_near(a: Fit, b: Fit, context: Scope) -> bool:
 class Fitter:
     """Fits explanations to the episodes of one system's recording; the effects `held` are always in the model.
 
-    `observer` is told of every fit; `surveys` are what surveys have simulated, for whoever asks the same again.
+    `observer` is told of every fit, and of which `part` of what was recorded this is one, "": all of it; `surveys` are
+    what surveys have simulated, for whoever asks the same again.
     """
 
     system: AbstractSystem
@@ -173,6 +174,7 @@ class Fitter:
     measured: Measured
     held: Effects = ()
     observer: ProgressObserver = field(default=UNOBSERVED, compare=False, repr=False)
+    part: str = field(default="", compare=False, repr=False)
     surveys: deque[Survey] = field(
         default_factory=lambda: deque(maxlen=SETTINGS.fit.kept_surveys), compare=False, repr=False
     )
@@ -353,7 +355,8 @@ class Fitter:
 
         point = _first_point(linearise, free, x, starts, basis)
         count = self.measured.count(episodes)
-        descent = Descent(free, linearise, best, count, target, patience, tolerance, polish)
+        jumps = self.measured.hits(episodes)
+        descent = Descent(free, linearise, best, count, target, patience, tolerance, polish, jumps)
         point = descent.down(point, iterations)
         return Fit(
             explanation,

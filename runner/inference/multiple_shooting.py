@@ -14,7 +14,7 @@ import numpy as np
 from runner.inference.breakaway import hanging
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 from runner.inference.parameters import is_out_of_range
-from runner.inference.search import search, singles
+from runner.inference.search import Search, search, singles
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of
 from runner.recording import Span
 from runner.settings import SETTINGS
@@ -77,6 +77,8 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
         return None
     # where the nominal model is good, little is to be learnt about what it lacks
     lacks = rough.loss - [cut.measured.count([i]) for i in rough.episodes]
+    if flown:
+        cut = replace(cut, part="flights until the first hit")
     first = np.array([s.begin == 0 for s in spans])
     chosen = np.flatnonzero(first | (lacks > np.quantile(lacks, 1.0 - limits.searched_share)))
     found = search(cut, chosen.tolist(), starts=rough.starts[chosen], pieces=True)
@@ -89,11 +91,12 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     def seed(fit: Fit) -> WarmStart:
         return _seed(whole, fit.explanation, fit.x, begun(fit, spans, nominal), episodes)
 
+    short = _fall_short(found, cut) if flown else frozenset[Key]()
     seeds, near = {}, found.best.log_posterior - SETTINGS.search.expansion_log_odds
     for c in found.contenders:
         candidates = c.fit.explanation.candidates
         few = len(candidates) == 1 or sum(len(k) == len(candidates) for k in seeds) < SETTINGS.search.beam_width
-        if candidates and few and c.log_posterior > near:
+        if candidates and few and c.log_posterior > near and key_of(c.fit.explanation) not in short:
             seeds[key_of(c.fit.explanation)] = seed(c.fit)
     best, there = found.best.fit, set[Key]()
     little = cut.measured.excess(best.total, best.episodes) < fitter.system.cut_from
@@ -108,10 +111,31 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
         key = key_of(c.fit.explanation)
         if key in seeds and key not in there:
             seeds[key] = min(carried(whole, seeds[key], episodes, longest_s), seeds[key], key=lambda s: s.total)
-    # a flight tells nothing of what shows after a hit alone
-    explained = not flown and any(explains(s, whole, episodes) for s in seeds.values())
+    if flown:
+        return Look(Beginning(seeds, short, short, answered=True), late)
+    explained = any(explains(s, whole, episodes) for s in seeds.values())
     ruled_out = singles(fitter.system.vocabulary) - set(seeds) if explained else frozenset[Key]()
     return Look(Beginning(seeds, ruled_out, answered=True), late)
+
+
+def _fall_short(found: Search, flown: Fitter) -> frozenset[Key]:
+    """Return explanations of one effect that leave much of a flight that others explain.
+
+    None where nothing is to be explained in the air: there a flight tells nothing of what shows after a hit alone. What
+    shows there beside what a flight tells is a further effect, and may turn out to be the only one.
+    """
+    singly = {key_of(c.fit.explanation): c.fit for c in found.contenders if len(c.fit.explanation.candidates) == 1}
+    near = {key for key, f in singly.items() if _is_near(f, flown)}
+    if _is_near(found.nominal, flown) or not near:
+        return frozenset()
+    return singles(flown.system.vocabulary) - near
+
+
+def _is_near(fit: Fit, fitter: Fitter) -> bool:
+    """Whether a fit leaves so little that nothing plain is left to be explained."""
+    left = fitter.measured.excess(fit.total, fit.episodes)
+    out = is_out_of_range(fit.explanation.parameters(fitter.context), fit.x)
+    return not out and left < SETTINGS.search.near_excess
 
 
 def recut(beginning: Beginning, fitter: Fitter, nominal: Fit) -> Beginning:

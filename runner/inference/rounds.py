@@ -30,6 +30,7 @@ class Rounds:
         count: How many measurements there are.
         seeds: Beginnings from an earlier look that are not used up.
         ruled_out: What is not to be tried again.
+        short: Which single effects leave much of a flight that others explain.
         answered: Seeds that were told as the best so far: until they are fitted nothing else is.
         tried: Beginnings from before anything was hit that are not used up, of what hits something.
         contenders: Compared by evidence so far.
@@ -48,6 +49,7 @@ class Rounds:
     count: int
     seeds: dict[Key, WarmStart]
     ruled_out: frozenset[Key]
+    short: frozenset[Key]
     answered: set[Key]
     tried: dict[Key, WarmStart]
     contenders: list[Contender]
@@ -77,6 +79,7 @@ class Rounds:
             count=count,
             seeds=dict(beginning.seeds),
             ruled_out=beginning.ruled_out,
+            short=beginning.short,
             answered=set(beginning.seeds) if beginning.answered else set(),
             tried={},
             contenders=[none.weighed(fitter.system, dispersion)],
@@ -154,4 +157,4 @@ class Rounds:
         unknown = unknown_by_excess(left, gap, self.fitter.system.unknown_share, error_of_excess(self.count))
         probability = float(shares(finite)[alike].sum()) * (1.0 - unknown)
         noises = float(np.sqrt(best.fit.total / self.count))
-        self.fitter.observer.best(best.fit.explanation.names, noises, probability)
+        self.fitter.observer.best(best.fit.explanation.names, noises, probability, self.fitter.part)

@@ -125,7 +125,7 @@ def _and_with_one_less(rounds: Rounds, new: list[Contender], around_best: Sensit
         if key_of(whole.fit.explanation) in rounds.taken_apart:
             continue
         rounds.taken_apart.add(key_of(whole.fit.explanation))
-        for fit in without_one(rounds.fitter, whole, rounds.contenders, rounds.episodes):
+        for fit in without_one(rounds.fitter, whole, rounds.contenders, rounds.episodes, rounds.short):
             new = rounds.with_better(new, fit, around_best)
     return new
 
@@ -134,13 +134,19 @@ def _and_with_another(rounds: Rounds, new: list[Contender], around_best: Sensiti
     """Add what the one that leaves least is with another effect in its place."""
     least = min(new, key=lambda c: c.fit.total)
     reached = {key_of(c.fit.explanation): c.fit.total for c in rounds.contenders}
-    for fit in one_for_another(rounds.fitter, least, reached):
+    for fit in one_for_another(rounds.fitter, least, reached, rounds.short):
         new = rounds.with_better(new, fit, around_best)
     return new
 
 
 def _and_with_one_for_two(rounds: Rounds, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
-    """Add what the likeliest is with one effect in the place of two."""
+    """Add what the likeliest is with one effect in the place of two.
+
+    Not where only some explain a flight: what is put in is told by a linear model, which does not hold through a hit,
+    and what is taken out may be what a flight tells.
+    """
+    if rounds.short:
+        return new
     fits = one_for_two(rounds.fitter, new[0], rounds.seen) + other_variants(rounds.fitter, new[0], rounds.seen)
     rounds.seen |= {key_of(f.explanation) for f in fits}
     fewer = [rounds.worthy(fit, around_best) for fit in fits]
@@ -195,8 +201,11 @@ def _take_out_untold(rounds: Rounds) -> None:
             rounds.contenders = [again if other is c else other for other in rounds.contenders]
 
 
-def resumed(before: Search, fitter: Fitter) -> Beginning:
-    """Return where a search of the same episodes with another account of the noise begins: where the last one ended."""
+def resumed(before: Search, fitter: Fitter, first: Beginning | None = None) -> Beginning:
+    """Return where a search of the same episodes with another account of the noise begins: where the last one ended.
+
+    `first` is where the last one began: what flights tell still holds.
+    """
     near = [
         c for c in before.contenders if c.log_posterior > before.best.log_posterior - SETTINGS.search.expansion_log_odds
     ]
@@ -208,7 +217,8 @@ def resumed(before: Search, fitter: Fitter) -> Beginning:
         )
         for f in fits
     }
-    return Beginning(seeds, singles(fitter.system.vocabulary) - tried, answered=True)
+    short = first.short if first else frozenset[Key]()
+    return Beginning(seeds, singles(fitter.system.vocabulary) - tried, short - tried, answered=True)
 
 
 def singles(vocabulary: Vocabulary) -> frozenset[Key]:

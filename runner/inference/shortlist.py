@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
 import numpy as np
 
 from runner.inference.contender import Contender
 from runner.inference.evidence import clip
 from runner.inference.least_squares import Fit, Fitter
-from runner.inference.warm_start import key_of
+from runner.inference.warm_start import Key, key_of
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 
@@ -90,11 +90,18 @@ def _from_elsewhere(fitter: Fitter, fit: Fit, count: int, *, steps: int) -> Fit:
         fit = best
 
 
-def without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], episodes: Sequence[int]) -> list[Fit]:
+def without_one(
+    fitter: Fitter,
+    whole: Contender,
+    others: Sequence[Contender],
+    episodes: Sequence[int],
+    ruled_out: Set[Key] = frozenset(),
+) -> list[Fit]:
     """Drop each effect of an explanation in turn: what came in first may have stood in for what came later.
 
     What is left was perhaps fitted before, but had not found the place that it has now: a patch or a tether that is far
-    from where it is said to be needs the help of another effect to get there. Returns what is new, or leaves less.
+    from where it is said to be needs the help of another effect to get there. Returns what is new, or leaves less, of
+    what is not ruled out.
     """
     before = {key_of(c.fit.explanation): c.fit.total for c in others}
     count = fitter.measured.count(episodes)
@@ -103,7 +110,7 @@ def without_one(fitter: Fitter, whole: Contender, others: Sequence[Contender], e
         rest = whole.fit.explanation.without(candidate)
         x = np.delete(whole.fit.x, part)
         reached = before.get(key_of(rest), np.inf)
-        if reached - whole.fit.total > least_gain(count):
+        if key_of(rest) not in ruled_out and reached - whole.fit.total > least_gain(count):
             steps, patience = SETTINGS.fit.refit_steps, SETTINGS.fit.patience_steps
             fit = fitter.fit(
                 rest, episodes, x=x, near=whole.fit, target=whole.fit.total, patience=patience, iterations=steps

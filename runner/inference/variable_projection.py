@@ -80,7 +80,8 @@ class Spread:
 class FitPoint:
     """Where a fit stands: its unknowns (p,), (E, S), the residuals (n,) and raw derivatives (n, p) of each episode.
 
-    `reach` is how far the next step may go in each parameter, in its prior widths.
+    `reach` is how far the next step may go in each parameter, in its prior widths; `kept` is which share of what it
+    promised the last one gained, 1 before any.
     """
 
     x: np.ndarray
@@ -92,6 +93,7 @@ class FitPoint:
     fresh: bool  # whether the basis was taken at this point, or found to hold there
     ending: Ending | None = None
     reach: float = SETTINGS.fit.trust_radius
+    kept: float = 1.0
 
     @property
     def total(self) -> float:
@@ -123,6 +125,7 @@ class Descent:
         patience: So many steps are taken before that is judged.
         tolerance: It rests where a step promises less than this, in units of the loss (more where the fit is bad).
         polish: Whether the start states' derivatives are taken anew where the steps come to rest.
+        jumps: Whether the motion jumps along the way, as through a hit: a promise is then worth what the last was.
     """
 
     parameters: Sequence[Parameter]
@@ -133,6 +136,7 @@ class Descent:
     patience: int
     tolerance: float
     polish: bool
+    jumps: bool
 
     def down(self, point: FitPoint, iterations: int) -> FitPoint:
         """Return where at most so many steps lead."""
@@ -144,22 +148,23 @@ class Descent:
     def _attempt(self, iteration: int, point: FitPoint, _: np.ndarray, damping: np.ndarray) -> Trial[FitPoint]:
         dx, ds, promised = _step(point, self.parameters, float(damping[0]))
         limits = SETTINGS.fit
+        hoped = promised * point.kept if self.jumps else promised
         enough = self.tolerance + limits.rest_share * max(point.total - self.count, 0.0)
         behind = limits.behind_share * max(self.target - self.count, 0.0)
         hopeless = self.target + behind + limits.behind_excess * self.count + limits.behind_loss
-        if iteration > self.patience and point.total - limits.promise_factor * promised > hopeless:
+        if iteration > self.patience and point.total - limits.promise_factor * hoped > hopeless:
             return Trial(replace(point, ending=Ending.BEHIND), rests=True)
-        if promised < enough:
+        if hoped < enough:
             if point.fresh or not self.polish:
                 return Trial(replace(point, ending=Ending.RESTED), rests=True)
             return Trial(self._renewed(point))
         # the start states' derivatives change slowly: keep them while they predict well
-        trial = replace(self.linearise(point.x + dx, point.starts + ds, point.basis, False), reach=point.reach)
+        trial = self._carried(self.linearise(point.x + dx, point.starts + ds, point.basis, False), point)
         gain, trusted = point.total - trial.total, limits.min_gain_ratio * promised
         if np.isfinite(trial.total) and gain > 0:
             if gain < trusted and gain > enough:
                 trial = self._renewed(trial)
-            eased = gain > trusted
+            trial, eased = replace(trial, kept=gain / promised), gain > trusted
             # what is far off is not reached in steps that nothing but their length has ended (a trust region)
             further = eased and self._is_as_far_as_it_may(point, dx)
             return Trial(replace(trial, reach=2.0 * point.reach) if further else trial, eased=eased)
@@ -168,7 +173,9 @@ class Descent:
             return Trial(self._renewed(point))
         # one episode in which another corner hits first must not hold all others where they are
         apart = self._each_as_far_as_it_goes(point, dx, ds)
-        return Trial(point, refused=True) if apart is None else Trial(apart)
+        if apart is None:
+            return Trial(point, refused=True)
+        return Trial(replace(apart, kept=(point.total - apart.total) / promised))
 
     def _each_as_far_as_it_goes(self, point: FitPoint, dx: np.ndarray, ds: np.ndarray) -> FitPoint | None:
         """Return where a step leads if every episode's start takes that share of its own which suits it best.
@@ -187,7 +194,12 @@ class Descent:
         return bool(np.any(np.abs(dx) > 0.999 * point.reach * widths))
 
     def _renewed(self, point: FitPoint) -> FitPoint:
-        return replace(self.linearise(point.x, point.starts, point.basis, True), reach=point.reach)
+        return self._carried(self.linearise(point.x, point.starts, point.basis, True), point)
+
+    @staticmethod
+    def _carried(new: FitPoint, before: FitPoint) -> FitPoint:
+        """Return a point with what is known of steps from the one before it."""
+        return replace(new, reach=before.reach, kept=before.kept)
 
 
 def _step(point: FitPoint, parameters: Sequence[Parameter], damping: float) -> tuple[np.ndarray, np.ndarray, float]:

@@ -32,11 +32,13 @@ class Beginning:
     Args:
         seeds: Where to begin, by effects.
         ruled_out: Single effects that are not to be tried alone again.
+        short: Those single effects of what hits something that leave much of a flight which others explain.
         answered: Whether they are what has been told as the best so far: it is, until they are fitted again.
     """
 
     seeds: dict[Key, WarmStart] = field(default_factory=dict)
     ruled_out: frozenset[Key] = frozenset()
+    short: frozenset[Key] = frozenset()
     answered: bool = False
 
 

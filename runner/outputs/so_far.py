@@ -33,12 +33,15 @@ class SoFar:
         """Hand it on."""
         self._observer.fitting(effects)
 
-    def best(self, effects: Sequence[str], noises: float, probability: float) -> None:
+    def best(self, effects: Sequence[str], noises: float, probability: float, part: str = "") -> None:
         """Write it down, and hand it on."""
-        self._observer.best(effects, noises, probability)
+        self._observer.best(effects, noises, probability, part)
         names = list(effects) or ["none"]
-        self.sentence = f"So far: {' + '.join(names)}, probability {probability:.2f} ({self._path})."
+        of = f" of {part} alone" if part else ""
+        self.sentence = f"So far{of}: {' + '.join(names)}, probability {probability:.2f} ({self._path})."
         found = {"effects": names, "probability": probability, "noises_left": noises, "checked_on_unseen": False}
+        if part:
+            found["part"] = part
         write_json(self._path, found | {"after_s": time.monotonic() - self._began})
 
 

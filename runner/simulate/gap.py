@@ -3,15 +3,16 @@
 The model replays the recorded commands from measured states, in windows that begin at regular times and over whole
 episodes. A measured state carries noise, and that noise grows with the horizon: a gap from measured starts is never
 as small as the noise of a sample. So two gaps are told: from the start states as they were measured, beside what the
-noise of sample and start alone would make of it; and from start states that are fitted to the window, corrected for
-what such a fit takes from the noise, so that a perfect model has a gap of one noise at every horizon.
+noise of sample and start alone would make of it; and from start states that are fitted to the window, with what such a
+fit takes from the noise put back, so that a perfect model has a gap of one noise at every horizon. A window of which
+its measured start leaves less keeps that.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -19,8 +20,9 @@ import pandas as pd
 from runner.effects.base import Effects
 from runner.errors import RecordingError
 from runner.noise.measured import Measured
+from runner.recording import Span
 from runner.settings import SETTINGS
-from runner.simulate.shooting import WINDOWS_AT_ONCE, Predict, fit_starts, whiten, windows_of
+from runner.simulate.shooting import WINDOWS_AT_ONCE, Predict, fit_starts, windows_of
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import Run
 from runner.systems.windows import Windows
@@ -100,7 +102,7 @@ def measure_gap(
         sums = [
             _sums(
                 system,
-                lambda s, some=some: simulator.predict_windows(effects, some, s),
+                lambda s, n, some=some: simulator.predict_windows(effects, replace(some, samples=n), s),
                 some,
                 signals,
                 iterations=2,
@@ -113,9 +115,9 @@ def measure_gap(
     for e in chosen if whole_episodes else ():
         windows = Windows(np.array([e]), np.array([0]), lengths[e])
 
-        def predict(states: np.ndarray, e: int = e) -> np.ndarray:
+        def predict(states: np.ndarray, n: int, e: int = e) -> np.ndarray:
             true = [simulator.seen_start(effects, s) for s in states[0]]
-            return simulator.predict(e, [Run(effects, s) for s in true])[None]
+            return simulator.parts([Span(e, 0, n)]).predict(0, [Run(effects, s) for s in true])[None]
 
         one = _sums(system, predict, windows, signals, iterations=8, grow=True)
         kept.append(one)
@@ -145,8 +147,8 @@ class _Sums:
     squares: np.ndarray  # from measured starts, without the first sample, which is the start
     values: np.ndarray
     expected: np.ndarray  # of the squares, for a perfect model
-    fitted_squares: np.ndarray
-    fitted_values: np.ndarray  # less their leverage
+    fitted_squares: np.ndarray  # with what the fit takes from the noise put back
+    fitted_values: np.ndarray
     starts: np.ndarray  # (W, S)
 
 
@@ -166,7 +168,7 @@ def _sums(
     values, valid = windows.of(signals.values), system.initial.settled(windows.of(signals.valid), system.rate_hz)
     steps, scale = system.initial.steps, system.initial.scale(signals.sigma)
     measured = system.initial.guess_windows(signals, windows, smooth=False)
-    rows = predict(np.stack([measured, *(measured + d for d in np.diag(steps))], axis=1))
+    rows = predict(np.stack([measured, *(measured + d for d in np.diag(steps))], axis=1), windows.samples)
     residual = rows[:, 0] - values
     # how the noise of the start state spreads
     change = (rows[:, 1:] - rows[:, :1]) / steps[:, None, None] * scale[:, None, None]
@@ -178,19 +180,25 @@ def _sums(
         # a start without all of its measurements says nothing of what measured starts are worth
         counts[~sound] = False
     expected = np.where(counts, spread + signals.sigma**2, 0.0).sum(axis=(0, 1))
+    amplifies = grow and (expected > AMPLIFIES**2 * signals.sigma**2 * counts.sum(axis=(0, 1))).any()
+    shares = SETTINGS.held_out.growing_shares if amplifies else (1.0,)
     problem = (predict, values, valid, signals, measured, steps, scale)
-    fitted = fit_starts(*problem, iterations=iterations, short=not grow)
-    if grow and (expected > AMPLIFIES**2 * signals.sigma**2 * counts.sum(axis=(0, 1))).any():
-        fits = (fitted, fit_starts(*problem, shares=SETTINGS.held_out.growing_shares, iterations=iterations))
-        fitted = min(fits, key=lambda f: float(np.sum(whiten(f.residual, valid, signals) ** 2)))
+    fitted = fit_starts(*problem, shares=shares, iterations=iterations, short=not grow)
+    # what a hit amplifies has many hollows
+    left, before = (np.where(valid, (r / signals.sigma) ** 2, 0.0) for r in (fitted.residual, residual))
+    worse = left.sum(axis=(1, 2)) > before.sum(axis=(1, 2))
+    left[worse] = before[worse]
+    squares, followed = left.sum(axis=(0, 1)), fitted.followed(valid).sum(axis=0)
+    # as much of what it follows as of what it leaves, but noise at most: what is missed beyond that it does not take
+    back = followed * np.minimum(squares / np.maximum(valid.sum(axis=(0, 1)) - followed, 1e-9), 1.0)
     return _Sums(
         len(windows),
         np.where(counts, residual**2, 0.0).sum(axis=(0, 1)),
         counts.sum(axis=(0, 1)),
         expected,
-        np.where(valid, fitted.residual**2, 0.0).sum(axis=(0, 1)),
-        fitted.freedom(valid).sum(axis=0),
-        fitted.starts,
+        (squares + back) * signals.sigma**2,
+        valid.sum(axis=(0, 1)),
+        np.where(worse[:, None], measured, fitted.starts),
     )
 
 

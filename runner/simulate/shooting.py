@@ -14,6 +14,7 @@ import numpy as np
 
 from runner.noise.measured import Measured
 from runner.numerics.levenberg_marquardt import Schedule, Trial, damped, descend
+from runner.settings import SETTINGS
 from runner.systems.windows import Windows
 
 PRIOR_SIGMAS = 10.0  # a fitted start state may lie some such distances from the measured one, and hardly more
@@ -21,7 +22,7 @@ DAMPING = Schedule(1e-3, stiffening=30.0)
 AS_PROMISED = 0.95  # of what a step promised: derivatives under which it gains that much have not changed
 WINDOWS_AT_ONCE = 400  # bounds the memory of one batch
 
-Predict = Callable[[np.ndarray], np.ndarray]
+Predict = Callable[[np.ndarray, int], np.ndarray]
 
 
 def windows_of(lengths: Sequence[int], samples: int, episodes: Sequence[int] | None = None) -> Windows:
@@ -59,18 +60,18 @@ class Fitted:
     change: np.ndarray
     jacobian: np.ndarray
 
-    def freedom(self, valid: np.ndarray) -> np.ndarray:
-        """Return how many values of each channel are left after the fit, (W, C): samples less what the fit follows.
+    def followed(self, valid: np.ndarray) -> np.ndarray:
+        """Return how many values of each channel the fit follows, (W, C).
 
-        So many times the variance of the noise is what the sum of squared residuals of a perfect model comes to, be
-        the noise white or coloured: diag(C - J (J^T C^-1 J)^-1 J^T) with C the noise's covariance.
+        So many times the variance of the noise is what it takes off the sum of squared residuals of a perfect model, be
+        the noise white or coloured: diag(J (J^T C^-1 J)^-1 J^T) with C the noise's covariance.
         """
         w, n, c, p = self.jacobian.shape
         matrix = self.jacobian.reshape(w, n * c, p)
         # the weak prior holds what the window says nothing of
         normal = np.einsum("wip,wiq->wpq", matrix, matrix) + np.eye(p) / PRIOR_SIGMAS**2
         followed = np.einsum("wncp,wpq,wncq->wnc", self.change, np.linalg.inv(normal), self.change, optimize=True)
-        return np.where(valid, 1.0 - followed, 0.0).sum(axis=1)
+        return np.where(valid, followed, 0.0).sum(axis=1)
 
 
 def fit_starts(
@@ -93,7 +94,7 @@ def fit_starts(
     long time, and one valley over a short one: then starts are fitted to longer and longer parts of the windows.
 
     Args:
-        predict: From start states (W, K, S) to predictions (W, K, n, C).
+        predict: From start states (W, K, S) to predictions of the first n samples (W, K, n, C).
         values: What was measured, (W, n, C).
         valid: What of it counts, (W, n, C).
         signals: The noise.
@@ -102,14 +103,14 @@ def fit_starts(
         scale: How far they may be from the measured ones, (S,).
         shares: Of each window, one after the other: each fit begins where the one before ended.
         iterations: At most so many steps, of each share.
-        tolerance: Ends when no window expects to gain more than this in its sum of squares.
+        tolerance: Ends when no window expects to gain more than this in its sum of squares, and than a share of that.
         short: The windows are so short that derivatives hold where a step gains what it promised.
     """
     samples = values.shape[1]
 
     def fit(begin: np.ndarray, share: float) -> Fitted:
-        seen = valid & (np.arange(samples) < math.ceil(share * samples))[:, None]
-        problem = _Problem(predict, values, seen, signals, first, steps, scale, tolerance, short)
+        n = math.ceil(share * samples)
+        problem = _Problem(predict, values[:, :n], valid[:, :n], signals, first, steps, scale, tolerance, short)
         point = problem.linearise(begin)
         return descend(problem.attempt, point, DAMPING, iterations=iterations, blocks=len(values)).fitted
 
@@ -143,7 +144,8 @@ class _Problem:
 
     def linearise(self, starts: np.ndarray) -> _Point:
         """Return where windows with these start states stand."""
-        rows = self.predict(starts[:, None, :] + np.vstack([np.zeros(len(self.steps)), np.diag(self.steps)]))
+        moves = np.vstack([np.zeros(len(self.steps)), np.diag(self.steps)])
+        rows = self.predict(starts[:, None, :] + moves, self.values.shape[1])
         residual = rows[:, 0] - self.values
         moved = (rows[:, 1:] - rows[:, :1]) / self.steps[:, None, None] * self.scale[:, None, None]
         jacobian = np.moveaxis(whiten(moved, self.valid[:, None], self.signals), 1, -1)
@@ -159,10 +161,10 @@ class _Problem:
         normal = np.einsum("wip,wiq->wpq", matrix, matrix) + np.eye(len(self.steps)) / PRIOR_SIGMAS**2
         step = -np.linalg.solve(damped(normal, damping), right[:, :, None])[:, :, 0]
         promised = -2 * (right * step).sum(axis=1) - np.einsum("wp,wpq,wq->w", step, normal, step)
-        if promised.max(initial=0.0) < self.tolerance:
+        if (promised < self.tolerance + SETTINGS.fit.rest_share * point.loss).all():
             return Trial(point, rests=True)
         trial = at.starts + step * self.scale
-        residual = self.predict(trial[:, None, :])[:, 0] - self.values
+        residual = self.predict(trial[:, None, :], self.values.shape[1])[:, 0] - self.values
         losses = self._losses(residual, trial)
         gained = losses < point.loss
         starts = np.where(gained[:, None], trial, at.starts)
