@@ -158,7 +158,9 @@ def load_mapping(path: Path, needed: Iterable[str]) -> Mapping:
         RecordingError: If the file is missing, no YAML, no mapping, or gives a key twice.
     """
     if not path.is_file():
-        raise RecordingError(f"{path}: no such file; a case needs a {FILE} with {_listed(needed)}.")
+        raise RecordingError(
+            f"{path}: no such file; a case needs a {FILE} with {_listed(needed)}. Of a log `runner import` makes one."
+        )
     try:
         content = read_yaml(path)
     except YamlError as error:

@@ -62,8 +62,8 @@ def replay(diagnosis: Diagnosis) -> list[Paths]:
 
 
 def where_after(diagnosis: Diagnosis) -> Where | None:
-    """Return where the corrected model still misses; None: nothing was corrected, or nobody asked where."""
-    if not diagnosis.effects or diagnosis.where is None:
+    """Return where the corrected model still misses; None: nothing was corrected."""
+    if not diagnosis.effects:
         return None
     if diagnosis.abstention is not None:
         return diagnosis.abstention.after

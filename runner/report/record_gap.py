@@ -35,9 +35,9 @@ class WindowGap:
 
 
 def window_gaps(diagnosis: Diagnosis, paths: Sequence[Paths]) -> list[WindowGap | None]:
-    """Return the windows of each episode; None: nobody asked where the gap is, or it has no windows."""
+    """Return the windows of each episode; None: it is told in no windows."""
     where = diagnosis.where
-    if where is None or not len(where.windows):
+    if not len(where.windows):
         return [None] * len(paths)
     table = where.windows
     excess = np.maximum(table["excess"].to_numpy(float), 0.0)

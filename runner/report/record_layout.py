@@ -127,7 +127,7 @@ def _episode(diagnosis: Diagnosis, tab: Tab) -> rrb.Container:
     disturbance = diagnosis.system.disturbance
     lacking = list(zip(disturbance.names, disturbance.labels, strict=True))[:MOST_FORCES]
     columns = len(channels) if len(channels) <= 2 else 3 if len(channels) <= 6 else 4
-    rows = [-(-len(channels) // columns)] + ([-(-(1 + len(lacking)) // 4)] if diagnosis.where is not None else [])
+    rows = [-(-len(channels) // columns), -(-(1 + len(lacking)) // 4)]
     numbers = NUMBERS if sum(rows) <= MOST_ROWS else FEW
     before = "missing: " if all(len(f"missing: {label}") <= WIDE for _, label in lacking) else ""
     hidden = rrb.PlotLegend(visible=False)  # it would lie on a curve; the text beside says which is which
@@ -158,10 +158,10 @@ def _episode(diagnosis: Diagnosis, tab: Tab) -> rrb.Container:
         plot_legend=hidden,
         axis_y=_axis(tab, f"{root}/gap", numbers),
     )
-    below = [gap, *forces] if diagnosis.where is not None else []
+    below = [gap, *forces]
     plots = [
         rrb.Grid(*residuals, grid_columns=columns),
-        *([rrb.Grid(*below, grid_columns=min(len(below), 4))] if below else []),
+        rrb.Grid(*below, grid_columns=min(len(below), 4)),
     ]
     return rrb.Vertical(
         rrb.Horizontal(measured, simulated),

@@ -36,7 +36,7 @@ QUARTERS = tuple(f"the {q} quarter" for q in ("first", "second", "third", "last"
 def first_figure(diagnosis: Diagnosis, paths: list[Paths]) -> dict[str, Any] | None:
     """Return the one figure at the top: where the simulator as believed misses, on the map or over time."""
     found = diagnosis.where
-    if found is None or not found.exceeds:
+    if not found.exceeds:
         return None
     places = _places(found)
     about = {"sentence": spelt(diagnosis, found.sentence), "window": f"{found.window_s:.3g} s"}
@@ -174,11 +174,9 @@ def whiteness(diagnosis: Diagnosis, said: Statement, paths: list[Paths]) -> dict
     }
 
 
-def where(diagnosis: Diagnosis, said: Statement, paths: list[Paths]) -> dict[str, Any] | None:
+def where(diagnosis: Diagnosis, said: Statement, paths: list[Paths]) -> dict[str, Any]:
     """Return where the gap is: a sentence, the missing force, the map, and shares by what went on."""
     found = diagnosis.where
-    if found is None:
-        return None
     after = where_after(diagnosis)
     # windows of another length show another force: not to be drawn side by side
     alike = after if after is not None and math.isclose(after.window_s, found.window_s) else None

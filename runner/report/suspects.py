@@ -56,9 +56,9 @@ class Suspect:
     cell: tuple[str, str] | None = None
 
 
-def suspects(system: AbstractSystem, where: Where | None) -> tuple[Suspect, ...]:
+def suspects(system: AbstractSystem, where: Where) -> tuple[Suspect, ...]:
     """Return what stands out, at most three: in what was done, in where, when or how fast, and in one channel."""
-    if where is None or not where.exceeds:
+    if not where.exceeds:
         return ()
     rows, level = where.cells.to_dict("records"), SETTINGS.where.false_discovery_rate
     standing = [r for r in rows if r["factor"] != "channel" and r["q"] < level and r["lift"] > 1]
