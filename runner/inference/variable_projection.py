@@ -3,13 +3,17 @@
 The start state of an episode matters to that episode only. With the derivatives by it projected out, each episode
 leaves a few rows of one small bounded least-squares problem in the parameters that all episodes share:
 Levenberg-Marquardt steps by `scipy.optimize.lsq_linear`.
+
+A step is first only simulated: derivatives cost a simulation for each parameter. Where it gained what was promised they
+are not taken anew but follow from what the step showed (a secant update; Broyden 1965), until the descent would rest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
+from typing import Protocol
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -80,8 +84,9 @@ class Spread:
 class FitPoint:
     """Where a fit stands: its unknowns (p,), (E, S), the residuals (n,) and raw derivatives (n, p) of each episode.
 
-    `reach` is how far the next step may go in each parameter, in its prior widths; `kept` is which share of what it
-    promised the last one gained, 1 before any.
+    `fresh` says whether the basis was taken at this point, or found to hold there; `taken`, whether the derivatives
+    by the parameters were, or follow from the last step. `reach` is how far the next step may go in each parameter, in
+    its prior widths; `kept` is which share of what it promised the last one gained, 1 before any.
     """
 
     x: np.ndarray
@@ -90,7 +95,8 @@ class FitPoint:
     jacobian: list[np.ndarray]
     spread: Spread
     basis: Basis
-    fresh: bool  # whether the basis was taken at this point, or found to hold there
+    fresh: bool
+    taken: bool = True
     ending: Ending | None = None
     reach: float = SETTINGS.fit.trust_radius
     kept: float = 1.0
@@ -104,12 +110,75 @@ class FitPoint:
         """The derivatives by the parameters, the start states projected out, per episode (n, p)."""
         return tuple(project(j, q) for j, q in zip(self.jacobian, self.basis.q, strict=True))
 
+    def followed(self, there: Shown, dx: np.ndarray, ds: np.ndarray, widths: np.ndarray) -> FitPoint:
+        """Return where a step (p,), (E, S) has led, with derivatives that follow from what it showed.
 
-# from x, start states, derivatives by those (None: they are to be taken), and whether they are to be checked, and taken
-# anew where they do not hold
-Linearise = Callable[[np.ndarray, np.ndarray, Basis | None, bool], FitPoint]
-# from x and K start states of each episode, (E, K, S), to the best of each, (E, S), and what it leaves, (E,)
-Best = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+        What the linear model missed is put on the parameters' own move by its share in what both moves foretold, and
+        among the parameters, in their prior widths (p,), by how far each went (Broyden's good update).
+        """
+        along = dx / widths**2
+        length = float(dx @ along)
+        jacobian = []
+        for before, after, j, q, t, s in zip(
+            self.residual, there.residual, self.jacobian, self.basis.q, self.basis.r, ds, strict=True
+        ):
+            own, start = j @ dx, q @ (t @ s)
+            by_both = float(own @ own) + float(start @ start)
+            share = float(own @ own) / by_both if by_both > 0.0 and length > 0.0 else 0.0
+            jacobian.append(j + np.outer(after - before - own - start, along * share / length) if share > 0.0 else j)
+        return replace(
+            self,
+            x=self.x + dx,
+            starts=self.starts + ds,
+            residual=there.residual,
+            jacobian=jacobian,
+            spread=there.spread,
+            fresh=False,
+            taken=False,
+        )
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a model leaves somewhere: whitened residuals (n,) of each episode, and how they spread."""
+
+    residual: list[np.ndarray]
+    spread: Spread
+
+    @property
+    def total(self) -> float:
+        """See `FitPoint.total`."""
+        return float(self.spread.loss(self.residual).sum())
+
+
+class Problem(Protocol):
+    """What a descent goes down: unknowns are parameters (p,) and start states (E, S)."""
+
+    def shown(self, x: np.ndarray, starts: np.ndarray) -> Shown:
+        """Return what is left somewhere."""
+        ...
+
+    def linearise(
+        self, x: np.ndarray, starts: np.ndarray, basis: Basis | None, *, checked: bool, shown: Shown | None = None
+    ) -> FitPoint:
+        """Return where a fit stands, with derivatives.
+
+        Args:
+            x: Parameters.
+            starts: Start states.
+            basis: Derivatives by those; None: they are to be taken.
+            checked: Whether they are to be checked, and taken anew where they do not hold.
+            shown: What is left there, where that is known.
+        """
+        ...
+
+    def best(self, x: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return which of K start states of each episode, (E, K, S), or that of the measurements leaves least.
+
+        Returns:
+            It, (E, S), and what it leaves, (E,).
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -118,8 +187,7 @@ class Descent:
 
     Args:
         parameters: Those that all episodes share.
-        linearise: The problem.
-        best: Which of other start states leave least, or that of the measurements.
+        problem: What it goes down.
         count: How many measurements there are.
         target: A loss that others have reached; a fit that won't come near it is not finished.
         patience: So many steps are taken before that is judged.
@@ -129,8 +197,7 @@ class Descent:
     """
 
     parameters: Sequence[Parameter]
-    linearise: Linearise
-    best: Best
+    problem: Problem
     count: int
     target: float
     patience: int
@@ -141,9 +208,13 @@ class Descent:
     def down(self, point: FitPoint, iterations: int) -> FitPoint:
         """Return where at most so many steps lead."""
         point = descend(self._attempt, point, DAMPING, iterations=iterations)
-        if not point.fresh and point.ending is not Ending.BEHIND and self.polish:
-            point = self._renewed(point)
+        if point.ending is not Ending.BEHIND and not self._holds(point):
+            point = self._renewed(point, checked=self.polish)
         return point
+
+    def _holds(self, point: FitPoint) -> bool:
+        """Whether derivatives are of this point, those by start states as well where they matter."""
+        return point.taken and (point.fresh or not self.polish)
 
     def _attempt(self, iteration: int, point: FitPoint, _: np.ndarray, damping: np.ndarray) -> Trial[FitPoint]:
         dx, ds, promised = _step(point, self.parameters, float(damping[0]))
@@ -155,21 +226,20 @@ class Descent:
         if iteration > self.patience and point.total - limits.promise_factor * hoped > hopeless:
             return Trial(replace(point, ending=Ending.BEHIND), rests=True)
         if hoped < enough:
-            if point.fresh or not self.polish:
+            if self._holds(point):
                 return Trial(replace(point, ending=Ending.RESTED), rests=True)
-            return Trial(self._renewed(point))
-        # the start states' derivatives change slowly: keep them while they predict well
-        trial = self._carried(self.linearise(point.x + dx, point.starts + ds, point.basis, False), point)
-        gain, trusted = point.total - trial.total, limits.min_gain_ratio * promised
-        if np.isfinite(trial.total) and gain > 0:
-            if gain < trusted and gain > enough:
-                trial = self._renewed(trial)
-            trial, eased = replace(trial, kept=gain / promised), gain > trusted
+            return Trial(self._renewed(point, checked=self.polish))
+        shown = self.problem.shown(point.x + dx, point.starts + ds)
+        gain = point.total - shown.total
+        if np.isfinite(shown.total) and gain > 0:
+            eased = gain > limits.min_gain_ratio * promised
+            trial = self._there(point, dx, ds, shown, as_promised=eased, checked=gain > enough)
+            trial = replace(trial, kept=gain / promised)
             # what is far off is not reached in steps that nothing but their length has ended (a trust region)
             further = eased and self._is_as_far_as_it_may(point, dx)
             return Trial(replace(trial, reach=2.0 * point.reach) if further else trial, eased=eased)
         point = replace(point, reach=SETTINGS.fit.trust_radius)
-        if not point.fresh:
+        if not (point.fresh and point.taken):
             return Trial(self._renewed(point))
         # one episode in which another corner hits first must not hold all others where they are
         apart = self._each_as_far_as_it_goes(point, dx, ds)
@@ -185,16 +255,33 @@ class Descent:
         """
         x = point.x + dx
         shares = np.array(SETTINGS.fit.start_shares)
-        starts, left = self.best(x, point.starts[:, None] + shares[:, None] * ds[:, None])
-        return self.linearise(x, starts, point.basis, False) if left.sum() < point.total else None
+        starts, left = self.problem.best(x, point.starts[:, None] + shares[:, None] * ds[:, None])
+        if not left.sum() < point.total:
+            return None
+        return self.problem.linearise(x, starts, point.basis, checked=False)
+
+    def _there(
+        self, point: FitPoint, dx: np.ndarray, ds: np.ndarray, shown: Shown, *, as_promised: bool, checked: bool
+    ) -> FitPoint:
+        """Return where a step leads that lowers the loss; its derivatives are taken where they foretold it badly.
+
+        Through a hit they jump: a step that did what was promised says nothing of the next one.
+        """
+        if as_promised and not self.jumps:
+            return point.followed(shown, dx, ds, np.array([q.scale for q in self.parameters]))
+        there = self.problem.linearise(point.x + dx, point.starts + ds, point.basis, checked=checked, shown=shown)
+        return self._carried(there, point)
 
     def _is_as_far_as_it_may(self, point: FitPoint, dx: np.ndarray) -> bool:
         """Whether a step (p,) has taken a parameter as far as one may go from a point."""
         widths = np.array([q.scale for q in self.parameters])
         return bool(np.any(np.abs(dx) > 0.999 * point.reach * widths))
 
-    def _renewed(self, point: FitPoint) -> FitPoint:
-        return self._carried(self.linearise(point.x, point.starts, point.basis, True), point)
+    def _renewed(self, point: FitPoint, *, checked: bool = True) -> FitPoint:
+        shown = Shown(point.residual, point.spread)
+        return self._carried(
+            self.problem.linearise(point.x, point.starts, point.basis, checked=checked, shown=shown), point
+        )
 
     @staticmethod
     def _carried(new: FitPoint, before: FitPoint) -> FitPoint:
