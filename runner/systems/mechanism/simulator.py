@@ -35,8 +35,10 @@ CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_A
 BYTES_AT_ONCE = 60e6  # of states and commands
 HUGE = 1e8  # a coordinate or velocity beyond has diverged
 SHORTEST_STEP_S = 0.0002  # harder contacts than that resolves are as hard as it resolves
-# By which a spring that effects have added may swing in a step, as an angle of its phase; and in surveys.
-PER_STEP_RAD, PER_SURVEY_STEP_RAD = 0.05, 0.25
+# By which a spring that effects have added may swing in a step, as an angle of its phase. Its frequency is then off by
+# 0.25^2 / 24, a quarter of a per cent, and its damping, which nobody knows, by a fortieth: it has rung out before that
+# shows.
+PER_STEP_RAD = 0.25
 ADDED_JOINTS_S = 0.001  # the longest step of a model with joints that effects have added: light, and often in contact
 
 
@@ -99,7 +101,6 @@ class MechanismSimulator(AbstractSimulator):
         self.recording, self.models, self.step_s = recording, models, step_s
         self.survey_step_s = step_s
         self.simulated_s = 0.0
-        self._per_step_rad = PER_STEP_RAD
         self.threads = min(threads or models.threads, models.threads)
         self._pool = rollout.Rollout(nthread=self.threads if self.threads > 1 else 0)
         self._spans = tuple(Span(i, 0, len(e)) for i, e in enumerate(recording.episodes))
@@ -108,9 +109,7 @@ class MechanismSimulator(AbstractSimulator):
 
     def surveying(self) -> MechanismSimulator:
         """See the base class."""
-        other = self.stepping(self.survey_step_s)
-        other._per_step_rad = PER_SURVEY_STEP_RAD
-        return other
+        return self.stepping(self.survey_step_s)
 
     def stepping(self, step_s: float) -> MechanismSimulator:
         """Return a simulator of the same with another physics step."""
@@ -181,7 +180,7 @@ class MechanismSimulator(AbstractSimulator):
         longest_s = ADDED_JOINTS_S if added else np.inf
         fastest_rad_s = max((e.swings_rad_s(compiled.model) for e in mechanical(effects)), default=0.0)
         if fastest_rad_s > 0.0:
-            longest_s = min(longest_s, max(self._per_step_rad / fastest_rad_s, SHORTEST_STEP_S))
+            longest_s = min(longest_s, max(PER_STEP_RAD / fastest_rad_s, SHORTEST_STEP_S))
         contact_s = self.models.contact_time_s(effects)
         if contact_s < self.models.contact_time_s(()):
             longest_s = min(longest_s, max(0.5 * contact_s, SHORTEST_STEP_S))
