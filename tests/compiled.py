@@ -1,14 +1,17 @@
-"""Compiles what several tests need: `make test` does it while types are checked, which leaves a core idle.
+"""Compiles what several tests need: `python -m tests.compiled laws`, and beside it `worlds`, before they all begin.
 
 Numba keeps what it compiles on disk. In a fresh clone each process of the tests would otherwise compile the friction
-laws and the second physics of boxes and of mechanisms for itself, as they all begin at the same time.
+laws and the second physics of boxes and of mechanisms for itself, as they all begin at the same time. So it is with the
+bytecode of what commands import, where Python is kept from writing any: tests start a hundred commands.
 """
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from pathlib import Path
 
+from runner import commands
 from runner.blind.make import make_cases
 from runner.blind.mechanism.maker import Circumstances, MechanismMaker
 from runner.blind.planar_box.case import PlanarBoxMaker
@@ -17,10 +20,16 @@ from runner.commands._self_test import sliding, swinging
 SHORT = Circumstances(episodes=(3, 3), seconds=(3.0, 3.0))
 
 
-def main() -> None:
-    """Let a box slide and a pendulum swing, and make a case of each kind."""
+def laws() -> None:
+    """Let a box slide and a pendulum swing."""
     sliding()
     swinging()
+
+
+def worlds() -> None:
+    """Make a case of each kind, and import every command."""
+    for name in commands.names():
+        commands.load(name)
     with tempfile.TemporaryDirectory() as name:
         for maker in (PlanarBoxMaker(), MechanismMaker("pendulum", SHORT)):
             folder = Path(name) / type(maker).__name__
@@ -28,4 +37,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    {"laws": laws, "worlds": worlds}[sys.argv[1]]()

@@ -29,6 +29,7 @@ from runner.systems.windows import Windows
 from tests.mechanism_cases import ARM, BODY, MOTOR, PENDULUM, SLIDE, joint_channels, slide_case, system_of, write_case
 
 PRACTICE = Path("/work/shared/practice_joints")
+JOINTS = ("shoulder", "elbow")
 NULLS = ("j4abe752026", "j9c45b719af", "jf33833e847")
 
 
@@ -221,6 +222,26 @@ def test_a_start_that_was_not_measured_is_told_by_the_next_readings(tmp_path: Pa
     system = system.with_values(values)
     signals = raw_signals(system.recording)
     assert system.initial.guess(signals, 0) == pytest.approx([1.0, 0.3], abs=5e-2)
+
+
+def test_many_starts_are_those_that_are_found_one_by_one(tmp_path: Path):
+    """Of an arm whose joints are measured, some readings lost: what is solved at once, and by iteration."""
+    t, random = np.arange(61) * 0.01, np.random.default_rng(2)
+    columns = {"t": t, "u": 0.0 * t, **{name: np.cumsum(random.normal(size=61)) for name in joint_channels(JOINTS)}}
+    columns["q_shoulder"][20:30], columns["dq_elbow"][::3], columns["q_elbow"][:25] = np.nan, np.nan, np.nan
+    nominal = {
+        "commands": {"u": {"actuator": "shoulder"}},
+        "channels": joint_channels(JOINTS),
+        "noise": dict(zip(joint_channels(JOINTS), (1e-3, 2e-3, 1e-2, 3e-2), strict=True)),
+        "start": "free",
+    }
+    system = system_of(write_case(tmp_path, ARM, [columns], nominal))
+    signals = raw_signals(system.recording)
+    for smooth in (True, False):
+        found = system.initial.guess_windows(signals, Windows(np.zeros(61, int), np.arange(61), 1), smooth=smooth)
+        for k in range(61):
+            alone = system.initial._solve(signals, 0, k, smooth=smooth, rests=False)
+            assert found[k] == pytest.approx(alone, rel=1e-9, abs=1e-9)
 
 
 def test_a_start_at_rest_has_no_speed(tmp_path: Path):

@@ -67,8 +67,10 @@ def told_around(valid: NDArray[np.bool_], first: int, reach: int, *, least: int 
             needed; of one whose sensor is slower than the others' any reading will do, as more are far away.
     """
     begin, end = max(0, first - reach), min(len(valid), first + reach + 1)
-    lost = (valid[begin:end].sum(axis=0) < least) & valid.any(axis=0)
-    near = slice(begin, end)
+    lost, near = valid[begin:end].sum(axis=0) < least, slice(begin, end)
+    if not lost.any():
+        return near
+    lost &= valid.any(axis=0)
     for there in map(np.flatnonzero, valid.T[lost]):
         after = there[there >= begin][: reach + 1]
         own = after if len(after) >= least else there[-reach - 1 :]

@@ -50,6 +50,11 @@ class Coordinates:
         self._v = np.array([j.v.start for j in simple] + [j.v.start + i for j in free for i in range(3)], dtype=int)
         self._turns = [(j.q.stop - 4, j.v.stop - 3) for j in joints if j.kind in (FREE, BALL)]
 
+    @property
+    def turning(self) -> bool:
+        """Whether there are positions that are no numbers which simply add."""
+        return bool(self._turns)
+
     def moved(self, position: FloatArray, change: FloatArray) -> FloatArray:
         """Return positions (..., nq) moved by tangent coordinates (..., nv)."""
         position = np.broadcast_to(position, (*np.broadcast_shapes(position.shape[:-1], change.shape[:-1]), self.nq))

@@ -44,6 +44,7 @@ class MechanismStart(AbstractInitialState):
         self._recording, self._model, self._coordinates = recording, compiled.model, compiled.coordinates
         self._sources = recording.mapping.sources
         self._kinematics = Kinematics(self._sources, compiled)
+        self._broad = _broad_of(self._coordinates)
         self.steps = np.ones(2 * self._coordinates.nv)
         self.steps = np.clip(self.scale(sigma), 1e-6, 0.02)
 
@@ -54,13 +55,7 @@ class MechanismStart(AbstractInitialState):
 
     def broad(self) -> FloatArray:
         """Return how far a joint that nobody measured may be from its reference, and how fast, (S,)."""
-        unit = np.full(self._coordinates.nv, MECHANISM.start.broad_m)
-        for joint in self._coordinates.joints:
-            if joint.kind == HINGE:
-                unit[joint.v] = MECHANISM.start.broad_rad
-            elif joint.v.stop - joint.v.start >= 3:
-                unit[joint.v.stop - 3 : joint.v.stop] = MECHANISM.start.broad_rad
-        return np.concatenate([unit, np.full(self._coordinates.nv, MECHANISM.start.broad_rate)])
+        return self._broad
 
     def scale(self, sigma: FloatArray) -> FloatArray:
         """Return how well the channels of one sample, and slopes of a few, tell each number."""
@@ -99,12 +94,17 @@ class MechanismStart(AbstractInitialState):
 
     def guess_windows(self, signals: Signals, windows: Windows, *, smooth: bool) -> FloatArray:
         """Return a start of each window, (W, S); what is not measured comes from slopes of the others either way."""
-        return np.array(
-            [
-                self._solve(signals, int(e), int(f), smooth=smooth, rests=False)
-                for e, f in zip(windows.episode, windows.first, strict=True)
-            ]
-        )
+        at = [(int(e), int(f)) for e, f in zip(windows.episode, windows.first, strict=True)]
+        if not at or not self._kinematics.is_constant or self._coordinates.turning:
+            return np.array([self._solve(signals, e, f, smooth=smooth, rests=False) for e, f in at])
+        told = [self._local(signals, e, f, smooth=smooth, rests=False) for e, f in at]
+        level, slope = (np.array(each) for each in zip(*told, strict=True))
+        out = np.empty((len(at), 2 * self._coordinates.nv))
+        known = np.hstack([np.isfinite(level), np.isfinite(slope)])
+        for pattern in np.unique(known, axis=0):
+            same = np.flatnonzero((known == pattern).all(axis=1))
+            out[same] = self._solve_at_once(level[same], slope[same], signals.sigma)
+        return out
 
     def positions(self, episode: int, channels: FloatArray) -> FloatArray:
         """Return positions of all joints that show the channels (T, C) at the samples of an episode, (T, nq)."""
@@ -118,7 +118,6 @@ class MechanismStart(AbstractInitialState):
 
     def _solve(self, signals: Signals, episode: int, first: int, *, smooth: bool, rests: bool) -> FloatArray:
         """Return the numbers that the channels around a sample tell, (S,)."""
-        nv, broad = self._coordinates.nv, self.broad()
         level, slope = self._local(signals, episode, first, smooth=smooth, rests=rests)
         # from here on the episode is that of the recording
         episode, first = signals.spans[episode].episode, signals.spans[episode].begin + first
@@ -126,24 +125,48 @@ class MechanismStart(AbstractInitialState):
         reference = np.array(self._model.qpos0)
         qpos = self._posed(np.where(told, level, np.nan), episode, first, signals.sigma, reference)
         x = self._coordinates.difference(qpos, reference)
+        return np.concatenate([x, self._moving(qpos, level[:, None], slope[:, None], signals.sigma)[:, 0]])
+
+    def _solve_at_once(self, level: FloatArray, slope: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the numbers that the channels around many samples tell, (W, S), where joints alone are measured.
+
+        What the channels show then changes with the numbers in proportion: what `_solve` finds by iteration, and
+        sample by sample, is one division by the same matrix for all of them.
+
+        Args:
+            level: Of each channel, (W, C); NaN of the same channels at each sample.
+            slope: Likewise.
+            sigma: Noise of each channel, (C,).
+        """
+        nv, reference = self._coordinates.nv, np.array(self._model.qpos0)
+        told = self._kinematics.positions & np.isfinite(level[0])
+        weight, weak = 1.0 / sigma[told], MECHANISM.start.unmeasured_weight / self.broad()[:nv]
+        rows = np.vstack([self._kinematics.jacobian(reference)[told] * weight[:, None], np.diag(weak)])
+        ahead = (level - self._kinematics.from_reference(reference, {}))[:, told]
+        x = _least_squares(rows, np.vstack([(ahead * weight).T, np.zeros((nv, len(level)))]))
+        return np.vstack([x, self._moving(reference, level.T, slope.T, sigma)]).T
+
+    def _moving(self, qpos: FloatArray, level: FloatArray, slope: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the velocities at a position (nq,), (nv, W), from levels and slopes (C, W) of the same channels."""
+        nv, broad = self._coordinates.nv, self.broad()
         matrix = self._kinematics.jacobian(qpos) + self._kinematics.rate_jacobian(qpos)
-        rates = self._kinematics.velocities & np.isfinite(level)
-        slopes = told & np.isfinite(slope)
+        rates = self._kinematics.velocities & np.isfinite(level[:, 0])
+        slopes = self._kinematics.positions & np.isfinite(level[:, 0]) & np.isfinite(slope[:, 0])
         rows = np.vstack(
             [
-                matrix[rates] / signals.sigma[rates, None],
-                matrix[slopes] / signals.sigma[slopes, None] * MECHANISM.start.slope_s,
+                matrix[rates] / sigma[rates, None],
+                matrix[slopes] / sigma[slopes, None] * MECHANISM.start.slope_s,
                 np.diag(MECHANISM.start.unmeasured_weight / broad[nv:]),
             ]
         )
-        right = np.concatenate(
+        right = np.vstack(
             [
-                level[rates] / signals.sigma[rates],
-                slope[slopes] / signals.sigma[slopes] * MECHANISM.start.slope_s,
-                np.zeros(nv),
+                level[rates] / sigma[rates, None],
+                slope[slopes] / sigma[slopes, None] * MECHANISM.start.slope_s,
+                np.zeros((nv, level.shape[1])),
             ]
         )
-        return np.concatenate([x, _least_squares(rows, right)])
+        return _least_squares(rows, right)
 
     def _posed(self, level: FloatArray, episode: int, sample: int, sigma: FloatArray, begin: FloatArray) -> FloatArray:
         """Return positions (nq,) that show these levels, (C,), as nearly as the noise says; NaN counts for nothing.
@@ -182,7 +205,7 @@ class MechanismStart(AbstractInitialState):
         t = self._recording.episodes[whole.episode].t_s[whole.begin : whole.end]
         reach = max(SETTINGS.fit.min_start_samples, round(MECHANISM.start.smooth_s / self._recording.step_s))
         span = told_around(signals.valid[episode], first, reach)
-        values = self._turned(signals.values[episode], whole, first)[span]
+        values = self._turned(signals.values[episode], whole, first, span)
         valid = signals.valid[episode][span] & np.isfinite(values)
         time = t[span] - t[first]
         here = first - (span.start or 0)
@@ -201,11 +224,12 @@ class MechanismStart(AbstractInitialState):
                 slope[these] = fitted[1]
         return level, slope
 
-    def _turned(self, values: FloatArray, whole: Span, first: int) -> FloatArray:
-        """Return the values with orientations as turns from the measured one at a sample, body axes."""
-        out = np.array(values)
+    def _turned(self, values: FloatArray, whole: Span, first: int, span: slice) -> FloatArray:
+        """Return the values of some samples with orientations as turns from the measured one at one, body axes."""
+        out = np.array(values[span])
         for k, source in self._kinematics.turns.items():
-            measured = self._recording.episodes[whole.episode].orientations[source.column][whole.begin : whole.end]
+            every = self._recording.episodes[whole.episode].orientations[source.column]
+            measured = every[whole.begin : whole.end][span]
             reference = quaternions.inverse(self._reference(whole.episode, whole.begin + first, source))
             out[:, k : k + 3] = quaternions.logarithm(quaternions.multiply(reference, measured))
         return out
@@ -215,6 +239,16 @@ class MechanismStart(AbstractInitialState):
         measured = self._recording.episodes[episode].orientations[source.column]
         known = np.flatnonzero(np.isfinite(measured[:, 0]))
         return measured[known[np.argmin(np.abs(known - first))]] if len(known) else np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def _broad_of(coordinates: Coordinates) -> FloatArray:
+    unit = np.full(coordinates.nv, MECHANISM.start.broad_m)
+    for joint in coordinates.joints:
+        if joint.kind == HINGE:
+            unit[joint.v] = MECHANISM.start.broad_rad
+        elif joint.v.stop - joint.v.start >= 3:
+            unit[joint.v.stop - 3 : joint.v.stop] = MECHANISM.start.broad_rad
+    return np.concatenate([unit, np.full(coordinates.nv, MECHANISM.start.broad_rate)])
 
 
 def _least_squares(rows: FloatArray, right: FloatArray) -> FloatArray:

@@ -47,6 +47,11 @@ class Kinematics:
         if not sensed:
             self._constant = self._by_position(reference), self._by_velocity(reference)
 
+    @property
+    def is_constant(self) -> bool:
+        """Whether what channels show changes by the same with positions and velocities everywhere."""
+        return self._constant is not None
+
     def shown(self, qpos: FloatArray, qvel: FloatArray) -> tuple[FloatArray, dict[int, FloatArray]]:
         """Return what each channel shows, (C,), and orientations as quaternions by their first channel."""
         out = np.full(len(self.positions), np.nan)
