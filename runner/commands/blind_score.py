@@ -24,7 +24,7 @@ from runner.commands._print import print_table
 from runner.diagnosis.score import read_answers
 from runner.diagnosis.verdict import ALL, read_verdicts
 from runner.errors import check_workers
-from runner.storage.provenance import files_digest
+from runner.storage.provenance import digests
 from runner.storage.reading import file_of
 from runner.storage.writing import write_parquet
 
@@ -91,8 +91,7 @@ def _checkpoint(path: Path, digest: str) -> Checkpoint:
 
 def inputs(config: BlindScoreConfig) -> dict[str, str]:
     """Return hashes of verdicts and answers; what is not there is told where it is read."""
-    named = {"verdicts": file_of(config.verdicts, ALL), "answers": config.answers}
-    return {name: files_digest([("", file)]) for name, file in named.items() if file.is_file()}
+    return digests({"verdicts": file_of(config.verdicts, ALL), "answers": config.answers})
 
 
 COMMAND = Command(

@@ -16,7 +16,7 @@ from runner.commands import Command, Job
 from runner.commands._print import print_table
 from runner.diagnosis.score import read_answers, score
 from runner.diagnosis.verdict import ALL, read_verdicts
-from runner.storage.provenance import files_digest
+from runner.storage.provenance import digests
 from runner.storage.reading import file_of
 from runner.storage.writing import write_parquet
 
@@ -45,8 +45,7 @@ def main(config: ScoreConfig, job: Job) -> None:
 
 def inputs(config: ScoreConfig) -> dict[str, str]:
     """Return hashes of the two files; what is not there is told where it is read."""
-    named = {"verdicts": file_of(config.verdicts, ALL), "answers": config.answers}
-    return {name: files_digest([("", file)]) for name, file in named.items() if file.is_file()}
+    return digests({"verdicts": file_of(config.verdicts, ALL), "answers": config.answers})
 
 
 COMMAND = Command(

@@ -97,3 +97,13 @@ def files_digest(files: Iterable[tuple[str, Path]]) -> str:
             raise RecordingError(f"{path}: can't be read: {error.strerror}.") from None
         whole.update(content.digest())
     return whole.hexdigest()[:HEX]
+
+
+def digests(files: Mapping[str, Path]) -> dict[str, str]:
+    """Return a hash of each file by what it is for; what is not there is told where it is read.
+
+    Raises:
+        RecordingError: If one can't be read.
+        LimitError: If one is too large.
+    """
+    return {name: files_digest([("", file)]) for name, file in files.items() if file.is_file()}
