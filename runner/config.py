@@ -42,6 +42,7 @@ TARGET = "_target_"
 
 _REGISTERED: dict[tuple[str, str], type[DataclassInstance]] = {}
 _TARGETS: dict[str, type[DataclassInstance]] = {}
+_STORED: dict[tuple[str | None, str], type] = {}  # what Hydra has been given
 
 
 def registered(group: str, name: str | None = None) -> Callable[[type[T]], type[T]]:
@@ -161,9 +162,12 @@ def store_schemas(name: str, root: type[DataclassInstance]) -> None:
     from hydra.core.config_store import ConfigStore
 
     store = ConfigStore.instance()
-    store.store(name=f"schema_{name}", node=schema(root), provider="runner")
-    for (group, option), cls in _REGISTERED.items():
-        store.store(group=group, name=f"schema_{option}", node=schema(cls), provider="runner")
+    wanted = {(None, f"schema_{name}"): schema(root)}
+    wanted |= {(group, f"schema_{option}"): schema(cls) for (group, option), cls in _REGISTERED.items()}
+    for (group, called), node in wanted.items():
+        if _STORED.get((group, called)) is not node:  # Hydra copies each
+            store.store(group=group, name=called, node=node, provider="runner")
+            _STORED[group, called] = node
 
 
 def restored(plain: Any, cls: type[DataclassInstance]) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import re
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
@@ -101,7 +100,15 @@ def _bare(loader: ConfigLoader, overrides: Sequence[str]) -> DictConfig:
     return composed
 
 
-_reference = functools.lru_cache(maxsize=2)(_bare)
+def _reference(loader: ConfigLoader, overrides: tuple[str, ...]) -> DictConfig:
+    """Return Hydra's own config alone: of the same places and launcher it is the same, whichever command is run."""
+    key = (*((p.provider, p.path) for p in loader.get_search_path().get_path()), *overrides)
+    if key not in _REFERENCES:
+        _REFERENCES[key] = _bare(loader, overrides)
+    return _REFERENCES[key]
+
+
+_REFERENCES: dict[tuple[object, ...], DictConfig] = {}
 
 
 @contextmanager
