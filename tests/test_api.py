@@ -40,7 +40,7 @@ def swung(friction_nm: float) -> dict[str, np.ndarray]:
     data, rng, rows = mujoco.MjData(model), np.random.default_rng(0), []
     for episode in range(3):
         mujoco.mj_resetData(model, data)
-        for k in range(201):
+        for k in range(121):
             data.ctrl[0] = 2.0 * np.sin(2 * np.pi * (0.4 + 0.2 * episode) * k * 0.01 + episode)
             rows.append((episode, 0.01 * k, data.ctrl[0], data.qpos[0], data.qvel[0]))
             mujoco.mj_step(model, data, nstep=10)
@@ -188,13 +188,13 @@ def test_case_of_arrays_is_a_case_on_disk(model: Path, tmp_path: Path) -> None:
     table = swung(0.0)
     kept = lever(model, 0.0, tmp_path / "kept")
     recording = read_model_case(tmp_path / "kept")
-    assert [len(e) for e in recording.episodes] == [201] * 3
+    assert [len(e) for e in recording.episodes] == [121] * 3
     np.testing.assert_array_equal(np.concatenate([e.values[:, 0] for e in recording.episodes]), table["q"])
     np.testing.assert_array_equal(np.concatenate([e.commands[:, 0] for e in recording.episodes]), table["u"])
     np.testing.assert_array_equal(kept.data["dq_hinge"], table["dq"])
-    assert list(kept.episodes["samples"]) == [201] * 3
+    assert list(kept.episodes["samples"]) == [121] * 3
     assert "joint_friction[hinge]" in set(kept.effects["effect"])
-    assert repr(kept) == f"Case('{tmp_path / 'kept'}': 3 episodes, 603 samples of q_hinge, dq_hinge)"
+    assert repr(kept) == f"Case('{tmp_path / 'kept'}': 3 episodes, 363 samples of q_hinge, dq_hinge)"
     passing = lever(model, 0.0)
     path = passing.path
     assert path.name == "lever"
