@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import mujoco
 import numpy as np
@@ -35,8 +35,9 @@ from runner.errors import ConfigError, RecordingError, ResultError
 from runner.noise.measured import Measured, measure
 from runner.recording import write_case
 from runner.settings import SETTINGS
+from runner.simulate import gap as gap_module
 from runner.simulate.gap import WHOLE_EPISODE, measure_gap
-from runner.simulate.shooting import fit_starts, windows_of
+from runner.simulate.shooting import Fitted, fit_starts, windows_of
 from runner.systems.case import open_case
 from runner.systems.planar_box.model_file import MODEL
 from runner.systems.planar_box.simulator import OBJECT, Simulator
@@ -138,6 +139,26 @@ def test_fitted_starts_miss_no_more_than_measured_ones(tmp_path: Path) -> None:
     fitted, measured = (float((noises(gap, starts) ** 2).sum()) for starts in ("fitted", "measured"))
     assert measured > 30.0
     assert fitted < measured
+
+
+def test_a_start_whose_fit_went_astray_is_the_measured_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a descent ends in worse, or where nothing is finite, the measured start and what it leaves count."""
+    recording, _ = made(episodes=2, seconds=3.0)
+    system = PlanarBox(recording)
+    measured = measure(system)
+    plain = gap_module.fit_starts
+
+    def astray(*problem: Any, **how: Any) -> Fitted:
+        fitted = plain(*problem, **how)
+        residual = fitted.residual + 50.0 * measured.sigma
+        residual[::2] = np.nan
+        return replace(fitted, residual=residual, starts=fitted.starts + 1.0)
+
+    monkeypatch.setattr(gap_module, "fit_starts", astray)
+    gap = measure_gap(system, measured, horizons_s=(0.1,))
+    assert max(np.abs(start).max() for start in gap.starts.values()) < 1.0
+    fitted, kept = (float((noises(gap.table, starts)[0] ** 2).sum()) for starts in ("fitted", "measured"))
+    assert fitted <= kept
 
 
 def test_time_origin_does_not_matter() -> None:

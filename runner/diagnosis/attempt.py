@@ -287,10 +287,8 @@ def _nominal(fitter: Fitter, stretches: Sequence[int]) -> tuple[Fitter, Fit]:
     starts, steps = None, SETTINGS.fit.nominal_steps
     if before := fitter.until_hit(stretches):
         # through an impact a start descends to anywhere: it begins where it was told in the air
-        flown, starts = (
-            fitter.parts(before).fit(NONE, range(len(before)), iterations=steps),
-            fitter.first_starts(stretches),
-        )
+        flown = fitter.parts(before).fit(NONE, range(len(before)), iterations=steps)
+        starts = fitter.first_starts(stretches)
         starts[[stretches.index(s.episode) for s in before]] = flown.starts
         starts, _ = fitter.best_starts((), starts[:, None], stretches)
     nominal = fitter.fit(NONE, stretches, starts=starts, iterations=steps)

@@ -192,7 +192,7 @@ class Fitter:
     def with_system(self, system: AbstractSystem) -> Fitter:
         """Return a fitter of the same stretches and noise that simulates another system of the same recording."""
         simulator = system.simulator().parts(self.measured.spans)
-        return Fitter(system, simulator, self.measured, self.held, self.observer)
+        return Fitter(system, simulator, self.measured, self.held, self.observer, self.part)
 
     def stretched(self, spans: Sequence[Span]) -> Fitter:
         """Return a fitter of these parts of the episodes; of whole episodes, in their order, itself."""
@@ -428,7 +428,7 @@ class _Problem:
             jacobian.append((finite(by_x) / steps[:, None]).T)
             by_starts.append(known or orthonormal((finite(by_move) / own[:, None]).T))
         around = Basis(tuple(q for q, _ in by_starts), tuple(r for _, r in by_starts))
-        spread = fitter.spread(residual, self.episodes)
+        spread = fitter.spread(residual, self.episodes) if shown is None else shown.spread
         return FitPoint(x, starts, residual, jacobian, spread, around, fresh=basis is None or checked)
 
     def best(self, x: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

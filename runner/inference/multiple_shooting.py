@@ -112,7 +112,7 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
         if key in seeds and key not in there:
             seeds[key] = min(carried(whole, seeds[key], episodes, longest_s), seeds[key], key=lambda s: s.total)
     if flown:
-        return Look(Beginning(seeds, short, short, answered=True), late)
+        return Look(Beginning(seeds, ruled_out=short, short=short, answered=True), late)
     explained = any(explains(s, whole, episodes) for s in seeds.values())
     ruled_out = singles(fitter.system.vocabulary) - set(seeds) if explained else frozenset[Key]()
     return Look(Beginning(seeds, ruled_out, answered=True), late)
@@ -122,11 +122,13 @@ def _fall_short(found: Search, flown: Fitter) -> frozenset[Key]:
     """Return explanations of one effect that leave much of a flight that others explain.
 
     None where nothing is to be explained in the air: there a flight tells nothing of what shows after a hit alone. What
-    shows there beside what a flight tells is a further effect, and may turn out to be the only one.
+    shows there beside what a flight tells is a further effect, and may turn out to be the only one. Those that were
+    compared leave least of all, so that the others leave more than the last of them; where even that explains the
+    flights, so may others.
     """
     singly = {key_of(c.fit.explanation): c.fit for c in found.contenders if len(c.fit.explanation.candidates) == 1}
     near = {key for key, f in singly.items() if _is_near(f, flown)}
-    if _is_near(found.nominal, flown) or not near:
+    if _is_near(found.nominal, flown) or not near or len(near) == len(singly):
         return frozenset()
     return singles(flown.system.vocabulary) - near
 

@@ -63,10 +63,8 @@ def _errors(contender: Contender, fitter: Fitter) -> tuple[np.ndarray, np.ndarra
 def _claimed(fit: Fit, errors: np.ndarray, held: list[int], fitter: Fitter) -> dict[int, float]:
     """Return by how many of their standard errors (p,) numbers are away from zero, of those that may well be zero.
 
-    By their positions; what is within its standard error claims nothing, and of what claims more than twice as many as
-    chance makes, which is what a square makes of them, even half is told.
+    By their positions; what is within its standard error claims nothing.
     """
-    most = 2.0 * SETTINGS.probability.chance_errors
     parameters, out = fit.explanation.parameters(fitter.context), dict[int, float]()
     for candidate, part in fit.explanation.parts(fitter.context):
         some = amplitudes(candidate, part, fitter.context)
@@ -75,7 +73,7 @@ def _claimed(fit: Fit, errors: np.ndarray, held: list[int], fitter: Fitter) -> d
             continue  # without its last number there is no effect
         for i in here:
             away = float(abs(fit.x[i]) / errors[i])
-            if 1.0 < away < most and not fit.at_bound[i] and parameters[i].lower < 0.0 < parameters[i].upper:
+            if away > 1.0 and not fit.at_bound[i] and parameters[i].lower < 0.0 < parameters[i].upper:
                 out[i] = away
     return out
 

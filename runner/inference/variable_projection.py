@@ -4,8 +4,8 @@ The start state of an episode matters to that episode only. With the derivatives
 leaves a few rows of one small bounded least-squares problem in the parameters that all episodes share:
 Levenberg-Marquardt steps by `scipy.optimize.lsq_linear`.
 
-A step is first only simulated: derivatives cost a simulation for each parameter. Where it gained what was promised they
-are not taken anew but follow from what the step showed (a secant update; Broyden 1965), until the descent would rest.
+A step is first only simulated: derivatives cost a simulation for each parameter. Where they foretold what the step did
+they are not taken anew but follow from what it showed (a secant update; Broyden 1965), until the descent would end.
 """
 
 from __future__ import annotations
@@ -134,8 +134,18 @@ class FitPoint:
             jacobian=jacobian,
             spread=there.spread,
             fresh=False,
-            taken=False,
+            taken=not len(dx),  # without parameters there is nothing to take
         )
+
+    def foretold(self, there: Shown, dx: np.ndarray, ds: np.ndarray) -> bool:
+        """Whether the linear model foretold what a step (p,), (E, S) has shown, to a share that steps bear."""
+        missed = asked = 0.0
+        for before, after, j, q, t, s in zip(
+            self.residual, there.residual, self.jacobian, self.basis.q, self.basis.r, ds, strict=True
+        ):
+            moved = j @ dx + q @ (t @ s)
+            missed, asked = missed + float(np.sum((after - before - moved) ** 2)), asked + float(moved @ moved)
+        return missed <= SETTINGS.fit.derivative_reuse**2 * asked
 
 
 @dataclass(frozen=True)
@@ -217,13 +227,15 @@ class Descent:
         return point.taken and (point.fresh or not self.polish)
 
     def _attempt(self, iteration: int, point: FitPoint, _: np.ndarray, damping: np.ndarray) -> Trial[FitPoint]:
-        dx, ds, promised = _step(point, self.parameters, float(damping[0]))
+        dx, ds, promised, damped = _step(point, self.parameters, float(damping[0]))
         limits = SETTINGS.fit
         hoped = promised * point.kept if self.jumps else promised
         enough = self.tolerance + limits.rest_share * max(point.total - self.count, 0.0)
         behind = limits.behind_share * max(self.target - self.count, 0.0)
         hopeless = self.target + behind + limits.behind_excess * self.count + limits.behind_loss
         if iteration > self.patience and point.total - limits.promise_factor * hoped > hopeless:
+            if not point.taken:  # it is judged by derivatives of its own, which are what comparisons go by as well
+                return Trial(self._renewed(point, checked=False))
             return Trial(replace(point, ending=Ending.BEHIND), rests=True)
         if hoped < enough:
             if self._holds(point):
@@ -233,8 +245,9 @@ class Descent:
         gain = point.total - shown.total
         if np.isfinite(shown.total) and gain > 0:
             eased = gain > limits.min_gain_ratio * promised
-            trial = self._there(point, dx, ds, shown, as_promised=eased, checked=gain > enough)
-            trial = replace(trial, kept=gain / promised)
+            trial = self._there(point, dx, ds, shown, checked=enough < gain and not eased)
+            # what derivatives that do not hold have promised says nothing of a promise
+            trial = replace(trial, kept=gain / damped if point.fresh and point.taken else 1.0)
             # what is far off is not reached in steps that nothing but their length has ended (a trust region)
             further = eased and self._is_as_far_as_it_may(point, dx)
             return Trial(replace(trial, reach=2.0 * point.reach) if further else trial, eased=eased)
@@ -245,7 +258,7 @@ class Descent:
         apart = self._each_as_far_as_it_goes(point, dx, ds)
         if apart is None:
             return Trial(point, refused=True)
-        return Trial(replace(apart, kept=(point.total - apart.total) / promised))
+        return Trial(replace(apart, kept=(point.total - apart.total) / damped))
 
     def _each_as_far_as_it_goes(self, point: FitPoint, dx: np.ndarray, ds: np.ndarray) -> FitPoint | None:
         """Return where a step leads if every episode's start takes that share of its own which suits it best.
@@ -260,14 +273,13 @@ class Descent:
             return None
         return self.problem.linearise(x, starts, point.basis, checked=False)
 
-    def _there(
-        self, point: FitPoint, dx: np.ndarray, ds: np.ndarray, shown: Shown, *, as_promised: bool, checked: bool
-    ) -> FitPoint:
-        """Return where a step leads that lowers the loss; its derivatives are taken where they foretold it badly.
+    def _there(self, point: FitPoint, dx: np.ndarray, ds: np.ndarray, shown: Shown, *, checked: bool) -> FitPoint:
+        """Return where a step leads that lowers the loss; derivatives are taken anew where they foretold it badly.
 
-        Through a hit they jump: a step that did what was promised says nothing of the next one.
+        Through a hit they always are: what was foretold along one step may jump in the next. `checked` says whether
+        those by start states are looked at, too.
         """
-        if as_promised and not self.jumps:
+        if not self.jumps and point.foretold(shown, dx, ds):
             return point.followed(shown, dx, ds, np.array([q.scale for q in self.parameters]))
         there = self.problem.linearise(point.x + dx, point.starts + ds, point.basis, checked=checked, shown=shown)
         return self._carried(there, point)
@@ -289,18 +301,25 @@ class Descent:
         return replace(new, reach=before.reach, kept=before.kept)
 
 
-def _step(point: FitPoint, parameters: Sequence[Parameter], damping: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return a step of the parameters (p,), of the start states (E, S), and the gain in the loss it promises."""
+def _step(
+    point: FitPoint, parameters: Sequence[Parameter], damping: float
+) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Return a step of the parameters (p,), of the start states (E, S), and the gains in the loss that are promised.
+
+    The first is what start states that go as far as they want promise, by which a fit rests; the second what the step
+    does, of which they go a damped part.
+    """
     dx = _shared_step(point, parameters, damping)
-    ds, promised = [], 0.0
+    ds, promised, damped = [], 0.0, 0.0
     episodes = zip(point.residual, point.jacobian, point.basis.q, point.basis.r, point.spread.dispersion, strict=True)
     for r, j, q, t, dispersion in episodes:
         moved = r + j @ dx
         along = q.T @ moved
         ds.append(-told_move(t, along, least_share=0.0) / (1 + damping))
-        left = moved - q @ along
-        promised += (float(r @ r) - float(left @ left)) / float(dispersion)
-    return dx, np.array(ds), promised
+        whole, part = moved - q @ along, moved - q @ along / (1 + damping)
+        promised += (float(r @ r) - float(whole @ whole)) / float(dispersion)
+        damped += (float(r @ r) - float(part @ part)) / float(dispersion)
+    return dx, np.array(ds), promised, max(damped, 1e-12 * promised)
 
 
 def _shared_step(point: FitPoint, parameters: Sequence[Parameter], damping: float) -> np.ndarray:

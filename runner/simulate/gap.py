@@ -117,7 +117,9 @@ def measure_gap(
 
         def predict(states: np.ndarray, n: int, e: int = e) -> np.ndarray:
             true = [simulator.seen_start(effects, s) for s in states[0]]
-            return simulator.parts([Span(e, 0, n)]).predict(0, [Run(effects, s) for s in true])[None]
+            runs = [Run(effects, s) for s in true]
+            whole = n == lengths[e]
+            return (simulator.predict(e, runs) if whole else simulator.parts([Span(e, 0, n)]).predict(0, runs))[None]
 
         one = _sums(system, predict, windows, signals, iterations=8, grow=True)
         kept.append(one)
@@ -184,11 +186,11 @@ def _sums(
     shares = SETTINGS.held_out.growing_shares if amplifies else (1.0,)
     problem = (predict, values, valid, signals, measured, steps, scale)
     fitted = fit_starts(*problem, shares=shares, iterations=iterations, short=not grow)
-    # what a hit amplifies has many hollows
+    # through a hit a descent may end where more is left than it began with, or where the motion diverges
     left, before = (np.where(valid, (r / signals.sigma) ** 2, 0.0) for r in (fitted.residual, residual))
-    worse = left.sum(axis=(1, 2)) > before.sum(axis=(1, 2))
+    worse = np.nan_to_num(left.sum(axis=(1, 2)), nan=np.inf) > np.nan_to_num(before.sum(axis=(1, 2)), nan=np.inf)
     left[worse] = before[worse]
-    squares, followed = left.sum(axis=(0, 1)), fitted.followed(valid).sum(axis=0)
+    squares, followed = left.sum(axis=(0, 1)), fitted.followed(valid)[~worse].sum(axis=0)
     # as much of what it follows as of what it leaves, but noise at most: what is missed beyond that it does not take
     back = followed * np.minimum(squares / np.maximum(valid.sum(axis=(0, 1)) - followed, 1e-9), 1.0)
     return _Sums(

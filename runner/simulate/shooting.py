@@ -103,7 +103,7 @@ def fit_starts(
         scale: How far they may be from the measured ones, (S,).
         shares: Of each window, one after the other: each fit begins where the one before ended.
         iterations: At most so many steps, of each share.
-        tolerance: Ends when no window expects to gain more than this in its sum of squares, and than a share of that.
+        tolerance: Ends when no window expects to gain more than this in its sum of squares and a small share of it.
         short: The windows are so short that derivatives hold where a step gains what it promised.
     """
     samples = values.shape[1]
