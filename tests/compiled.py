@@ -2,7 +2,7 @@
 
 Numba keeps what it compiles on disk. In a fresh clone each process of the tests would otherwise compile the friction
 laws and the second physics of boxes and of mechanisms for itself, as they all begin at the same time. So it is with the
-bytecode of what commands import, where Python is kept from writing any: tests start a hundred commands.
+bytecode of what commands import, where Python is kept from writing any: tests start many commands.
 """
 
 from __future__ import annotations
