@@ -5,7 +5,8 @@ leaves a few rows of one small bounded least-squares problem in the parameters t
 Levenberg-Marquardt steps by `scipy.optimize.lsq_linear`.
 
 A step is first only simulated: derivatives cost a simulation for each parameter. Where they foretold what the step did
-they are not taken anew but follow from what it showed (a secant update; Broyden 1965), until the descent would end.
+they are kept, until the descent would end. A secant update would change them by little (Broyden 1965), but also put a
+little on what nothing measured depends on, which a step then moves by much.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ class FitPoint:
     """Where a fit stands: its unknowns (p,), (E, S), the residuals (n,) and raw derivatives (n, p) of each episode.
 
     `fresh` says whether the basis was taken at this point, or found to hold there; `taken`, whether the derivatives
-    by the parameters were, or follow from the last step. `reach` is how far the next step may go in each parameter, in
+    by the parameters were, or were kept from before. `reach` is how far the next step may go in each parameter, in
     its prior widths; `kept` is which share of what it promised the last one gained, 1 before any.
     """
 
@@ -110,28 +111,13 @@ class FitPoint:
         """The derivatives by the parameters, the start states projected out, per episode (n, p)."""
         return tuple(project(j, q) for j, q in zip(self.jacobian, self.basis.q, strict=True))
 
-    def followed(self, there: Shown, dx: np.ndarray, ds: np.ndarray, widths: np.ndarray) -> FitPoint:
-        """Return where a step (p,), (E, S) has led, with derivatives that follow from what it showed.
-
-        What the linear model missed is put on the parameters' own move by its share in what both moves foretold, and
-        among the parameters, in their prior widths (p,), by how far each went (Broyden's good update).
-        """
-        along = dx / widths**2
-        length = float(dx @ along)
-        jacobian = []
-        for before, after, j, q, t, s in zip(
-            self.residual, there.residual, self.jacobian, self.basis.q, self.basis.r, ds, strict=True
-        ):
-            own, start = j @ dx, q @ (t @ s)
-            by_both = float(own @ own) + float(start @ start)
-            share = float(own @ own) / by_both if by_both > 0.0 and length > 0.0 else 0.0
-            jacobian.append(j + np.outer(after - before - own - start, along * share / length) if share > 0.0 else j)
+    def moved(self, there: Shown, dx: np.ndarray, ds: np.ndarray) -> FitPoint:
+        """Return where a step (p,), (E, S) has led, with the derivatives from here."""
         return replace(
             self,
             x=self.x + dx,
             starts=self.starts + ds,
             residual=there.residual,
-            jacobian=jacobian,
             spread=there.spread,
             fresh=False,
             taken=not len(dx),  # without parameters there is nothing to take
@@ -280,7 +266,7 @@ class Descent:
         those by start states are looked at, too.
         """
         if not self.jumps and point.foretold(shown, dx, ds):
-            return point.followed(shown, dx, ds, np.array([q.scale for q in self.parameters]))
+            return point.moved(shown, dx, ds)
         there = self.problem.linearise(point.x + dx, point.starts + ds, point.basis, checked=checked, shown=shown)
         return self._carried(there, point)
 
