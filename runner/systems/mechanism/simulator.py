@@ -35,10 +35,8 @@ CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_A
 BYTES_AT_ONCE = 60e6  # of states and commands
 HUGE = 1e8  # a coordinate or velocity beyond has diverged
 SHORTEST_STEP_S = 0.0002  # harder contacts than that resolves are as hard as it resolves
-# By which a spring that effects have added may swing in a step, as an angle of its phase. Damped by a twentieth of what
-# is critical, as it is, its frequency is then off by 0.4 % and its damping by 1.2 % (eigenvalues of the step): it has
-# rung out before that shows.
-PER_STEP_RAD = 0.25
+# By which a spring that effects have added may swing in a step, as an angle of its phase; and in surveys.
+PER_STEP_RAD, PER_SURVEY_STEP_RAD = 0.05, 0.25
 ADDED_JOINTS_S = 0.001  # the longest step of a model with joints that effects have added: light, and often in contact
 
 
@@ -101,6 +99,7 @@ class MechanismSimulator(AbstractSimulator):
         self.recording, self.models, self.step_s = recording, models, step_s
         self.survey_step_s = step_s
         self.simulated_s = 0.0
+        self._per_step_rad = PER_STEP_RAD
         self.threads = min(threads or models.threads, models.threads)
         self._pool = rollout.Rollout(nthread=self.threads if self.threads > 1 else 0)
         self._spans = tuple(Span(i, 0, len(e)) for i, e in enumerate(recording.episodes))
@@ -109,7 +108,9 @@ class MechanismSimulator(AbstractSimulator):
 
     def surveying(self) -> MechanismSimulator:
         """See the base class."""
-        return self.stepping(self.survey_step_s)
+        other = self.stepping(self.survey_step_s)
+        other._per_step_rad = PER_SURVEY_STEP_RAD
+        return other
 
     def stepping(self, step_s: float) -> MechanismSimulator:
         """Return a simulator of the same with another physics step."""
@@ -174,13 +175,13 @@ class MechanismSimulator(AbstractSimulator):
         """Return the step of a model: a whole part of the usual one where effects have added what asks for less.
 
         MuJoCo softens contacts whose time constant is below two steps, and takes the damping of a spring at the end of
-        a step, so that the spring rings longer and slower: see `PER_STEP_RAD`.
+        a step, so that the spring rings longer and slower, by a share of the order of what it swings in a step.
         """
         added = compiled.model.nv > self.models.believed_coordinates.nv
         longest_s = ADDED_JOINTS_S if added else np.inf
         fastest_rad_s = max((e.swings_rad_s(compiled.model) for e in mechanical(effects)), default=0.0)
         if fastest_rad_s > 0.0:
-            longest_s = min(longest_s, max(PER_STEP_RAD / fastest_rad_s, SHORTEST_STEP_S))
+            longest_s = min(longest_s, max(self._per_step_rad / fastest_rad_s, SHORTEST_STEP_S))
         contact_s = self.models.contact_time_s(effects)
         if contact_s < self.models.contact_time_s(()):
             longest_s = min(longest_s, max(0.5 * contact_s, SHORTEST_STEP_S))

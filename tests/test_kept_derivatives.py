@@ -1,4 +1,4 @@
-"""Derivatives follow from what a step showed where it did what they foretold, and are taken anew before a fit rests."""
+"""Derivatives are kept where a step did what they foretold, and are taken anew before a fit ends."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def descended(problem: Decays, *, jumps: bool = False) -> FitPoint:
     return Descent(PARAMETERS, problem, 2 * len(T), np.inf, 0, 1e-12, polish=True, jumps=jumps).down(begin, 60)
 
 
-def test_a_descent_by_secants_ends_where_one_by_derivatives_does() -> None:
+def test_a_descent_by_kept_derivatives_ends_where_one_by_fresh_ones_does() -> None:
     """Its end is that of `scipy.optimize.least_squares`, and its derivatives there are those of the end."""
     measured = recorded()
 
@@ -85,19 +85,18 @@ def test_a_descent_by_secants_ends_where_one_by_derivatives_does() -> None:
 
 def test_derivatives_are_taken_less_often_than_steps_are() -> None:
     """Where a step may have jumped, as through a hit, each has its own; where it can't have, those that bent have."""
-    by_secants, by_derivatives = Decays(recorded()), Decays(recorded())
-    ends = [descended(by_secants), descended(by_derivatives, jumps=True)]
+    by_kept, by_fresh = Decays(recorded()), Decays(recorded())
+    ends = [descended(by_kept), descended(by_fresh, jumps=True)]
     assert ends[0].total == pytest.approx(ends[1].total, rel=1e-6)
-    assert len(by_secants.taken) < len(by_derivatives.taken)
+    assert len(by_kept.taken) < len(by_fresh.taken)
 
 
 def test_what_is_given_up_has_derivatives_of_its_own() -> None:
     """A fit that will not come near another is judged, and compared, by the derivatives of where it stands."""
     problem = Decays(recorded())
     begin = problem.linearise(np.array([0.7, 2.3]), np.zeros((2, 1)), None, checked=False)
-    there = begin.followed(
-        problem.shown(np.array([0.75, 2.4]), begin.starts), np.array([0.05, 0.1]), np.zeros((2, 1)), np.ones(2)
-    )
+    dx = np.array([0.05, 0.1])
+    there = begin.moved(problem.shown(begin.x + dx, begin.starts), dx, np.zeros((2, 1)))
     assert not there.taken
     hopeless = Descent(PARAMETERS, problem, 10**9, -1e12, -1, 1e-12, polish=True, jumps=False)
     found = hopeless.down(there, 10)
@@ -105,28 +104,12 @@ def test_what_is_given_up_has_derivatives_of_its_own() -> None:
     assert found.jacobian[0] == pytest.approx(problem.slopes(found.x))
 
 
-def test_where_starts_move_as_well_each_move_answers_for_its_share() -> None:
-    """What was missed is put on the parameters by as much as they were to have done, the rest is left to the starts."""
+def test_a_step_is_foretold_where_little_of_it_is_missed() -> None:
+    """Of a short step hardly anything is, of a long one much; and where only starts move, nothing at all."""
     problem = Decays(recorded())
     point = problem.linearise(np.array([0.4, 1.5]), np.zeros((2, 1)), None, checked=False)
-    dx, ds = np.array([0.1, -0.3]), np.array([[0.2], [0.0]])
-    shown = problem.shown(point.x + dx, point.starts + ds)
-    there = point.followed(shown, dx, ds, np.array([0.5, 2.0]))
-    for k, moved in enumerate(ds):
-        own = point.jacobian[k] @ dx
-        missed = shown.residual[k] - point.residual[k] - own - moved[0]
-        share = (own @ own) / (own @ own + len(T) * moved[0] ** 2)
-        assert there.jacobian[k] @ dx == pytest.approx(own + share * missed)
-
-
-def test_what_a_step_showed_is_what_its_derivatives_would_have_foretold() -> None:
-    """Where starts stay, the secant equation holds exactly: the new derivatives times the step are the change."""
-    problem = Decays(recorded())
-    point = problem.linearise(np.array([0.4, 1.5]), np.zeros((2, 1)), None, checked=False)
-    dx, ds = np.array([0.1, -0.3]), np.zeros((2, 1))
-    there = point.followed(problem.shown(point.x + dx, point.starts + ds), dx, ds, np.array([0.5, 2.0]))
-    for before, after, slopes in zip(point.residual, there.residual, there.jacobian, strict=True):
-        assert slopes @ dx == pytest.approx(after - before)
-    assert not there.taken
-    across = np.array([0.3 * 0.5**2, 0.1 * 2.0**2])  # of which, at right angles to it in prior widths, it shows nothing
-    assert there.jacobian[0] @ across == pytest.approx(point.jacobian[0] @ across)
+    for length, foretold in ((0.01, True), (1.0, False)):
+        dx, ds = length * np.array([0.4, 1.0]), np.zeros((2, 1))
+        assert point.foretold(problem.shown(point.x + dx, point.starts), dx, ds) == foretold
+    still, ds = np.zeros(2), np.array([[0.2], [-5.0]])
+    assert point.foretold(problem.shown(point.x, point.starts + ds), still, ds)
