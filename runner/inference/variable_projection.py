@@ -3,18 +3,13 @@
 The start state of an episode matters to that episode only. With the derivatives by it projected out, each episode
 leaves a few rows of one small bounded least-squares problem in the parameters that all episodes share:
 Levenberg-Marquardt steps by `scipy.optimize.lsq_linear`.
-
-A step is first only simulated: derivatives cost a simulation for each parameter. Where they foretold what the step did
-they are kept, until the descent would end. A secant update would change them by little (Broyden 1965), but also put a
-little on what nothing measured depends on, which a step then moves by much.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
-from typing import Protocol
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -85,9 +80,8 @@ class Spread:
 class FitPoint:
     """Where a fit stands: its unknowns (p,), (E, S), the residuals (n,) and raw derivatives (n, p) of each episode.
 
-    `fresh` says whether the basis was taken at this point, or found to hold there; `taken`, whether the derivatives
-    by the parameters were, or were kept from before. `reach` is how far the next step may go in each parameter, in
-    its prior widths; `kept` is which share of what it promised the last one gained, 1 before any.
+    `reach` is how far the next step may go in each parameter, in its prior widths; `kept` is which share of what it
+    promised the last one gained, 1 before any.
     """
 
     x: np.ndarray
@@ -96,8 +90,7 @@ class FitPoint:
     jacobian: list[np.ndarray]
     spread: Spread
     basis: Basis
-    fresh: bool
-    taken: bool = True
+    fresh: bool  # whether the basis was taken at this point, or found to hold there
     ending: Ending | None = None
     reach: float = SETTINGS.fit.trust_radius
     kept: float = 1.0
@@ -111,70 +104,12 @@ class FitPoint:
         """The derivatives by the parameters, the start states projected out, per episode (n, p)."""
         return tuple(project(j, q) for j, q in zip(self.jacobian, self.basis.q, strict=True))
 
-    def moved(self, there: Shown, dx: np.ndarray, ds: np.ndarray) -> FitPoint:
-        """Return where a step (p,), (E, S) has led, with the derivatives from here."""
-        return replace(
-            self,
-            x=self.x + dx,
-            starts=self.starts + ds,
-            residual=there.residual,
-            spread=there.spread,
-            fresh=False,
-            taken=not len(dx),  # without parameters there is nothing to take
-        )
 
-    def foretold(self, there: Shown, dx: np.ndarray, ds: np.ndarray) -> bool:
-        """Whether the linear model foretold what a step (p,), (E, S) has shown, to a share that steps bear."""
-        missed = asked = 0.0
-        for before, after, j, q, t, s in zip(
-            self.residual, there.residual, self.jacobian, self.basis.q, self.basis.r, ds, strict=True
-        ):
-            moved = j @ dx + q @ (t @ s)
-            missed, asked = missed + float(np.sum((after - before - moved) ** 2)), asked + float(moved @ moved)
-        return missed <= SETTINGS.fit.derivative_reuse**2 * asked
-
-
-@dataclass(frozen=True)
-class Shown:
-    """What a model leaves somewhere: whitened residuals (n,) of each episode, and how they spread."""
-
-    residual: list[np.ndarray]
-    spread: Spread
-
-    @property
-    def total(self) -> float:
-        """See `FitPoint.total`."""
-        return float(self.spread.loss(self.residual).sum())
-
-
-class Problem(Protocol):
-    """What a descent goes down: unknowns are parameters (p,) and start states (E, S)."""
-
-    def shown(self, x: np.ndarray, starts: np.ndarray) -> Shown:
-        """Return what is left somewhere."""
-        ...
-
-    def linearise(
-        self, x: np.ndarray, starts: np.ndarray, basis: Basis | None, *, checked: bool, shown: Shown | None = None
-    ) -> FitPoint:
-        """Return where a fit stands, with derivatives.
-
-        Args:
-            x: Parameters.
-            starts: Start states.
-            basis: Derivatives by those; None: they are to be taken.
-            checked: Whether they are to be checked, and taken anew where they do not hold.
-            shown: What is left there, where that is known.
-        """
-        ...
-
-    def best(self, x: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return which of K start states of each episode, (E, K, S), or that of the measurements leaves least.
-
-        Returns:
-            It, (E, S), and what it leaves, (E,).
-        """
-        ...
+# from x, start states, derivatives by those (None: they are to be taken), and whether they are to be checked, and taken
+# anew where they do not hold
+Linearise = Callable[[np.ndarray, np.ndarray, Basis | None, bool], FitPoint]
+# from x and K start states of each episode, (E, K, S), to the best of each, (E, S), and what it leaves, (E,)
+Best = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -183,7 +118,8 @@ class Descent:
 
     Args:
         parameters: Those that all episodes share.
-        problem: What it goes down.
+        linearise: The problem.
+        best: Which of other start states leave least, or that of the measurements.
         count: How many measurements there are.
         target: A loss that others have reached; a fit that won't come near it is not finished.
         patience: So many steps are taken before that is judged.
@@ -193,7 +129,8 @@ class Descent:
     """
 
     parameters: Sequence[Parameter]
-    problem: Problem
+    linearise: Linearise
+    best: Best
     count: int
     target: float
     patience: int
@@ -204,47 +141,41 @@ class Descent:
     def down(self, point: FitPoint, iterations: int) -> FitPoint:
         """Return where at most so many steps lead."""
         point = descend(self._attempt, point, DAMPING, iterations=iterations)
-        if point.ending is not Ending.BEHIND and not self._holds(point):
-            point = self._renewed(point, checked=self.polish)
+        if not point.fresh and point.ending is not Ending.BEHIND and self.polish:
+            point = self._renewed(point)
         return point
 
-    def _holds(self, point: FitPoint) -> bool:
-        """Whether derivatives are of this point, those by start states as well where they matter."""
-        return point.taken and (point.fresh or not self.polish)
-
     def _attempt(self, iteration: int, point: FitPoint, _: np.ndarray, damping: np.ndarray) -> Trial[FitPoint]:
-        dx, ds, promised, damped = _step(point, self.parameters, float(damping[0]))
+        dx, ds, promised = _step(point, self.parameters, float(damping[0]))
         limits = SETTINGS.fit
         hoped = promised * point.kept if self.jumps else promised
         enough = self.tolerance + limits.rest_share * max(point.total - self.count, 0.0)
         behind = limits.behind_share * max(self.target - self.count, 0.0)
         hopeless = self.target + behind + limits.behind_excess * self.count + limits.behind_loss
         if iteration > self.patience and point.total - limits.promise_factor * hoped > hopeless:
-            if not point.taken:  # it is judged by derivatives of its own, which are what comparisons go by as well
-                return Trial(self._renewed(point, checked=False))
             return Trial(replace(point, ending=Ending.BEHIND), rests=True)
         if hoped < enough:
-            if self._holds(point):
+            if point.fresh or not self.polish:
                 return Trial(replace(point, ending=Ending.RESTED), rests=True)
-            return Trial(self._renewed(point, checked=self.polish))
-        shown = self.problem.shown(point.x + dx, point.starts + ds)
-        gain = point.total - shown.total
-        if np.isfinite(shown.total) and gain > 0:
-            eased = gain > limits.min_gain_ratio * promised
-            trial = self._there(point, dx, ds, shown, checked=enough < gain and not eased)
-            # what derivatives that do not hold have promised says nothing of a promise
-            trial = replace(trial, kept=gain / damped if point.fresh and point.taken else 1.0)
+            return Trial(self._renewed(point))
+        # the start states' derivatives change slowly: keep them while they predict well
+        trial = self._carried(self.linearise(point.x + dx, point.starts + ds, point.basis, False), point)
+        gain, trusted = point.total - trial.total, limits.min_gain_ratio * promised
+        if np.isfinite(trial.total) and gain > 0:
+            if gain < trusted and gain > enough:
+                trial = self._renewed(trial)
+            trial, eased = replace(trial, kept=gain / promised), gain > trusted
             # what is far off is not reached in steps that nothing but their length has ended (a trust region)
             further = eased and self._is_as_far_as_it_may(point, dx)
             return Trial(replace(trial, reach=2.0 * point.reach) if further else trial, eased=eased)
         point = replace(point, reach=SETTINGS.fit.trust_radius)
-        if not (point.fresh and point.taken):
+        if not point.fresh:
             return Trial(self._renewed(point))
         # one episode in which another corner hits first must not hold all others where they are
         apart = self._each_as_far_as_it_goes(point, dx, ds)
         if apart is None:
             return Trial(point, refused=True)
-        return Trial(replace(apart, kept=(point.total - apart.total) / damped))
+        return Trial(replace(apart, kept=(point.total - apart.total) / promised))
 
     def _each_as_far_as_it_goes(self, point: FitPoint, dx: np.ndarray, ds: np.ndarray) -> FitPoint | None:
         """Return where a step leads if every episode's start takes that share of its own which suits it best.
@@ -254,32 +185,16 @@ class Descent:
         """
         x = point.x + dx
         shares = np.array(SETTINGS.fit.start_shares)
-        starts, left = self.problem.best(x, point.starts[:, None] + shares[:, None] * ds[:, None])
-        if not left.sum() < point.total:
-            return None
-        return self.problem.linearise(x, starts, point.basis, checked=False)
-
-    def _there(self, point: FitPoint, dx: np.ndarray, ds: np.ndarray, shown: Shown, *, checked: bool) -> FitPoint:
-        """Return where a step leads that lowers the loss; derivatives are taken anew where they foretold it badly.
-
-        Through a hit they always are: what was foretold along one step may jump in the next. `checked` says whether
-        those by start states are looked at, too.
-        """
-        if not self.jumps and point.foretold(shown, dx, ds):
-            return point.moved(shown, dx, ds)
-        there = self.problem.linearise(point.x + dx, point.starts + ds, point.basis, checked=checked, shown=shown)
-        return self._carried(there, point)
+        starts, left = self.best(x, point.starts[:, None] + shares[:, None] * ds[:, None])
+        return self.linearise(x, starts, point.basis, False) if left.sum() < point.total else None
 
     def _is_as_far_as_it_may(self, point: FitPoint, dx: np.ndarray) -> bool:
         """Whether a step (p,) has taken a parameter as far as one may go from a point."""
         widths = np.array([q.scale for q in self.parameters])
         return bool(np.any(np.abs(dx) > 0.999 * point.reach * widths))
 
-    def _renewed(self, point: FitPoint, *, checked: bool = True) -> FitPoint:
-        shown = Shown(point.residual, point.spread)
-        return self._carried(
-            self.problem.linearise(point.x, point.starts, point.basis, checked=checked, shown=shown), point
-        )
+    def _renewed(self, point: FitPoint) -> FitPoint:
+        return self._carried(self.linearise(point.x, point.starts, point.basis, True), point)
 
     @staticmethod
     def _carried(new: FitPoint, before: FitPoint) -> FitPoint:
@@ -287,25 +202,18 @@ class Descent:
         return replace(new, reach=before.reach, kept=before.kept)
 
 
-def _step(
-    point: FitPoint, parameters: Sequence[Parameter], damping: float
-) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Return a step of the parameters (p,), of the start states (E, S), and the gains in the loss that are promised.
-
-    The first is what start states that go as far as they want promise, by which a fit rests; the second what the step
-    does, of which they go a damped part.
-    """
+def _step(point: FitPoint, parameters: Sequence[Parameter], damping: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return a step of the parameters (p,), of the start states (E, S), and the gain in the loss it promises."""
     dx = _shared_step(point, parameters, damping)
-    ds, promised, damped = [], 0.0, 0.0
+    ds, promised = [], 0.0
     episodes = zip(point.residual, point.jacobian, point.basis.q, point.basis.r, point.spread.dispersion, strict=True)
     for r, j, q, t, dispersion in episodes:
         moved = r + j @ dx
         along = q.T @ moved
         ds.append(-told_move(t, along, least_share=0.0) / (1 + damping))
-        whole, part = moved - q @ along, moved - q @ along / (1 + damping)
-        promised += (float(r @ r) - float(whole @ whole)) / float(dispersion)
-        damped += (float(r @ r) - float(part @ part)) / float(dispersion)
-    return dx, np.array(ds), promised, max(damped, 1e-12 * promised)
+        left = moved - q @ along
+        promised += (float(r @ r) - float(left @ left)) / float(dispersion)
+    return dx, np.array(ds), promised
 
 
 def _shared_step(point: FitPoint, parameters: Sequence[Parameter], damping: float) -> np.ndarray:
