@@ -161,6 +161,20 @@ def test_a_start_whose_fit_went_astray_is_the_measured_one(monkeypatch: pytest.M
     assert fitted <= kept
 
 
+@pytest.mark.parametrize("effect", [ActuatorDelay(0.04), ObservationDelay(0.037)])
+def test_a_window_is_as_late_as_an_episode(effect: ActuatorDelay | ObservationDelay) -> None:
+    """Whatever part of a sample a delay is: a window that begins with an episode shows what the episode does."""
+    recording, starts = made(effects=(effect,), noise=0.0, episodes=1, seconds=3.0)
+    simulator = PlanarBox(recording).simulator(threads=1)
+    samples = len(recording.episodes[0])
+    start = simulator.seen_start((effect,), np.asarray(starts[0]))
+    whole = simulator.predict(0, [Run((effect,), start)])[0]
+    windows = Windows(np.array([0]), np.array([0]), samples)
+    assert simulator.predict_windows((effect,), windows, np.asarray(starts[0])[None, None])[0, 0] == pytest.approx(
+        whole, abs=1e-9
+    )
+
+
 def test_time_origin_does_not_matter() -> None:
     """A clock that begins elsewhere changes nothing."""
     recording, _ = made(episodes=2, seconds=3.0)

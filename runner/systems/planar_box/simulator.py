@@ -270,4 +270,4 @@ class Simulator(AbstractSimulator):
 
     def seen_start(self, effects: Sequence[AbstractEffect], start: np.ndarray) -> np.ndarray:
         """See `AbstractSimulator`."""
-        return unseen(planar(effects), start, 1.0 / self.recording.nominal.rate_hz)
+        return unseen(planar(effects), start, self.step_s)

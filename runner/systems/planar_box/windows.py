@@ -88,7 +88,7 @@ class WindowSimulator:
         count, columns = starts.shape[:2]
         steps = (windows.samples - 1) * per_sample
         begin = windows.first * per_sample
-        true = unseen(self.effects, starts, per_sample * step_s)
+        true = unseen(self.effects, starts, step_s)
         control = np.zeros((count, columns, steps, dry_friction.USERDATA_SIZE))
         for w in range(count):
             span = slice(begin[w], begin[w] + steps)
@@ -120,13 +120,13 @@ class WindowSimulator:
                 )
             rows = rows[:, :, 1:7]
         self.simulated_s += len(state) * steps * step_s
-        motion = np.concatenate([state[:, None, 1:7], rows[:, per_sample - 1 :: per_sample, :6]], axis=1)
+        motion = np.concatenate([state[:, None, 1:7], rows[..., :6]], axis=1)
         motion[:, :, :3] -= 0.5 * step_s * motion[:, :, 3:]
-        t_s = np.arange(windows.samples) * per_sample * step_s
-        seen = Motion(t_s, motion[..., :3], motion[..., 3:])
+        # at every step, as commands are: what of a delay is no whole number of steps is made up for here
+        seen = Motion(np.arange(steps + 1) * step_s, motion[..., :3], motion[..., 3:])
         for effect in self.effects:
             seen = effect.edit_measurement(seen)
-        shown = [seen.pose, seen.twist]
+        shown = [seen.pose[:, ::per_sample], seen.twist[:, ::per_sample]]
         if self._simulated > dry_friction.STATE:
             shown.append(means(rows[..., 6:], per_sample, step_s))
         every = np.concatenate(shown, axis=-1)[..., self._columns_seen]
