@@ -62,7 +62,7 @@ class Inertia(MechanismEffect):
         believed = beliefs.model.body_inertia[beliefs.model.body(target).id]
         return Phrase(
             f"body '{target}' turns {'harder' if of['ratio'] > 1 else 'more easily'} than in the model, "
-            "though its mass is right",
+            "by more than its mass says",
             f"its inertia is {of.show('ratio')} times the believed one",
             f'In the <inertial> of <body name="{target}"> set '
             f'diaginertia="{parts.attribute(*(of["ratio"] * believed))}".',
@@ -149,7 +149,7 @@ class FreeInertia(MechanismEffect):
         )
         size = f"all of them {of.show('ratio')} times" if told else "the motion does not tell how large all of them are"
         return Phrase(
-            f"the moments of inertia of body '{target}' are not those of the model, though its mass is right",
+            f"the moments of inertia of body '{target}' are not those of the model, by more than its mass says",
             f"{shape}; {size}{' (principal axes of the model)' if turned else ''}",
             f'Give <body name="{target}"> <inertial pos="{parts.attribute(*model.body_ipos[body])}"{axes} '
             f'mass="{parts.attribute(model.body_mass[body])}" diaginertia="{parts.attribute(*moments)}"/>.',
