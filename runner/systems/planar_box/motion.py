@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from runner.effects.planar_box import Motion, PlanarEffect
 from runner.physics.dry_friction import STATE, STATE_AND_PIN
 from runner.recording import Recording
 from runner.recording.kinematics import without_gaps
@@ -30,3 +33,22 @@ def simulated_columns(measured: np.ndarray) -> int:
 def motion(recording: Recording) -> tuple[np.ndarray, ...]:
     """Return pose and twist of each episode without gaps, (T, 6): lines between samples, slopes for velocities."""
     return tuple(np.hstack(without_gaps(e.t_s, e.pose, e.twist)) for e in recording.episodes)
+
+
+def read_at_steps(start: np.ndarray, after: np.ndarray, step_s: float, effects: Sequence[PlanarEffect]) -> Motion:
+    """Return what sensors with these effects show of simulated motions, at the start and after every step.
+
+    At steps, as commands are delayed by whole ones: what that overdoes is made up for where the motion is read.
+
+    Args:
+        start: Of the engine, whose poses lead by half a step: x, y, yaw, vx, vy, wz, (R, 6).
+        after: After each step, (R, n, 6) or more columns.
+        step_s: Length of a step.
+        effects: Of which some may act on what is measured.
+    """
+    states = np.concatenate([start[:, None], after[..., :STATE]], axis=1)
+    states[:, :, :3] -= 0.5 * step_s * states[:, :, 3:]
+    seen = Motion(np.arange(states.shape[1]) * step_s, states[..., :3], states[..., 3:])
+    for effect in effects:
+        seen = effect.edit_measurement(seen)
+    return seen

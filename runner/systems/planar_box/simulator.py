@@ -18,14 +18,14 @@ from dm_control.mjcf import RootElement
 from mujoco import rollout
 
 from runner.effects.base import AbstractEffect
-from runner.effects.planar_box import Context, Motion, PlanarEffect, Target
+from runner.effects.planar_box import Context, PlanarEffect, Target
 from runner.errors import RecordingError
 from runner.physics import dry_friction
 from runner.physics.scene import Base, BodyConfig, Dof, PinConfig, SceneConfig, build
 from runner.recording import Form, Nominal, Recording, Span, Support
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.planar_box.commands import Commands
-from runner.systems.planar_box.motion import measured_columns, simulated_columns
+from runner.systems.planar_box.motion import measured_columns, read_at_steps, simulated_columns
 from runner.systems.planar_box.pin_force import means, steps_of_engine
 from runner.systems.planar_box.windows import FULL, USERDATA, Effects, WindowSimulator, planar, shown_alike, unseen
 from runner.systems.simulator import AbstractSimulator, Run
@@ -236,13 +236,8 @@ class Simulator(AbstractSimulator):
                 )
             after = state[:, :, 1:7]
         self.simulated_s += n * self.step_s * len(runs)
-        motion = np.concatenate([start[:, None, 1:7], after[..., :6]], axis=1)
-        motion[:, :, :3] -= 0.5 * self.step_s * motion[:, :, 3:]
-        time = np.arange(n + 1) * self.step_s
         for effects, own in members.items():
-            measured = Motion(time, motion[own, :, :3], motion[own, :, 3:])
-            for effect in effects:
-                measured = effect.edit_measurement(measured)
+            measured = read_at_steps(start[own, 1:7], after[own], self.step_s, effects)
             target = [rows[i] for i in own]
             sampled = slice(None, None, self.steps_per_sample)
             out[target, :, :3], out[target, :, 3:6] = measured.pose[:, sampled], measured.twist[:, sampled]

@@ -16,7 +16,7 @@ from runner.effects.planar_box import ActuatorDelay, Motion, ObservationDelay, P
 from runner.physics import dry_friction
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.planar_box.commands import Commands
-from runner.systems.planar_box.motion import measured_columns, motion, simulated_columns
+from runner.systems.planar_box.motion import measured_columns, motion, read_at_steps, simulated_columns
 from runner.systems.planar_box.pin_force import means, steps_of_engine
 from runner.systems.windows import Windows
 
@@ -120,12 +120,7 @@ class WindowSimulator:
                 )
             rows = rows[:, :, 1:7]
         self.simulated_s += len(state) * steps * step_s
-        motion = np.concatenate([state[:, None, 1:7], rows[..., :6]], axis=1)
-        motion[:, :, :3] -= 0.5 * step_s * motion[:, :, 3:]
-        # at every step, as commands are: what of a delay is no whole number of steps is made up for here
-        seen = Motion(np.arange(steps + 1) * step_s, motion[..., :3], motion[..., 3:])
-        for effect in self.effects:
-            seen = effect.edit_measurement(seen)
+        seen = read_at_steps(state[:, 1:7], rows, step_s, self.effects)
         shown = [seen.pose[:, ::per_sample], seen.twist[:, ::per_sample]]
         if self._simulated > dry_friction.STATE:
             shown.append(means(rows[..., 6:], per_sample, step_s))
