@@ -90,8 +90,9 @@ def _position(table: pd.DataFrame, source: ChannelSource, entry: Entry, model: m
         raise RecordingError(f"{entry.key}: signal '{entry.signal}' has no numbers.")
     if joint.limited[0]:
         limits = float(joint.range[0]), float(joint.range[1])
-        notes = within(values, limits, entry, f"joint '{source.target}'")
+        _outside(values, limits, entry, f"joint '{source.target}'")  # by how much less says the case, read by its model
         span = float(np.nanmax(values) - np.nanmin(values))
+        notes = []
         if 0 < span < STILL * (limits[1] - limits[0]):
             notes.append(
                 f"'{source.name}' moves over {span:.3g} {source.unit}, a small part of the range of joint "
@@ -120,7 +121,19 @@ def _check_place(table: pd.DataFrame, source: ChannelSource, entry: Entry) -> No
 
 
 def within(values: FloatArray, limits: tuple[float, float], entry: Entry, whose: str) -> list[str]:
-    """Say how far values, SI, (T,), are outside of the limits of a joint or an actuator.
+    """Say how far values, SI, (T,), are outside of the limits of an actuator.
+
+    Raises:
+        RecordingError: If they are far outside, with the units in which they would not be.
+    """
+    beyond = _outside(values, limits, entry, whose)
+    if beyond > OUTSIDE * (limits[1] - limits[0]):
+        return [f"'{entry.column}' is up to {beyond:.3g} {entry.si_unit} outside of the range of {whose}"]
+    return []
+
+
+def _outside(values: FloatArray, limits: tuple[float, float], entry: Entry, whose: str) -> float:
+    """Return how far values, SI, (T,), are outside of the limits of a joint or an actuator.
 
     Raises:
         RecordingError: If they are far outside, with the units in which they would not be.
@@ -140,9 +153,7 @@ def within(values: FloatArray, limits: tuple[float, float], entry: Entry, whose:
             f"{entry.key}: goes from {least:.4g} to {largest:.4g} {entry.si_unit}, the range of {whose} is {low:.4g} "
             f"to {high:.4g}; read in {entry.unit or 'its unit'}; {hint}."
         )
-    if beyond > OUTSIDE * width:
-        return [f"'{entry.column}' is up to {beyond:.3g} {entry.si_unit} outside of the range of {whose}"]
-    return []
+    return beyond
 
 
 def _fitting(entry: Entry, least: float, largest: float, limits: tuple[float, float]) -> str:

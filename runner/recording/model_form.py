@@ -22,6 +22,7 @@ from runner.recording.case import table_file
 from runner.recording.checks import episode_spans, lacking_notes, rising_steps
 from runner.recording.data import frozen_array
 from runner.recording.model_form_commands import note_commands
+from runner.recording.model_form_limits import note_limits
 from runner.recording.model_form_mapping import ChannelSource, ModelMapping, read_mapping
 from runner.recording.model_form_mjcf import read_mjcf
 from runner.recording.model_form_plausible import note_channels
@@ -198,6 +199,7 @@ def read_model_case(path: str | Path) -> MechanismRecording:
         raise table.error(f"channel '{lacking[0]}' is NaN in all {len(table)} rows; take it out of {FILE}.")
     notes += lacking_notes([s.name for s in mapping.sources], values)
     notes += note_channels(table, spans, mapping) or note_commands(table, spans, mapping, model)
+    notes += note_limits(table, spans, mapping, model)
     commands = table.stack(mapping.commands) if mapping.commands else np.zeros((len(table), 0))
     forces = _triples(table, [f.force for f in mapping.forces])
     points = _triples(table, [f.point for f in mapping.forces])
