@@ -21,6 +21,7 @@ T = TypeVar("T")
 PATIENCE_S = 1.0  # a bar for less than this would only flicker
 EVERY_S, EVERY_SHARE = 10.0, 1 / 6  # between two lines where there is no terminal, and of the time that went by
 COLUMNS = 80  # as wide as lines are where there is no terminal that says how wide it is
+AS_NOISE = 1.05  # what would be told as 1.0 times the noise
 UNLIKELY = 0.005  # what would be told as 0.00
 NAMED = 2  # effects of a fit that are named; of more there are as many as make no difference to somebody who waits
 Advance = Callable[[int], object]  # told of the steps that were taken since its last call
@@ -88,16 +89,22 @@ class Spoken:
     def best(self, effects: Sequence[str], noises: float, probability: float, part: str = "") -> None:
         """The best so far."""
         of = f"of {part} alone, " if part else ""
-        if effects or probability >= UNLIKELY:
-            said = " + ".join(effects) or "none"
-            self._best = f"so far best {said} ({of}probability {probability:.2f}, {noises:.3g} noises left)"
-        else:
-            self._best = f"so far nothing explains it ({of}{noises:.3g} noises left)"
+        # its probability is among what was fitted so far: while anything else is to come it says little, and misleads
+        said = f"best {' + '.join(effects) or 'none'}" if effects or probability >= UNLIKELY else "nothing explains it"
+        self._best = f"so far {said} ({of}{in_noises(noises)})"
         self._changed()
 
     def _changed(self) -> None:
         head = ", ".join(part for part in (self._stage, self._fitting) if part)
         self._say("; ".join(part for part in (head, self._best) if part))
+
+
+def in_noises(noises: float) -> str:
+    """Return what is left, a root mean square in noises, as a clause: less than the noise is the noise, too.
+
+    While a search goes on the noise may be estimated from more than what the best so far leaves.
+    """
+    return "leaves no more than the noise" if noises < AS_NOISE else f"leaves {noises:.3g} times the noise"
 
 
 def silent(_: int) -> None:

@@ -24,8 +24,8 @@ def test_a_line_holds_stage_fit_and_best() -> None:
         "searching",
         "searching, fitting the nominal model",
         "searching, fitting friction",
-        "searching, fitting friction; so far best friction (probability 0.93, 1.03 noises left)",
-        "checking; so far best friction (probability 0.93, 1.03 noises left)",
+        "searching, fitting friction; so far best friction (leaves no more than the noise)",
+        "checking; so far best friction (leaves no more than the noise)",
     ]
 
 
@@ -43,7 +43,7 @@ def test_lines_fit_80_columns(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     first = " ".join(" ".join(lines).split("Diagnosing")[1].split())
     assert first == (
         f"(0 s): checking on the episodes left out, fitting {' + '.join(sets[:2])} + 1 more; "
-        f"so far best {' + '.join(sets)} (probability 0.50, 9.35 noises left)"
+        f"so far best {' + '.join(sets)} (leaves 9.35 times the noise)"
     )
 
 
@@ -55,9 +55,9 @@ def test_what_a_part_of_the_recording_tells_is_said_to_be_that() -> None:
     observer.best((), 9.35, 0.0, "flights until the first hit")
     observer.best(("com_offset",), 3.8, 0.03)
     assert said == [
-        "so far best com_offset (of flights until the first hit alone, probability 0.97, 0.95 noises left)",
-        "so far nothing explains it (of flights until the first hit alone, 9.35 noises left)",
-        "so far best com_offset (probability 0.03, 3.8 noises left)",
+        "so far best com_offset (of flights until the first hit alone, leaves no more than the noise)",
+        "so far nothing explains it (of flights until the first hit alone, leaves 9.35 times the noise)",
+        "so far best com_offset (leaves 3.8 times the noise)",
     ]
 
 
@@ -65,7 +65,7 @@ def test_nothing_is_best_that_is_as_good_as_impossible() -> None:
     """While nothing explains a recording, that is said, and not that `none` is best."""
     said: list[str] = []
     Spoken(said.append).best((), 9.35, 0.0)
-    assert said == ["so far nothing explains it (9.35 noises left)"]
+    assert said == ["so far nothing explains it (leaves 9.35 times the noise)"]
 
 
 def test_lines_come_now_and_then_without_a_terminal(

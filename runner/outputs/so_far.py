@@ -7,7 +7,7 @@ from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from runner.progress import ProgressObserver
+from runner.progress import ProgressObserver, in_noises
 from runner.storage.writing import write_json
 
 FILE = "so_far.json"
@@ -38,7 +38,7 @@ class SoFar:
         self._observer.best(effects, noises, probability, part)
         names = list(effects) or ["none"]
         of = f" of {part} alone" if part else ""
-        self.sentence = f"So far{of}: {' + '.join(names)}, probability {probability:.2f} ({self._path})."
+        self.sentence = f"So far{of}: {' + '.join(names)}, which {in_noises(noises)} ({self._path})."
         found = {"effects": names, "probability": probability, "noises_left": noises, "checked_on_unseen": False}
         if part:
             found["part"] = part
