@@ -101,6 +101,7 @@ def diagnosis() -> Any:
         ),
         rivals=(),
         abstention=None,
+        flights=None,
         excess=0.01,
         nominal_excess=4.0,
         drive_excess=0.0,

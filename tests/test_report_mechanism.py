@@ -95,7 +95,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return SimpleNamespace(
         case="arm", system=system, recording=system.recording, ranked=(top, unknown), gap_closed=0.95,
         effects=effects, fitted=(0, 1), held_out=(2,), measured=measured, stretches=system.stretches(),
-        nominal_starts=starts, corrected_starts=starts, where=where, rivals=(), abstention=None,
+        nominal_starts=starts, corrected_starts=starts, where=where, rivals=(), abstention=None, flights=None,
         excess=0.01, nominal_excess=400.0, drive_excess=0.0, left_by_episode={},
         seconds=1.0, simulated_s=9.0, next_push=None, notes=(),
         closure=SimpleNamespace(

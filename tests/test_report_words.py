@@ -15,7 +15,8 @@ import pytest
 from rich.console import Console
 
 from runner.diagnosis.notes import notes
-from runner.diagnosis.result import Abstention, Nearest
+from runner.diagnosis.result import Abstention, Flights, Nearest
+from runner.diagnosis.verdict import verdict
 from runner.effects.planar_box import EFFECTS
 from runner.effects.wording import percent, percent_between, plus_minus
 from runner.localise.likeness import Likeness
@@ -126,6 +127,23 @@ def test_what_is_unknown_is_told_by_what_comes_near_and_by_how_it_looks(found: A
     ):
         assert part in shown
         assert part in " ".join(said(html.render(unsure)).split())
+
+
+def test_what_flights_alone_say_is_told_where_the_answer_is_another(found: Any) -> None:
+    """In the terminal, on the page with what to do, and in the verdict as data, with what it is made of."""
+    sentence = "Before the first hit, flights alone are explained by gravity (probability 0.97): that leaves the noise."
+    flights = Flights(("gravity",), 0.97, {"gravity": {"tilt_x_rad": 0.01}}, {"gravity": {}}, 0.9, sentence)
+    order = (ranked(("unknown",), 0.97), ranked(("friction",), 0.03, gap_closed=0.4))
+    unsure = changed(found, ranked=order, flights=flights)
+    page = said(html.render(unsure))
+    assert sentence in " ".join(printed(unsure).split())
+    assert f"What flights alone say. {sentence}" in page
+    assert "Look at the contact: before the first hit, flights alone say something else." in page
+    told = verdict(unsure)
+    assert told["notes"][-1] == sentence
+    assert told["flights"]["effects"] == ["gravity"]
+    assert verdict(found)["flights"] is None
+    assert "flights" not in said(html.render(found))
 
 
 def test_a_correction_that_does_not_help_is_not_praised(found: Any) -> None:

@@ -79,7 +79,8 @@ def made(
             table=pd.DataFrame(rows), gap_closed_low=gap_closed - 0.01, gap_closed_high=gap_closed + 0.01,
             closable_closed=closable,
         ),
-        where=SimpleNamespace(exceeds=False), rivals=(), abstention=None, next_push=None, notes=("A caveat.",),
+        where=SimpleNamespace(exceeds=False), rivals=(), abstention=None, flights=None, next_push=None,
+        notes=("A caveat.",),
         stretches=tuple(Span(e, 0, 31) for e in range(2)),
     )  # fmt: skip
 

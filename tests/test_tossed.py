@@ -19,8 +19,10 @@ from scipy.spatial.transform import Rotation
 from tosses import BELIEVED, COLUMNS, NOISE, toss_case, world, write
 
 from runner.api.case import read
+from runner.diagnosis.flights import flights_alone
 from runner.diagnosis.pipeline import diagnose
 from runner.diagnosis.ranking import values_of
+from runner.diagnosis.result import Ranked
 from runner.effects import mechanism as m
 from runner.effects.mechanism import contacts
 from runner.effects.vocabulary import Candidate
@@ -31,6 +33,7 @@ from runner.inference.confounding import are_one
 from runner.inference.contender import contend
 from runner.inference.doubts import errors_off
 from runner.inference.evidence import by_form, directions, sensitivities
+from runner.inference.flown import Flown
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 from runner.inference.start_draws import tried_from_the_air
 from runner.noise.measured import measure
@@ -546,6 +549,29 @@ def test_a_flight_rules_out_what_leaves_much_of_it(tmp_path: Path):
     assert "com_offset[box]" in seeds
     assert {"friction[box]", "gravity", "restitution[box]"} <= short
     assert "com_offset[box]" not in short
+    check_what_the_flights_say(seen.flown)
+
+
+def check_what_the_flights_say(flown: Flown | None) -> None:
+    """They name the centre of mass, with its amount, wherever the answer for all of it does not hold that."""
+    assert flown is not None
+    assert not flown.all_of_it
+
+    def answered(*names: str) -> Ranked:
+        return Ranked(names, (), 0.97, (), {}, {}, None, None)
+
+    found = flights_alone(flown, [answered("unknown")])
+    assert found is not None
+    assert found.effects == ("com_offset[box]",)
+    assert found.parameters["com_offset[box]"]["x_m"] == pytest.approx(0.008, abs=0.001)
+    assert found.sentence.startswith(
+        "Before the first hit, flights alone are explained by com offset of box (off by x 8"
+    )
+    assert "leaves no more than the noise. What nothing explains comes with the contact" in found.sentence
+    assert flights_alone(flown, [answered("friction[box]")]) is not None
+    assert flights_alone(flown, [answered("com_offset[box]", "friction[box]")]) is None
+    assert flights_alone(replace(flown, all_of_it=True), [answered("unknown")]) is None
+    assert flights_alone(None, [answered("unknown")]) is None
 
 
 def test_a_derivative_through_a_hit_outlasts_the_step_in_which_it_falls(tmp_path: Path):

@@ -19,6 +19,7 @@ from runner.inference.breakaway import hanging
 from runner.inference.contender import account_densities
 from runner.inference.drive_noise import told_apart_from_noise
 from runner.inference.evidence import directions, least_errors, sensitivities
+from runner.inference.flown import Flown
 from runner.inference.held_out import Confirmed, confirm
 from runner.inference.leap import leapt
 from runner.inference.least_squares import NONE, Fit, Fitter
@@ -49,12 +50,14 @@ class Attempt:
         fitter: Of all stretches; to it each is an episode.
         confirmed: The search of the fitted episodes, or of stretches spread over them, held against those of the
             episodes left out.
+        flown: What flights until the first hit say by themselves; None: there are none.
     """
 
     fitted: tuple[int, ...]
     held_out: tuple[int, ...]
     fitter: Fitter
     confirmed: Confirmed
+    flown: Flown | None = None
 
     @property
     def stretches(self) -> tuple[Span, ...]:
@@ -130,7 +133,7 @@ def attempt(
     confirmed = confirm(found, fitter, checked)
     if fitter.simulator is not simulator:
         simulator.simulated_s += fitter.simulator.simulated_s
-    return Attempt(fitted, held_out, fitter, confirmed)
+    return Attempt(fitted, held_out, fitter, confirmed, first.flown)
 
 
 def stretches_of(fitter: Fitter, episodes: Iterable[int]) -> tuple[int, ...]:
@@ -212,6 +215,7 @@ class _FirstLook:
     beginning: Beginning | None
     resting: Measured
     as_believed: str
+    flown: Flown | None = None
 
     @property
     def seeds(self) -> Mapping[Key, WarmStart]:
@@ -238,7 +242,7 @@ def _first_look(
     spans = root.pieces(seen.cut_s or np.inf, range(len(root.measured.values)))
     if seen.cut_s is None or {s.episode for s in spans} != set(range(len(root.measured.values))):
         fitter = replace(fitter, measured=fitter.measured.without(seen.hung))
-        return _FirstLook(fitter, nominal, seen.beginning, root.measured, as_believed)
+        return _FirstLook(fitter, nominal, seen.beginning, root.measured, as_believed, seen.flown)
     if fitter.simulator is not simulator:
         simulator.simulated_s += fitter.simulator.simulated_s
     fitter = root.stretched(spans)

@@ -12,6 +12,7 @@ from runner.diagnosis.advice import found_rivals, next_push
 from runner.diagnosis.attempt import attempt, unseen_only
 from runner.diagnosis.closure import close, left_by_episode
 from runner.diagnosis.engine_steps import said_of_engine_steps
+from runner.diagnosis.flights import flights_alone
 from runner.diagnosis.notes import notes
 from runner.diagnosis.ranking import contender_of, ranking
 from runner.diagnosis.result import Diagnosis
@@ -112,6 +113,7 @@ def diagnose(
         next_push=next_push(ranked, searched, near, fitter, threads) if advise else None,
         rivals=near,
         abstention=helps,
+        flights=flights_alone(found.flown, ranked),
         disturbances=disturbances,
         notes=notes(
             system,

@@ -97,6 +97,27 @@ class Abstention:
 
 
 @dataclass(frozen=True)
+class Flights:
+    """What flights until the first hit say by themselves, where the answer for all of it is none, or another one.
+
+    Args:
+        effects: Their likeliest explanation: the vocabulary's names, or ("none",).
+        probability: Its own, of what flights alone were compared with.
+        parameters: Values by effect and parameter, SI units.
+        errors: Their standard errors.
+        noises: The root mean square that it leaves, in noises.
+        sentence: All of it in words, and what to do.
+    """
+
+    effects: tuple[str, ...]
+    probability: float
+    parameters: dict[str, dict[str, float]]
+    errors: dict[str, dict[str, float]]
+    noises: float
+    sentence: str
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """All that `runner diagnose` says of a case; arrays and tables are not to be written to.
 
@@ -132,6 +153,7 @@ class Diagnosis:
     notes: tuple[str, ...]
     rivals: tuple[Rival, ...] = ()
     abstention: Abstention | None = None
+    flights: Flights | None = None
 
     @property
     def recording(self) -> Any:

@@ -55,7 +55,16 @@ def verdict(diagnosis: Diagnosis) -> dict[str, Any]:
             for r in diagnosis.rivals[:RIVALS_SHOWN]
         ],
         "next_push": diagnosis.next_push,
-        "notes": list(diagnosis.notes),
+        "flights": None
+        if diagnosis.flights is None
+        else {
+            "effects": list(diagnosis.flights.effects),
+            "probability": diagnosis.flights.probability,
+            "parameters": diagnosis.flights.parameters,
+            "standard_errors": diagnosis.flights.errors,
+            "noises_left": diagnosis.flights.noises,
+        },
+        "notes": [*diagnosis.notes, *(() if diagnosis.flights is None else (diagnosis.flights.sentence,))],
     }
 
 

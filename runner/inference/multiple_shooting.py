@@ -12,8 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runner.inference.breakaway import hanging
+from runner.inference.flown import Flown
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 from runner.inference.parameters import is_out_of_range
+from runner.inference.rounds import likeliest
 from runner.inference.search import Search, search, singles
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of
 from runner.recording import Span
@@ -30,11 +32,13 @@ class Look:
         cut_s: How long the pieces are, where even in them nothing explains the recording and the best explains less of
             it over longer times: what no explanation has piles up, and drowns what they have. None: longer times tell
             more.
+        flown: What flights until the first hit say by themselves; None: nothing is hit.
     """
 
     beginning: Beginning
     hung: dict[int, int]
     cut_s: float | None = None
+    flown: Flown | None = None
 
 
 def look(fitter: Fitter, nominal: Fit) -> Look | None:
@@ -82,6 +86,8 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     first = np.array([s.begin == 0 for s in spans])
     chosen = np.flatnonzero(first | (lacks > np.quantile(lacks, 1.0 - limits.searched_share)))
     found = search(cut, chosen.tolist(), starts=rough.starts[chosen], pieces=True)
+    ended = all(s.end == len(fitter.measured.values[s.episode]) for s in spans)
+    flown_alone = Flown(cut, *likeliest(found.contenders, found.nominal, cut), ended) if flown else None
     hung = hanging(cut, found.best.fit)
     cut = replace(cut, measured=cut.measured.without(hung))
     fitter.simulator.simulated_s += cut.simulator.simulated_s
@@ -112,7 +118,7 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
         if key in seeds and key not in there:
             seeds[key] = min(carried(whole, seeds[key], episodes, longest_s), seeds[key], key=lambda s: s.total)
     if flown:
-        return Look(Beginning(seeds, ruled_out=short, short=short, answered=True), late)
+        return Look(Beginning(seeds, ruled_out=short, short=short, answered=True), late, flown=flown_alone)
     explained = any(explains(s, whole, episodes) for s in seeds.values())
     ruled_out = singles(fitter.system.vocabulary) - set(seeds) if explained else frozenset[Key]()
     return Look(Beginning(seeds, ruled_out, answered=True), late)

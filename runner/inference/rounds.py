@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -149,12 +149,20 @@ class Rounds:
         """Tell the observer of the likeliest so far, of all contenders and of others that are not finished."""
         if self.answered:
             return
-        finite = [c for c in (*self.contenders, *begun) if np.isfinite(c.log_posterior)]
-        best = max(finite, key=lambda c: c.log_posterior)
-        alike = [c.fit.explanation.names == best.fit.explanation.names for c in finite]
-        gap, left = ((t - self.count) / self.count for t in (self.nominal.total, best.evidence.loss))
-        gap = gap if best.fit.x.size else 0.0  # where nothing is claimed, nothing may leave a share of one
-        unknown = unknown_by_excess(left, gap, self.fitter.system.unknown_share, error_of_excess(self.count))
-        probability = float(shares(finite)[alike].sum()) * (1.0 - unknown)
-        noises = float(np.sqrt(best.fit.total / self.count))
+        best, noises, probability = likeliest((*self.contenders, *begun), self.nominal, self.fitter)
         self.fitter.observer.best(best.fit.explanation.names, noises, probability, self.fitter.part)
+
+
+def likeliest(contenders: Iterable[Contender], nominal: Fit, fitter: Fitter) -> tuple[Contender, float, float]:
+    """Return the likeliest contender, the root mean square that it leaves, in noises, and its probability.
+
+    That is by what was fitted so far and nothing that is held out, `unknown` counted in.
+    """
+    finite, count = [c for c in contenders if np.isfinite(c.log_posterior)], fitter.measured.count(nominal.episodes)
+    best = max(finite, key=lambda c: c.log_posterior)
+    alike = [c.fit.explanation.names == best.fit.explanation.names for c in finite]
+    gap, left = ((t - count) / count for t in (nominal.total, best.evidence.loss))
+    gap = gap if best.fit.x.size else 0.0  # where nothing is claimed, nothing may leave a share of one
+    unknown = unknown_by_excess(left, gap, fitter.system.unknown_share, error_of_excess(count))
+    probability = float(shares(finite)[alike].sum()) * (1.0 - unknown)
+    return best, float(np.sqrt(best.fit.total / count)), probability

@@ -78,6 +78,7 @@ def _content(diagnosis: Diagnosis, folder: Path | None) -> dict[str, Any]:
         "verdict": verdict,
         "long": len(verdict) > LONG,
         "confounded": words.confounded(diagnosis),
+        "flights": "" if diagnosis.flights is None else diagnosis.flights.sentence,
         "steps": [_with_code(step) for step in words.next_steps(diagnosis, folder)],
         "replaying": words.replaying(folder),
         "facts": facts(diagnosis, said),

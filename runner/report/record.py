@@ -333,6 +333,8 @@ def _verdict(diagnosis: Diagnosis, arrows: Sequence[str]) -> str:
     lines = [f"### {words.verdict(diagnosis)}", ""]
     if confounded := words.confounded(diagnosis):
         lines += [confounded, ""]
+    if diagnosis.flights is not None:
+        lines += [diagnosis.flights.sentence, ""]
     corrected = " **Orange**: corrected." if diagnosis.effects else ""
     said = "grey as believed" + (", orange corrected" if diagnosis.effects else "")
     lines += [

@@ -27,6 +27,8 @@ def summary(diagnosis: Diagnosis) -> RenderableType:
     parts: list[RenderableType] = [Text(words.verdict(diagnosis), style="bold")]
     if confounded := words.confounded(diagnosis):
         parts.append(Text(confounded, style="yellow"))
+    if diagnosis.flights is not None:
+        parts.append(Text(diagnosis.flights.sentence, style="yellow"))
     parts.append(Padding(ranking(diagnosis), (1, 0, 0, 0)))
     if lines := unknown.lines(diagnosis):
         parts.append(Padding(Text("\n".join(lines)), (1, 0, 0, 0)))
