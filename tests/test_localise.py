@@ -123,6 +123,8 @@ def test_shares_of_a_factor_add_up(patch: Where) -> None:
         assert cells["share"].to_numpy()[inside].sum() == pytest.approx(1.0)
     channels = (cells["factor"] == "channel").to_numpy()
     assert cells["share"].to_numpy()[channels].sum() == pytest.approx(1.0)
+    assert (cells["excess"] < 0).any()  # what shows less than the noise has no share, and takes none off the others'
+    assert (cells["share"] >= 0).all()
     p, q = cells["p"].to_numpy(), cells["q"].to_numpy()
     assert np.all((p >= 0) & (p <= q + 1e-12) & (q <= 1))
 

@@ -21,10 +21,11 @@ from runner.effects.planar_box import EFFECTS
 from runner.effects.wording import percent, percent_between, plus_minus
 from runner.localise.likeness import Likeness
 from runner.recording.data import BelievedPin
-from runner.report import html, words
+from runner.report import html, sections, words
 from runner.report.sections import _place
 from runner.report.statement import caveats
 from runner.report.terminal import summary
+from runner.systems.channels import Scatter
 from runner.systems.planar_box.system import PlanarBox
 from tests.report_case import changed, diagnosis, ranked, said
 
@@ -144,6 +145,16 @@ def test_what_flights_alone_say_is_told_where_the_answer_is_another(found: Any) 
     assert told["flights"]["effects"] == ["gravity"]
     assert verdict(found)["flights"] is None
     assert "flights" not in said(html.render(found))
+
+
+def test_the_noise_of_a_sensor_is_not_what_counts_as_noise_after_a_hit(found: Any) -> None:
+    """The table has what the sensor shows, and beside it what no model foretells once something was hit."""
+    calm = tuple(np.arange(len(v)) < 100 for v in found.measured.values)
+    hit = replace(found.measured, scatter=Scatter(3.0 * found.measured.sensor, calm))
+    row = sections.noise(changed(found, measured=hit))[0]
+    assert row["sigma"] == "0.50 mm"
+    assert row["source"].endswith("; after a hit 1.5 mm counts as noise")
+    assert "after a hit" not in sections.noise(found)[0]["source"]
 
 
 def test_a_correction_that_does_not_help_is_not_praised(found: Any) -> None:

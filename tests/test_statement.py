@@ -110,6 +110,20 @@ def said_by(diagnosis: Any) -> str:
     return "\n".join(parts)
 
 
+def test_what_is_unknown_is_not_said_to_be_corrected() -> None:
+    """Where short stretches show nothing more than the noise either, something is left that nothing explains."""
+    said = state(made((("unknown",), {}), 0.97, after=1.02, excess=5.7, nominal_excess=13.7))
+    short, longer = (words.left_in_windows(said, exceeds, "3 %", "yaw rate") for exceeds in (False, True))
+    assert "the correction" not in short + longer
+    assert short.endswith(
+        "What is left, 2.6 times the noise, shows in the episodes that were fitted, and no known effect explains it."
+    )
+    assert longer == (
+        "With the nearest explanation 3 % of the excess over the noise is left, which no known effect explains: "
+        "yaw rate."
+    )
+
+
 @pytest.fixture(scope="module")
 def everything() -> list[tuple[Any, Any, str]]:
     """Many diagnoses, what each says, and all that its report says of what is left."""

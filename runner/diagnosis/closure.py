@@ -45,6 +45,8 @@ def close(
             )
             residuals.append([np.where(measured.valid[e], r, np.nan) for r in both])
         old, new = (np.concatenate(of) for of in zip(*residuals, strict=True))
+        # before anything is hit it is that of the sensors
+        scale = np.concatenate([np.broadcast_to(measured.scale(e), measured.values[e].shape) for e in members])
         rows += [
             {
                 "episode": fitter.system.recording.episodes[recorded].index,
@@ -52,14 +54,14 @@ def close(
                 "unit": channel.unit,
                 "before": float(np.sqrt(np.nanmean(old[:, i] ** 2))),
                 "after": float(np.sqrt(np.nanmean(new[:, i] ** 2))),
-                "noise": float(measured.sigma[i]),
+                "noise": float(np.sqrt(np.mean(scale[np.isfinite(old[:, i]), i] ** 2))),
             }
             for i, channel in enumerate(fitter.system.channels)
             if np.isfinite(old[:, i]).any()
         ]
         block = max(int(1.0 / fitter.system.recording.episodes[recorded].step_s), 1)
         for begin in range(0, len(old), block):
-            some = [r[begin : begin + block] / measured.sigma for r in (old, new)]
+            some = [(r / scale)[begin : begin + block] for r in (old, new)]
             if np.isfinite(some[0]).any():
                 pairs.append((*(np.nanmean(r**2) for r in some), min(block, len(old) - begin)))
                 episode.append(recorded)

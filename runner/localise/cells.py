@@ -31,35 +31,48 @@ def tested_cells(system: AbstractSystem, windows: WindowExcess) -> pd.DataFrame:
     rows = []
     for c, channel in enumerate(system.channels):
         own = float(excess[:, c].sum())
-        row = _row("channel", channel.name, len(table), own, total, 1.0 / len(system.channels))
+        row = _row("channel", channel.name, len(table), own, 1.0 / len(system.channels))
         rows.append(row | {"p": probability_by_noise(own, float(windows.freedom[:, c].sum()))})
     labels = {factor: table[factor].to_numpy(dtype=object) for factor in system.factors}
     factors = {factor: _Factor.of(own, size if factor == "regime" else beyond) for factor, own in labels.items()}
     by_chance = _by_chance(factors, table["episode"].to_numpy())
     for factor, of in factors.items():
         for name, which, p in zip(of.names, of.inside.T, by_chance[factor], strict=True):
-            row = _row(factor, name, int(which.sum()), float(amount[which].sum()), total, float(which.mean()))
+            row = _row(factor, name, int(which.sum()), float(amount[which].sum()), float(which.mean()))
             x, y = windows.labels.places.get(name, (np.nan, np.nan)) if factor == "place" else (np.nan, np.nan)
             # a cell with no more than its share is none that stands out, nor is the one cell of a factor
             here = float(amount[which].sum())
             fine = here > max(float(which.mean()) * total, 0.0) and len(of.names) > 1
             rows.append(row | {"p": float(p) if fine else 1.0, "x_m": x, "y_m": y})
-    cells = pd.DataFrame(rows)
+    cells = _with_shares(pd.DataFrame(rows), total)
     cells["q"] = 1.0
     for chosen in (cells["factor"] == "channel", cells["factor"] != "channel"):
         cells.loc[chosen, "q"] = false_discovery(cells.loc[chosen, "p"].to_numpy())
     return cells
 
 
-def _row(factor: str, cell: str, n: int, excess: float, total: float, part: float) -> dict[str, object]:
-    share = excess / total if total > 0 else np.nan
+def _with_shares(cells: pd.DataFrame, total: float) -> pd.DataFrame:
+    """Return cells with the share that each has of what its factor shares out, and their lift.
+
+    A cell that shows less than the noise has none of it: were that taken off the whole, the others had more than all.
+    """
+    cells["share"] = np.nan
+    for own in cells.groupby("factor").groups.values():
+        excess = cells.loc[own, "excess"]
+        elsewhere = max(total - float(excess.sum()), 0.0)  # in windows that no cell of it holds
+        if total > 0:
+            cells.loc[own, "share"] = excess.clip(lower=0.0) / (float(excess.clip(lower=0.0).sum()) + elsewhere)
+    cells["lift"] = cells["share"] / cells.pop("part")
+    return cells[["factor", "cell", "n", "excess", "share", "lift", "p", "x_m", "y_m"]]
+
+
+def _row(factor: str, cell: str, n: int, excess: float, part: float) -> dict[str, object]:
     return {
         "factor": factor,
         "cell": cell,
         "n": n,
         "excess": excess,
-        "share": share,
-        "lift": share / part,
+        "part": part,
         "p": 1.0,
         "x_m": np.nan,
         "y_m": np.nan,

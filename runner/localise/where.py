@@ -36,9 +36,9 @@ class Where:
             each factor of `cells` but the channel), `excess`, `excess_<channel>`, `freedom`.
         missing_force: One row per window of the shortest length: its labels, the numbers that the system's disturbance
             names and the system's further views of them, each with `_se`; NaN: not to be seen.
-        cells: One row per cell: `factor`, `cell`, `n` (windows), `excess`, `share` (of all excess), `lift` (share over
-            share of the windows), `p` (one-sided, that it is as large by chance), `q` (Benjamini-Hochberg), and for
-            places `x_m`, `y_m`.
+        cells: One row per cell: `factor`, `cell`, `n` (windows), `excess`, `share` (of the excess of all cells of its
+            factor that show any), `lift` (share over share of the windows, or of the channels), `p` (one-sided, that it
+            is as large by chance), `q` (Benjamini-Hochberg), and for places `x_m`, `y_m`.
         excess: Of all windows, in squared noises; `freedom` of which noise makes, and the `p` of that.
         window_s: Length of the windows.
         sentence: All of it in one sentence.

@@ -62,7 +62,7 @@ class Measured:
     def whiten(self, episode: int, residual: np.ndarray) -> np.ndarray:
         """Return residuals (..., T, C) in units of the noise, its colour taken out; 0 where they don't count."""
         valid = self.counted(episode)
-        scaled = np.where(valid, residual / self._scale(episode), 0.0)
+        scaled = np.where(valid, residual / self.scale(episode), 0.0)
         there = np.isfinite(self.values[episode])
         if there.all() or not self.noise_model.lag_one.any():
             return np.where(valid, self.noise_model.whiten(scaled), 0.0)
@@ -73,7 +73,7 @@ class Measured:
             white[..., there[:, c], c] = own.whiten(scaled[..., there[:, c], c, None])[..., 0]
         return np.where(valid, white, 0.0)
 
-    def _scale(self, episode: int) -> np.ndarray:
+    def scale(self, episode: int) -> np.ndarray:
         """Return the standard deviation of what counts as noise in an episode, (C,), or (T, C) where it changes."""
         if self.scatter is None:
             return self.sensor
@@ -82,7 +82,7 @@ class Measured:
     def volume(self, episodes: Iterable[int]) -> float:
         """Return the sum of the log standard deviations of what is new in each value of these episodes that counts."""
         new = self.noise_model.innovation()
-        return float(sum((self.counted(e) * np.log(self._scale(e) * new)).sum() for e in episodes))
+        return float(sum((self.counted(e) * np.log(self.scale(e) * new)).sum() for e in episodes))
 
     def parts(self, spans: Sequence[Span]) -> Measured:
         """Return parts of the episodes as episodes of their own; the noise is what it was."""

@@ -287,10 +287,12 @@ def noise(diagnosis: Diagnosis) -> list[dict[str, str]]:
         source = "estimated from the recording"
         if np.isfinite(stated):
             source += f"; stated: {number(scale * stated, 2)}"
+        if measured.is_scatter()[i]:
+            source += f"; after a hit {number(scale * float(measured.sigma[i]), 2)} {unit} counts as noise".rstrip()
         out.append(
             {
                 "name": channel.label,
-                "sigma": f"{number(scale * float(measured.sigma[i]), 2)} {unit}".strip(),
+                "sigma": f"{number(scale * float(measured.sensor[i]), 2)} {unit}".strip(),
                 "source": source,
                 "kind": f"correlated from sample to sample ({lag_one:.2f})" if lag_one > 0 else "white",
             }

@@ -240,10 +240,19 @@ def left_in_windows(said: Statement, exceeds: bool, share: str, sentence: str) -
         share: Of the excess before the correction, in words; empty: not to be compared.
         sentence: Where it is.
     """
+    if not exceeds and said.kind is Kind.UNKNOWN:
+        much = f", {beyond(said)}," if said.over_noise >= LEAST_SHARE else ""
+        at = "in the episodes that were fitted" if said.in_fitted else "over longer ones"
+        return (
+            "With the nearest explanation short stretches show no such excess. What is left"
+            f"{much} shows {at}, and no known effect explains it."
+        )
     if not exceeds:
         tail = f" What is left builds up over longer ones, as {SLOWLY}." if said.left is Left.SOMETHING else ""
         return f"After the correction no such excess over the noise is left in short stretches.{tail}"
     much = f"{share} of the excess over the noise" if share else "an excess over the noise"
+    if said.kind is Kind.UNKNOWN:
+        return f"With the nearest explanation {much} is left, which no known effect explains: {sentence}."
     if said.left is Left.SOMETHING:
         return f"After the correction {much} is left, with another cause: {sentence}."
     return f"After the correction {much} is left, too little to act on: {sentence}."
