@@ -256,12 +256,29 @@ def test_wrong_arrays_are_one_line(wrong: str, model: Path) -> None:
         runner.case_from_arrays(**given)
     assert "\n" not in str(error.value)
     assert "/tmp/runner_" not in str(error.value)
+    assert f"{model.stem}/" not in str(error.value)  # nor a file that nobody has named
+
+
+def test_a_case_is_written_over_where_that_is_said(model: Path, tmp_path: Path) -> None:
+    """Not over anything else, and not by what is none."""
+    folder = tmp_path / "kept"
+    given: dict[str, Any] = {"model": model, "t": T, "channels": {"q_hinge": 0.1 * T}}
+    runner.case_from_arrays(**given, folder=folder)
+    with pytest.raises(runner.RunnerError, match="row 2"):
+        runner.case_from_arrays(**given | {"t": T[::-1]}, folder=folder, overwrite=True)
+    assert runner.read(folder).data["q_hinge"].max() == pytest.approx(0.009)
+    again = runner.case_from_arrays(**given | {"channels": {"q_hinge": 0.2 * T}}, folder=folder, overwrite=True)
+    assert again.path == folder
+    assert runner.read(folder).data["q_hinge"].max() == pytest.approx(0.018)
+    (folder / "nominal.yaml").unlink()
+    with pytest.raises(runner.RunnerError, match="holds something other than a case"):
+        runner.case_from_arrays(**given, folder=folder, overwrite=True)
 
 
 def test_folders_that_hold_something_are_left_alone(model: Path, found: runner.CaseDiagnosis, tmp_path: Path) -> None:
     """A case is not written over anything, a report not over a case."""
     lever(model, 0.0, tmp_path / "kept")
-    with pytest.raises(runner.RunnerError, match="is not empty; name a new one"):
+    with pytest.raises(runner.RunnerError, match="is not empty; name a new one, or write over it with overwrite=True"):
         lever(model, 0.0, tmp_path / "kept")
     with pytest.raises(runner.RunnerError, match="holds a recording"):
         found.report(tmp_path / "kept")

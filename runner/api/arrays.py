@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import tempfile
 import weakref
@@ -40,6 +41,7 @@ def case_from_arrays(
     noise: Mapping[str, float] | None = None,
     start: str = "free",
     folder: str | Path | None = None,
+    overwrite: bool = False,
 ) -> Case:
     """Return a case of arrays that are already there.
 
@@ -59,6 +61,7 @@ def case_from_arrays(
         noise: Standard deviations of channels; what is missing is estimated.
         start: `rest` where every episode begins at rest, else `free`.
         folder: Where to keep the case, for `runner diagnose` as well; None: it is kept as long as it is used.
+        overwrite: Whether a case that is in that folder already may be written over.
 
     Raises:
         RunnerError: Naming the array, or the sample, what was wrong, and what is allowed.
@@ -69,15 +72,20 @@ def case_from_arrays(
     compiled = read_mjcf(model).compile()
     nominal, table = _layout(compiled, t, channels, commands or {}, episodes, sources or {}, forces)
     nominal |= {"noise": {k: float(v) for k, v in (noise or {}).items()}, "start": start}
-    if folder is not None:
-        return _written(model, nominal, table, _new(Path(folder)))
+    target = None if folder is None else _free(Path(folder), overwrite)
     kept = Path(tempfile.mkdtemp(prefix="runner_"))
     try:
-        case = _written(model, nominal, table, _new(kept / model.stem))
+        case = _written(model, nominal, table, kept / model.stem)
+        if target is not None:
+            _put(kept / model.stem, target)
+            shutil.rmtree(kept, ignore_errors=True)
+            return read(target)
     except Exception as error:
         shutil.rmtree(kept, ignore_errors=True)
         if isinstance(error, RunnerError):
-            raise type(error)(str(error).replace(f"{kept}/", "")) from None  # a folder that is gone helps nobody
+            # of files that nobody has named, and that are gone, the name helps nobody
+            said = re.sub(rf"^{re.escape(str(kept / model.stem))}/[^:]*: ", "", str(error))
+            raise type(error)(said.replace(f"{kept}/", "")) from None
         raise
     weakref.finalize(case, shutil.rmtree, kept, ignore_errors=True)
     return case
@@ -189,19 +197,35 @@ def _measures(name: str, model: mujoco.MjModel) -> dict[str, Any]:
     )
 
 
-def _new(folder: Path) -> Path:
-    """Make a folder, which must hold nothing yet."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if any(folder.iterdir()):
-            raise WriteError(f"folder: '{folder}' is not empty; name a new one.")
-    except OSError as error:
-        raise WriteError(f"folder: '{folder}' can't be made: {error.strerror}.") from None
+def _free(folder: Path, overwrite: bool) -> Path:
+    """Return a folder that holds nothing yet, or, if that may be written over, a case and nothing else.
+
+    Raises:
+        WriteError: If it is a file, or holds something.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise WriteError(f"folder: '{folder}' is a file; name a folder.")
+    held = any(folder.iterdir()) if folder.is_dir() else False
+    if held and not overwrite:
+        raise WriteError(f"folder: '{folder}' is not empty; name a new one, or write over it with overwrite=True.")
+    if held and not ((folder / FILE).is_file() and any((folder / table).is_file() for table in TABLES)):
+        raise WriteError(f"folder: '{folder}' holds something other than a case; name a new one.")
     return folder
+
+
+def _put(made: Path, folder: Path) -> None:
+    """Put a case that was read into a folder."""
+    try:
+        for table in TABLES:
+            (folder / table).unlink(missing_ok=True)  # a table beside the new one would be another recording
+        shutil.copytree(made, folder, dirs_exist_ok=True)
+    except OSError as error:
+        raise WriteError(f"folder: '{folder}' can't be written: {error.strerror or error}.") from None
 
 
 def _written(model: Path, nominal: Mapping[str, Any], table: pd.DataFrame, folder: Path) -> Case:
     try:
+        folder.mkdir()
         name = copy_model(model, folder)
     except OSError as error:
         raise WriteError(f"{folder}: can't be written: {error.strerror or error}.") from None
