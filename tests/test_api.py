@@ -263,11 +263,13 @@ def test_a_case_is_written_over_where_that_is_said(model: Path, tmp_path: Path) 
     """Not over anything else, and not by what is none."""
     folder = tmp_path / "kept"
     given: dict[str, Any] = {"model": model, "t": T, "channels": {"q_hinge": 0.1 * T}}
+    backwards: dict[str, Any] = given | {"t": T[::-1]}
+    other: dict[str, Any] = given | {"channels": {"q_hinge": 0.2 * T}}
     runner.case_from_arrays(**given, folder=folder)
     with pytest.raises(runner.RunnerError, match="row 2"):
-        runner.case_from_arrays(**given | {"t": T[::-1]}, folder=folder, overwrite=True)
+        runner.case_from_arrays(**backwards, folder=folder, overwrite=True)
     assert runner.read(folder).data["q_hinge"].max() == pytest.approx(0.009)
-    again = runner.case_from_arrays(**given | {"channels": {"q_hinge": 0.2 * T}}, folder=folder, overwrite=True)
+    again = runner.case_from_arrays(**other, folder=folder, overwrite=True)
     assert again.path == folder
     assert runner.read(folder).data["q_hinge"].max() == pytest.approx(0.018)
     (folder / "nominal.yaml").unlink()

@@ -86,7 +86,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Any:
         for c in system.channels
     ]
     top = SimpleNamespace(
-        effects=(candidate.name,), equivalent=(), probability=0.95, gap_closed=0.95,
+        effects=(candidate.name,), equivalent=(), probability=0.95, gap_closed=0.95, values=effects,
         parameters={candidate.name: {"friction": 0.06}}, errors={candidate.name: {"friction": 0.001}},
     )  # fmt: skip
     unknown: Any = SimpleNamespace(

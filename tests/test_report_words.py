@@ -53,8 +53,8 @@ def test_verdict_sentence_of_one_effect(found: Any) -> None:
     """What, how much, how sure, and how much better, in two sentences."""
     assert words.verdict(found) == (
         "The floor is more slippery than believed: friction 0.2704 ± 0.0012 instead of 0.300 (probability 0.98). "
-        "With it the simulator misses 87 % less on episodes that were not fitted; of what can be closed, all but the "
-        "noise, that is 98 % (mean squares)."
+        "With it the simulator misses 87 % less on episodes that were not fitted; what is left is the noise of the "
+        "measurement."
     )
 
 
@@ -116,10 +116,10 @@ def test_what_is_unknown_is_told_by_what_comes_near_and_by_how_it_looks(found: A
     shown = " ".join(printed(unsure).split())
     for part in (
         "The floor is more slippery than believed: friction 0.2704 ± 0.0012 instead of 0.300. With that the simulator "
-        "misses 87 % less on episodes that were not fitted. Against it: it leaves 6 % of what is missed where it was "
-        "fitted (mean squares).",
-        "With that the simulator does not come closer on episodes that were not fitted. Against it: it leaves 30 % of "
-        "what is missed where it was fitted (mean squares), it does not hold on episodes that were not fitted: more "
+        "misses 87 % less on episodes that were not fitted. Against it: it leaves 24 % of what is missed beyond the "
+        "noise where it was fitted.",
+        "With that the simulator does not come closer on episodes that were not fitted. Against it: it leaves 55 % of "
+        "what is missed beyond the noise where it was fitted, it does not hold on episodes that were not fitted: more "
         "is missed there than without it, it is 46 natural log units less likely than the first and wind does not "
         "stand out of its own error.",
         "With the nearest, what is left is 58 % over the noise, most of it in the yaw rate (88 %).",

@@ -17,6 +17,7 @@ from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.shortlist import least_gain
 from runner.inference.solver_choice import better_solved
 from runner.noise.measured import measure
+from runner.recording.model_form import read_model_case
 from runner.systems.base import AbstractSystem
 from runner.systems.mechanism import MechanismSystem
 from runner.systems.simulator import Run
@@ -160,3 +161,17 @@ def test_the_corrected_model_holds_as_what_was_simulated_does(tmp_path: Path) ->
             mujoco.mj_step(model, data)
         crept.append(abs(float(data.qpos[0])))
     assert crept[0] < 0.1 * crept[1]
+
+
+@pytest.mark.parametrize(("hard", "effects"), [(True, ()), (True, (JointFriction("slide", 2.0),)), (False, ())])
+def test_how_it_is_solved_is_told_as_what_to_write(tmp_path: Path, hard: bool, effects: tuple[JointFriction, ...]):
+    """Of a joint that creeps by the file and held here: the attributes that make it hold there, too."""
+    t = np.arange(60) * 0.01
+    columns = {"t": t, "u": 0 * t, "q_slide": 0 * t, "dq_slide": 0 * t}
+    nominal = {"commands": {"u": {"actuator": "drive"}}, "channels": joint_channels(["slide"])}
+    recording = read_model_case(write_case(tmp_path, MODEL, [columns, columns], nominal))
+    said = MechanismSystem(recording, hard_friction=hard).solver_remedy(effects)
+    if hard:
+        assert '<joint name="slide"> set solreffriction="0.002 1" solimpfriction="0.995 0.999 0.001 0.5 2".' in said
+    else:
+        assert not said

@@ -62,7 +62,7 @@ def made(
     effects, parameters = explained
     named = effects[0] not in ("none", "unknown")
     top = SimpleNamespace(
-        effects=effects, equivalent=(), probability=chance, parameters=parameters, errors={},
+        effects=effects, equivalent=(), probability=chance, parameters=parameters, errors={}, values=(),
         gap_closed=gap_closed if named else None,
     )  # fmt: skip
     other = SimpleNamespace(
@@ -174,6 +174,23 @@ def test_what_is_left_is_not_noise_where_the_residual_says_otherwise() -> None:
     assert text.endswith("; what is left is 2.5 times the noise.")
     text = words.verdict(made(FRICTION, 0.97, closable=0.9999, after=1.0, excess=0.02))
     assert text.endswith("; what is left is the noise of the measurement.")
+
+
+def test_one_gap_is_told_in_one_measure() -> None:
+    """86 % of the root mean square, 98 % of the mean square that can be closed: the first, and how much is left."""
+    diagnosis = made(FRICTION, 0.94, gap_closed=0.86, closable=0.98, before=165.0, after=24.0, excess=5.0)
+    assert words.verdict(diagnosis).endswith(
+        "misses 86 % less on episodes that were not fitted; what is left is 24 times the noise."
+    )
+    assert "98 %" not in words.verdict(diagnosis) + str(html.facts(diagnosis, state(diagnosis)))
+
+
+@pytest.mark.parametrize(("count", "chance", "asked"), [(1, 0.88, True), (4, 0.88, False), (4, 0.8, True)])
+def test_more_is_recorded_where_it_may_help(count: int, chance: float, asked: bool) -> None:
+    """Of four effects no recording makes more than 0.885 certain: three of them leave 3 % each to what has no name."""
+    names = ("friction", "mass", "wind", "actuator_delay")[:count]
+    diagnosis = made((names, {}), chance)
+    assert any("record more episodes" in step for step in words.next_steps(diagnosis)) is asked
 
 
 def test_what_noise_of_a_measured_force_makes_has_no_other_cause() -> None:

@@ -114,8 +114,6 @@ def facts(diagnosis: Diagnosis, said: Statement) -> list[tuple[str, str]]:
     if said.gap_closed is not None and said.corrected:
         value = percent(said.gap_closed) if said.interval is None else percent_between(said.gap_closed, *said.interval)
         out.append((f"of the gap closed{unseen}", value))
-        if said.settled and said.closable_closed is not None:
-            out.append(("of what can be closed, all but the noise", percent(said.closable_closed)))
     elif said.closes_nothing_seen and said.settled and said.fitted_closed is not None:
         closed = percent(max(said.fitted_closed, 0.0))
         out.append(("of what is beyond the noise closed, in the episodes that were fitted", closed))

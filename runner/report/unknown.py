@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,13 +35,11 @@ def nearest(diagnosis: Diagnosis) -> list[str]:
 
 
 def _nearest(diagnosis: Diagnosis, one: Nearest) -> str:
-    against = [f"it leaves {percent(one.left_fitted)} of what is missed where it was fitted (mean squares)"]
+    # told as roots, as all that is missed is
+    fitted, unseen = math.sqrt(one.left_fitted), math.sqrt(one.left_unseen)
+    against = [f"it leaves {percent(fitted)} of what is missed beyond the noise where it was fitted"]
     if one.left_unseen > max(PLAIN, 1.5 * one.left_fitted):
-        worse = (
-            "more is missed there than without it"
-            if one.left_unseen > 1.0
-            else f"{percent(one.left_unseen)} is left there"
-        )
+        worse = "more is missed there than without it" if one.left_unseen > 1.0 else f"{percent(unseen)} is left there"
         against.append(f"it does not hold on episodes that were not fitted: {worse}")
     if one.behind > LEAST_BEHIND:
         against.append(f"it is {number(one.behind, 2)} natural log units less likely than the first")

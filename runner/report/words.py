@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from runner.effects.base import Phrase
 from runner.effects.vocabulary import Candidate, spoken
 from runner.effects.wording import Values, listed, number, percent, probability
-from runner.report.statement import NOISE_LEFT, NONE, UNKNOWN, Kind, Left, Statement, state
+from runner.report.statement import NONE, UNKNOWN, Kind, Left, Statement, state
 from runner.report.suspects import suspects
 from runner.settings import SETTINGS
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 Numbers = Mapping[str, float]
 SURE = 0.9  # an answer less likely than this asks for more data
+ROUNDED = 0.01  # of a probability: less is the same in words
 LEAST_SHARE = 0.005  # of anything: less is told as nothing
 PLACE = {"x_m", "y_m", "radius_m"}  # of an effect that is somewhere
 MANIFOLD = 1.0  # from twice the noise on it is told as so many times
@@ -133,10 +134,9 @@ def gain(said: Statement, applied: str = "With it") -> str:
     if said.gap_closed < LEAST_SHARE:
         return f"{applied} the simulator does not come closer{where}."
     left = ""
+    # in the same measure as the share that closed: root mean squares, noise and all
     if said.settled and said.closable_closed is not None:
-        if said.closable_closed < NOISE_LEFT:
-            left = f"; of what can be closed, all but the noise, that is {percent(said.closable_closed)} (mean squares)"
-        elif said.in_fitted:
+        if said.in_fitted:
             left = (
                 f", where no more than the noise is left; in those that were fitted it is {beyond(said)}{mostly(said)}"
             )
@@ -306,6 +306,8 @@ def next_steps(diagnosis: Diagnosis, folder: Path | None = None) -> list[str]:
             "Keep your model. Nothing in this recording asks for a change of it.",
             "Should it miss elsewhere, record what you care about: other speeds, loads, places.",
         ]
+        if remedy := diagnosis.system.solver_remedy(()):
+            steps[0] = f"Keep your model but for how it is solved. {remedy}"
     elif said.kind is Kind.UNKNOWN:
         steps = _suspicions(diagnosis)
     else:
@@ -324,7 +326,9 @@ def next_steps(diagnosis: Diagnosis, folder: Path | None = None) -> list[str]:
         text = diagnosis.next_push.strip()
         steps.append(f"Next {diagnosis.system.experiment}: {text}" + ("" if text.endswith((".", "!")) else "."))
     commanded = diagnosis.system.commanded
-    if said.top.probability < SURE:
+    # each effect beside the first leaves so much to what has no name, however much is recorded
+    most = SETTINGS.probability.max_unknown ** max(len(said.top.effects), 1)
+    if said.top.probability < min(SURE, most - ROUNDED):
         varied = "with stronger and more varied commands" if commanded else "that differ more from each other"
         so_far = "This is not settled" if said.kind is Kind.OPEN else "The answer is likely, not certain"
         steps.append(f"{so_far}: record more episodes, {varied}, and diagnose all of them together.")
@@ -363,10 +367,16 @@ def _suspicions(diagnosis: Diagnosis) -> list[str]:
 def _corrections(system: AbstractSystem, top: Ranked) -> list[str]:
     """Return what to change in the simulator, what to decide, and what to confirm by hand."""
     found, others = phrases(system, top), equals(top)
+    together = system.remedies_together(top.values)
+    if not set(together) <= set(top.effects):
+        together = {}  # what acts on all of a kind has a sentence of its own
+    remedies = [together.get(e, p.remedy) for e, p in zip(top.effects, found, strict=True)]
+    remedies.append(system.solver_remedy(top.values))
     steps = [
-        " ".join(p.remedy for p in found) + " The corrected model is ready in corrected.yaml "
+        " ".join(r for r in remedies if r) + " The corrected model is ready in corrected.yaml "
         f"(and model.xml, {system.model_use}), in the folder of this report."
     ]
+    steps += system.said_together(top.values, top.errors)
     if others:
         steps.append(
             f"Decide between {title(top.effects)} and {listed([title(e) for e in others], 'or')} by a measurement of "

@@ -192,6 +192,21 @@ class AbstractSystem(ABC):
         """How what may be `solved_otherwise` is solved, in words; empty where nothing is."""
         return ""
 
+    def remedies_together(self, effects: Effects) -> Mapping[str, str]:
+        """Return what to change in a simulator for effects that change one element of it together, by their names.
+
+        In the place of what each says by itself; empty: another one says it.
+        """
+        return {}
+
+    def solver_remedy(self, effects: Effects) -> str:
+        """Return what to change in a simulator so that it solves as what was found holds for; empty: nothing."""
+        return ""
+
+    def said_together(self, effects: Effects, errors: Mapping[str, Mapping[str, float]]) -> Sequence[str]:
+        """Return what several effects look like, taken together, a sentence each; `errors` by effect and number."""
+        return ()
+
     @abstractmethod
     def label(self, signals: Signals, windows: Windows) -> Labels:
         """Return what went on in windows, from commands and measurements alone."""

@@ -23,8 +23,6 @@ SIZE = Parameter("log_inertia_ratio", "", 0.25, -2.5, 2.5)
 # of the mean square of a mass's distance from its middle along each axis: density is believed even to some 20 %
 SPREAD = 0.2
 FARTHEST = 3.0  # a twentieth, or twenty times as much
-UNTOLD = 0.9  # of what was believed before: an error as large says that nothing was learned
-ROUNDING = 1e-9  # relative
 
 
 @effect
@@ -59,13 +57,12 @@ class Inertia(MechanismEffect):
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
-        believed = beliefs.model.body_inertia[beliefs.model.body(target).id]
+        changed = parts.changed(beliefs.model, cls(str(target), of["ratio"]))
         return Phrase(
             f"body '{target}' turns {'harder' if of['ratio'] > 1 else 'more easily'} than in the model, "
             "by more than its mass says",
             f"its inertia is {of.show('ratio')} times the believed one",
-            f'In the <inertial> of <body name="{target}"> set '
-            f'diaginertia="{parts.attribute(*(of["ratio"] * believed))}".',
+            f'Give <body name="{target}"> {parts.inertial(changed, target)}.',
             f"Hang '{target}' from a pivot and time its swing.",
         )
 
@@ -100,7 +97,7 @@ class FreeInertia(MechanismEffect):
     def edit_model(self, model: mujoco.MjModel) -> None:
         body = model.body(self.target).id
         moments = _changed(model.body_inertia[body], self.ratio, self.x_to_y, self.z_to_xy)
-        if _spread(moments).min() < -ROUNDING * moments.max():
+        if _spread(moments).min() < -parts.ROUNDING * moments.max():
             shown = ", ".join(f"{moment:.4g}" for moment in moments)
             raise ConfigError(
                 f"inertia[{self.target}]: no moment of inertia may be larger than the sum of the other two, got "
@@ -137,12 +134,10 @@ class FreeInertia(MechanismEffect):
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
         model, body = beliefs.model, beliefs.model.body(target).id
-        moments = _changed(model.body_inertia[body], of["ratio"], of["x_to_y"], of["z_to_xy"])
-        quat = model.body_iquat[body]
-        turned = abs(quat[0]) < 1.0 - ROUNDING
-        axes = f' quat="{parts.attribute(*quat)}"' if turned else ""
+        changed = parts.changed(model, cls(str(target), of["ratio"], of["x_to_y"], of["z_to_xy"]))
+        turned = abs(model.body_iquat[body][0]) < 1.0 - parts.ROUNDING
         error = of.error("ratio")
-        told = error is None or error < UNTOLD * SIZE.scale * of["ratio"]
+        told = error is None or error < parts.UNTOLD * SIZE.scale * of["ratio"]
         shape = (
             f"about z {of.show('z_to_xy')} times the believed one in proportion to x and y, about x "
             f"{of.show('x_to_y')} times in proportion to y"
@@ -151,8 +146,7 @@ class FreeInertia(MechanismEffect):
         return Phrase(
             f"the moments of inertia of body '{target}' are not those of the model, by more than its mass says",
             f"{shape}; {size}{' (principal axes of the model)' if turned else ''}",
-            f'Give <body name="{target}"> <inertial pos="{parts.attribute(*model.body_ipos[body])}"{axes} '
-            f'mass="{parts.attribute(model.body_mass[body])}" diaginertia="{parts.attribute(*moments)}"/>.',
+            f'Give <body name="{target}"> {parts.inertial(changed, target)}.',
             f"Hang '{target}' from two threads along one axis after the other, and time how it swings about each.",
         )
 

@@ -56,10 +56,11 @@ class Mass(MechanismEffect):
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
         believed = float(beliefs.model.body_mass[beliefs.model.body(target).id])
         ratio = of["mass_kg"] / believed
+        changed = parts.changed(beliefs.model, cls(str(target), of["mass_kg"]))
         return Phrase(
             f"body '{target}' is {'heavier' if ratio > 1 else 'lighter'} than in the model",
             f"{of.show('mass_kg', 'kg')} instead of {number(believed)} kg",
-            f'In the <inertial> of <body name="{target}"> set mass="{parts.attribute(of["mass_kg"])}" and multiply its '
-            f"inertia by {number(ratio, 4)}; where mass comes from geoms, multiply the mass of each by that.",
+            f'Give <body name="{target}"> {parts.inertial(changed, target)}, which takes the place of what its geoms '
+            "weigh.",
             f"Weigh '{target}'.",
         )

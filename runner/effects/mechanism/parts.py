@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import copy
+
 import mujoco
 import numpy as np
 
-from runner.effects.mechanism.base import JointUnit, Scope
+from runner.effects.mechanism.base import JointUnit, MechanismEffect, Scope
 from runner.physics.joint_law import JointLaw
 
 DRIVE, COUPLING = "~drive", "~coupling"  # what the joint behind a joint, and what couples the two, add to its name
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+ROUNDING = 1e-9  # relative
+UNTOLD = 0.9  # of what was believed before: an error as large says that nothing was learned
 AIR = "~air"  # what the body that the air acts on adds to the name of the one that it is part of
 ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 
@@ -23,6 +27,24 @@ def attribute(*values: float) -> str:
     """Return numbers as an attribute of MJCF has them; one that is nothing beside the largest is 0."""
     least = 1e-9 * max(abs(value) for value in values)
     return " ".join(f"{0.0 if abs(value) <= least else float(value):.5g}" for value in values)
+
+
+def inertial(model: mujoco.MjModel, body: str | None) -> str:
+    """Return the element of MJCF that says what a body of a model weighs, and how that is spread."""
+    number = model.body(body).id
+    quat = model.body_iquat[number]
+    turned = f' quat="{attribute(*quat)}"' if abs(quat[0]) < 1.0 - ROUNDING else ""
+    return (
+        f'<inertial pos="{attribute(*model.body_ipos[number])}"{turned} mass="{attribute(model.body_mass[number])}" '
+        f'diaginertia="{attribute(*model.body_inertia[number])}"/>'
+    )
+
+
+def changed(model: mujoco.MjModel, effect: MechanismEffect) -> mujoco.MjModel:
+    """Return a copy of a model with an effect in it that adds no element."""
+    out = copy.copy(model)
+    effect.edit_model(out)
+    return out
 
 
 def joint_of(model: mujoco.MjModel, name: str | None) -> int:

@@ -187,6 +187,16 @@ class Models:
         if self.hard_friction:
             harden(model)
 
+    def hardened(self, effects: Effects) -> list[str]:
+        """Return the joints of the file whose dry friction holds here, and creeps as the file has it."""
+        if not self.hard_friction:
+            return []
+        own, model = self.compiled(()).model, self.edited(effects)
+        names = [own.joint(j).name for j in range(own.njnt) if int(own.jnt_type[j]) in AXES]
+        dofs = {name: int(model.joint(name).dofadr[0]) for name in names}
+        soft = {name for name in names if own.dof_solref[int(own.joint(name).dofadr[0]), 0] > HARD_S}
+        return [name for name in names if name in soft and model.dof_frictionloss[dofs[name]] > 0]
+
     def contact_time_s(self, effects: Effects) -> float:
         """Return the shortest time constant of a contact, infinite without any: steps must be at most half of it."""
         key = tuple(e for e in mechanical(effects) if type(e).edit_model is not MechanismEffect.edit_model)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +11,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from runner.effects.base import Effects
+from runner.effects.mechanism.parts import attribute
+from runner.effects.mechanism.point_mass import inertials, point_masses
+from runner.effects.wording import listed
 from runner.numerics.arrays import FloatArray
 from runner.recording import Span
 from runner.recording.model_form import MechanismRecording, read_model_case, with_episode_to_check
@@ -26,7 +29,7 @@ from runner.systems.mechanism.flights import flights, measured_freely, rests, si
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.labels import FACTORS, PHRASES, REGIMES, label
 from runner.systems.mechanism.model_file import write_model
-from runner.systems.mechanism.models import Models, has_soft_friction
+from runner.systems.mechanism.models import HARD_IMPEDANCE, HARD_S, Models, has_soft_friction
 from runner.systems.mechanism.proposals import Trial, trials, unmeasured
 from runner.systems.mechanism.rests import resting
 from runner.systems.mechanism.scatter import scatter
@@ -175,6 +178,26 @@ class MechanismSystem(AbstractSystem):
     def solved(self) -> str:
         """See `AbstractSystem`."""
         return HARD if self._models.hard_friction else SOFT
+
+    def remedies_together(self, effects: Effects) -> Mapping[str, str]:
+        """See `AbstractSystem`."""
+        return inertials(self.beliefs.model, effects)
+
+    def solver_remedy(self, effects: Effects) -> str:
+        """See `AbstractSystem`."""
+        joints = self._models.hardened(effects)
+        if not joints:
+            return ""
+        time_s, impedance = max(HARD_S, 2.0 * self._models.file_step_s), attribute(*HARD_IMPEDANCE)
+        named = listed([f'<joint name="{name}">' for name in joints])
+        return (
+            f'Let dry friction hold, as here: in {named} set solreffriction="{attribute(time_s, 1.0)}" '
+            f'solimpfriction="{impedance}".'
+        )
+
+    def said_together(self, effects: Effects, errors: Mapping[str, Mapping[str, float]]) -> Sequence[str]:
+        """See `AbstractSystem`."""
+        return point_masses(self.beliefs.model, effects, errors)
 
     def rests(self) -> list[tuple[int, slice]]:
         """See `AbstractSystem`."""
