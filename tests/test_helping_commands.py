@@ -86,6 +86,9 @@ def test_every_effect_can_be_shown(name: str, capsys: pytest.CaptureFixture[str]
 def test_a_target_is_left_out_and_files_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
     """As a verdict names it; forces, estimators and experiments by their file; what there is not by the nearest."""
     assert said(capsys, "show", "backlash[elbow]").startswith("backlash[JOINT], of a joint: play between")
+    limited = said(capsys, "show", "actuator_saturation[shoulder]")  # which a box has as well
+    assert limited.startswith("actuator_saturation[ACTUATOR], of an actuator")
+    assert "of a box" not in limited
     guard = said(capsys, "show", "guard")  # an estimator and an experiment
     assert "estimator=guard: conf/estimator/guard.yaml" in guard
     assert "experiment=guard: conf/experiment/guard.yaml" in guard

@@ -148,7 +148,10 @@ def test_jitter_is_that_of_most_steps(tmp_path: Path, runs: list[Run], run_impor
     table = frame(runs[0])
     table["time"] += np.where(np.arange(len(table)) % 4 == 1, -0.002, 0.0)
     table.to_csv("log.csv", index=False)
-    assert run_import([Path("log.csv")], FLAT)[0] == 0
+    code, out, _ = run_import([Path("log.csv")], FLAT)
+    assert code == 0
+    assert "jitter ms" in out
+    assert "unordered" not in out  # what did not happen takes no room
     (clock,) = yaml.safe_load(Path("case/import.yaml").read_text())["clocks"]
     assert clock["jitter_ms"] == pytest.approx(2.0)
 

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from runner.__main__ import main
+from runner.api.tables import verdict_table
 from runner.commands.table import Format, written
 
 ROWS = [
@@ -70,6 +71,28 @@ def test_text_fits_the_terminal(runs: int, monkeypatch: pytest.MonkeyPatch) -> N
     assert max(map(len, text.splitlines())) <= 80
     assert "…" in text
     assert text.count("vm") == runs
+
+
+def test_a_verdict_is_read_from_above() -> None:
+    """Each explanation once, with its numbers below it, within 80 columns; no probability of 1e-126."""
+    names = " + ".join(f"{name}[upper_arm_link]" for name in ("actuator_saturation", "joint_friction", "inertia"))
+    ranked = [
+        {
+            "effects": names.split(" + "),
+            "probability": 0.94,
+            "gap_closed": 0.861,
+            "parameters": {"inertia[upper_arm_link]": {"ratio": 1.27}, "joint_friction[upper_arm_link]": {"a": 2.0}},
+            "standard_errors": {"inertia[upper_arm_link]": {"ratio": 0.014}},
+        },
+        {"effects": ["unknown"], "probability": 0.06, "parameters": {}, "standard_errors": {}},
+        {"effects": ["none"], "probability": 1.4e-126, "gap_closed": 0.0, "parameters": {}, "standard_errors": {}},
+    ]
+    lines = written(verdict_table("results/arm", ranked), Format.text).splitlines()
+    assert lines[0] == "results/arm"
+    assert lines[2].startswith("       0.94        86 %  actuator_saturation[upper_arm_link] +")
+    assert [line.strip() for line in lines if ".ratio" in line] == ["inertia[upper_arm_link].ratio 1.270 ± 0.014"]
+    assert lines[-1] == "     < 0.01         0 %  none"
+    assert max(map(len, lines)) <= 80
 
 
 def test_rows_are_named_in_every_block(monkeypatch: pytest.MonkeyPatch) -> None:

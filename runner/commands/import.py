@@ -34,6 +34,8 @@ from runner.importing.target import target_of
 from runner.recording.data import introduced
 from runner.storage.writing import write_text
 
+NEVER = {"twice": "0.0%", "unordered": "0"}  # what columns of the table of clocks hold where it did not happen
+
 
 @dataclass(frozen=True)
 class ImportConfig:
@@ -110,7 +112,8 @@ def _import(config: ImportConfig, map_file: Path, console: Console) -> None:
     check_out(config.out)
     built = _built(config, map_file)
     read = write_case(built, config.out, model=config.model, log=config.logs, map_file=map_file)
-    print_table(console, "Clocks", _clocks(built.clocks), right=(2, 3, 4, 5, 6, 7))
+    clocks = _clocks(built.clocks)
+    print_table(console, "Clocks", clocks, right=range(2, len(clocks[0])))
     conversions = [
         (
             e.column,
@@ -146,7 +149,9 @@ def _clocks(reports: tuple[ClockReport, ...]) -> tuple[tuple[str, ...], list[tup
         )
         for r in reports
     ]  # fmt: skip
-    return heading, rows
+    # what never happened takes room that a name needs
+    shown = [i for i, name in enumerate(heading) if name not in NEVER or any(row[i] != NEVER[name] for row in rows)]
+    return tuple(heading[i] for i in shown), [tuple(row[i] for i in shown) for row in rows]
 
 
 COMMAND = Command(config=ImportConfig, main=main, positional="logs")

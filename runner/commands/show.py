@@ -36,6 +36,8 @@ def main(config: ShowConfig, job: Job) -> None:
     """Print it."""
     name, console = config.name.partition("[")[0], Console()
     variants = described(name)
+    if "[" in config.name:  # as a verdict of a mechanism has it: a box has nothing to choose
+        variants = [v for v in variants if v.target] or variants
     for variant in variants:
         _print(variant, console)
     found = [file for kind in GROUPS for file in files(kind, job.config_dirs) if file.stem == name]

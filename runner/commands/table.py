@@ -8,17 +8,19 @@ writes it there, in the format of the file's ending unless a format is given.
 
 from __future__ import annotations
 
+import math
 import shutil
 import sys
+import textwrap
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
 import pandas as pd
 
-from runner.api.tables import read_table
+from runner.api.tables import VERDICT, read_table
 from runner.commands import Command, Job
-from runner.effects.wording import counted
+from runner.effects.wording import counted, percent, plus_minus, probability
 from runner.errors import ConfigError
 from runner.storage.writing import write_parquet, write_text
 from runner.teleop import tables
@@ -86,11 +88,35 @@ def written(table: pd.DataFrame, style: Format) -> str:
         rows = [list(cells.columns), ["---"] * cells.shape[1], *cells.to_numpy().tolist()]
         return "\n".join("| " + " | ".join(str(c).replace("|", "\\|") for c in row) + " |" for row in rows)
     width = max(80, shutil.get_terminal_size().columns)
+    if set(VERDICT) <= set(table.columns):
+        return _verdicts(table, width)
     if len(cells) < FEW:
         room = (width - max(map(len, map(str, cells.columns)))) // max(len(cells), 1) - 2  # pandas parts columns by two
         return cells.map(lambda cell: _short(cell, room)).T.to_string(header=False)
     named = cells.map(lambda cell: _short(cell, LONG)).set_index(cells.columns[0])  # which is repeated in every block
     return named.rename_axis(index=None, columns=cells.columns[0]).to_string(line_width=width)
+
+
+def _verdicts(table: pd.DataFrame, width: int) -> str:
+    """Return explanations one below the other, likeliest first, each with its numbers: side by side they are too wide.
+
+    A probability and a share read as everywhere else: 1e-126 is less than one in a hundred.
+    """
+    lines: list[str] = []
+    for case, own in table.groupby("case", sort=False):
+        lines += [str(case), "probability  gap closed  explanation"]
+        for effects, rows in own.groupby("effects", sort=False):
+            chance, closed = float(rows["probability"].iloc[0]), float(rows["gap_closed"].iloc[0])
+            head = f"{probability(chance):>11}  {'' if math.isnan(closed) else percent(closed):>10}  "
+            lines.append(
+                textwrap.fill(
+                    str(effects), width, initial_indent=head, subsequent_indent=" " * len(head), break_on_hyphens=False
+                )
+            )
+            for row in rows.dropna(subset=["effect"]).to_dict("records"):
+                value = plus_minus(row["value"], row["standard_error"])
+                lines.append(f"{' ' * len(head)}  {row['effect']}.{row['parameter']} {value}")
+    return "\n".join(lines)
 
 
 def _short(cell: object, room: int) -> str:
