@@ -12,6 +12,7 @@ from runner.importing.entries import Entry, Role
 from runner.importing.guess.clock import clock_times, guess_clock
 from runner.importing.guess.counter import guess_episodes
 from runner.importing.guess.fall import falls
+from runner.importing.guess.names import said_by, words_of
 from runner.importing.guess.unit import unit_by_slope
 from runner.importing.plausible import within
 from runner.importing.propose import propose
@@ -189,3 +190,17 @@ def test_commands_that_are_not_recognised_wait_to_be_filled_in() -> None:
     columns = {"elbow": np.sin(3 * t), "shoulder": np.cos(2 * t), "a": np.sign(t - 0.2), "b": np.sign(t - 0.3)}
     found = propose(log_of(time=t, **columns), mujoco.MjModel.from_xml_string(SHOULDER_AND_ELBOW))
     assert yaml.safe_load(found.text)["commands"] == "TODO"
+
+
+@pytest.mark.parametrize("name", ["i_elbow_A", "elbow_mA", "elbow_V"])
+def test_what_is_in_amperes_or_volts_is_no_position(name: str) -> None:
+    """By the unit that its name ends on, where the position has another; a joint may be called so itself."""
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><joint name="elbow" range="-90 90"/><geom size=".1"/></body></worldbody>'
+        '<actuator><position name="elbow" joint="elbow" kp="5"/></actuator></mujoco>'
+    )
+    t = 0.01 * np.arange(200)
+    columns = {"time": t, "target_elbow_deg": 40 * np.sin(t), "pos_elbow_deg": 39 * np.sin(t)}
+    said = propose(log_of(**columns, **{name: np.sin(7 * t)}), model)
+    assert not any(name in note and "may be" in note for note in said.notes)
+    assert said_by(words_of("dq_v")).other is False

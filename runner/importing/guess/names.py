@@ -23,6 +23,8 @@ OTHER = {
     "acceleration", "ddq", "gain", "gains", "min", "max", "limit", "lower", "upper", "id", "status", "mode", "std",
     "covariance",
 }  # fmt: skip
+# units that a name ends on, of what is no motion and no force, where nothing else in it says what it is
+OTHER_UNITS = {"a", "ma", "amp", "amps", "v", "mv", "volts", "w", "mw", "watt", "watts", "celsius", "degc", "c"}
 BY_NAME = "by its name"  # why a signal is what it is taken for
 LAST_INDEX = re.compile(r"(.*)\[(\d+)\]$")
 
@@ -86,7 +88,8 @@ def said_by(words: Sequence[str]) -> Said:
         quantity = Quantity.POSITION
     else:
         quantity = Quantity.UNKNOWN
-    return Said(bool(have & COMMAND), quantity, bool(have & OTHER))
+    unit = quantity is Quantity.UNKNOWN and not have & COMMAND and bool(words) and words[-1] in OTHER_UNITS
+    return Said(bool(have & COMMAND), quantity, unit or bool(have & OTHER))
 
 
 def without(words: Sequence[str], taken: Sequence[str]) -> tuple[str, ...]:
