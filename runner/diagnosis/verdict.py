@@ -23,6 +23,18 @@ WHERE = ["factor", "cell", "share", "lift", "q"]
 
 def verdict(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return a diagnosis as plain data; the probabilities sum to 1 over all explanations."""
+    flights = diagnosis.flights
+    told = (
+        {
+            "effects": list(flights.effects),
+            "probability": flights.probability,
+            "parameters": flights.parameters,
+            "standard_errors": flights.errors,
+            "noises_left": flights.noises,
+        }
+        if flights
+        else None
+    )
     return {
         "ranked": [
             {
@@ -55,16 +67,8 @@ def verdict(diagnosis: Diagnosis) -> dict[str, Any]:
             for r in diagnosis.rivals[:RIVALS_SHOWN]
         ],
         "next_push": diagnosis.next_push,
-        "flights": None
-        if diagnosis.flights is None
-        else {
-            "effects": list(diagnosis.flights.effects),
-            "probability": diagnosis.flights.probability,
-            "parameters": diagnosis.flights.parameters,
-            "standard_errors": diagnosis.flights.errors,
-            "noises_left": diagnosis.flights.noises,
-        },
-        "notes": [*diagnosis.notes, *(() if diagnosis.flights is None else (diagnosis.flights.sentence,))],
+        **({"flights": told} if told else {}),
+        "notes": [*diagnosis.notes, *((flights.sentence,) if flights else ())],
     }
 
 
