@@ -20,12 +20,12 @@ from runner.settings import SETTINGS
 PLENTY = 100.0  # natural log odds: nobody asks for more
 
 
-def found_rivals(best: Contender, fitter: Fitter) -> tuple[Rival, ...]:
-    """Return what could be taken for the effects of the best explanation."""
+def found_rivals(best: Contender, found: Search, fitter: Fitter) -> tuple[Rival, ...]:
+    """Return what could be taken for the effects of the best explanation that a search has found."""
     if not best.fit.explanation.candidates:
         return ()
     around = normal_equations(best.fit, sensitivities(fitter, best.fit, directions(fitter.system)))
-    return rivals(around, best.evidence, fitter)
+    return rivals(around, best.evidence, fitter, [c.fit for c in found.contenders])
 
 
 def next_push(

@@ -88,7 +88,7 @@ def diagnose(
     helps = abstention(ranked, confirmed, fitter, where, corrected)
     if advise:
         observer.stage("trying what could be taken for it, and what would tell")
-    near = found_rivals(top, fitter) if advise else ()
+    near = found_rivals(top, searched, fitter) if advise else ()
     return Diagnosis(
         case=recording.path.name,
         system=system,

@@ -15,9 +15,10 @@ one would not be surprised to meet.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import Field, dataclass, fields
-from typing import Any, ClassVar, Protocol, Self
+from enum import IntEnum
+from typing import Any, ClassVar, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -94,6 +95,22 @@ class Confounded:
     advice: str
 
 
+class Stage(IntEnum):
+    """Where on the way of a signal an effect is: of several, each gets what those of earlier stages have made of it.
+
+    A drive loses what its dead band takes, multiplies what is left, and exerts no more than its limit; that acts in
+    some direction and at some place, and comes late. What else pushes is none of its doing. Effects of one stage may
+    act in any order.
+    """
+
+    DEAD_BAND = 0
+    GAIN = 1
+    LIMIT = 2
+    APPLICATION = 3  # the direction and the place that it acts in, or the zero that it is counted from
+    TIMING = 4
+    BESIDES = 5
+
+
 class AbstractEffect(ABC):
     """A difference between world and model; see the module's docstring."""
 
@@ -110,6 +127,7 @@ class AbstractEffect(ABC):
     switch: ClassVar[bool] = False  # is there or is not: no part of it means anything
     rough_form: ClassVar[bool] = False  # engines have other laws for it, none of which is the true one
     shared: ClassVar[bool] = False  # may be one thing on all targets of a kind, by the same numbers
+    stage: ClassVar[Stage] = Stage.BESIDES  # of what is commanded or measured, if it changes that
     commonness: ClassVar[int] = 1  # among effects that can't be told apart the least of these stands for the rest
     confounded: ClassVar[tuple[Confounded, ...]] = ()
     # of several variants of a name: the entry of an answer's true values that speaks of this one
@@ -184,3 +202,9 @@ class AbstractEffect(ABC):
 
 
 Effects = tuple[AbstractEffect, ...]
+E = TypeVar("E", bound=AbstractEffect)
+
+
+def in_stages(effects: Iterable[E]) -> tuple[E, ...]:
+    """Return effects in the order in which a signal passes them, whatever the order in which they were named."""
+    return tuple(sorted(effects, key=lambda e: e.stage))

@@ -7,12 +7,14 @@ rough, so what is alike is tried: the fitted model stands in for reality, withou
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from runner.effects.base import Scope
+from runner.effects.vocabulary import Candidate
 from runner.inference.evidence import Evidence, NormalEquations, clip
 from runner.inference.least_squares import Explanation, Fit, Fitter, amplitudes
 from runner.settings import SETTINGS
@@ -65,14 +67,18 @@ def are_one(a: Fit, b: Fit, context: Scope) -> bool:
     return 0.5 * apart < odds.told_apart_log_odds and apart < odds.one_motion_share * min(done)
 
 
-def rivals(around: NormalEquations, evidence: Evidence, fitter: Fitter) -> tuple[Rival, ...]:
-    """Return the rivals of every effect of a fit, the most alike first."""
+def rivals(around: NormalEquations, evidence: Evidence, fitter: Fitter, known: Iterable[Fit] = ()) -> tuple[Rival, ...]:
+    """Return the rivals of every effect of a fit, the most alike first.
+
+    `known` are other fits of the same recording: one with a rival in an effect's place has found where to begin.
+    """
     screened = _screened(around, evidence, fitter.system)
     tried = [r for r in screened[: SETTINGS.odds.confounded_trials] if r.alike > SETTINGS.odds.confounded_min_alike]
-    return tuple(_tried(r, around.fit, fitter) if r in tried else r for r in screened)
+    found = {frozenset(f.explanation.candidates): f for f in known}
+    return tuple(_tried(r, around.fit, fitter, found) if r in tried else r for r in screened)
 
 
-def _tried(rival: Rival, fit: Fit, fitter: Fitter) -> Rival:
+def _tried(rival: Rival, fit: Fit, fitter: Fitter, found: Mapping[frozenset[Candidate], Fit]) -> Rival:
     """Return a rival with its log odds: half of what it leaves, in squared noises, of what the fitted model does."""
     context = fitter.context
     effects = fit.explanation.make(fit.x, context)
@@ -83,13 +89,16 @@ def _tried(rival: Rival, fit: Fit, fitter: Fitter) -> Rival:
     fits = []
     for candidate in fitter.system.vocabulary.by_name[rival.rival]:
         others = tuple(c for c in fit.explanation.candidates if c.name != rival.effect)
+        explanation = Explanation((*others, candidate))
         x = [value for c, part in fit.explanation.parts(context) if c in others for value in fit.x[part]]
         starts = candidate.starts(context)
         # two signs: around zero dry friction may hide the way
-        first = [starts[0]] if len(starts) else [0.1 * np.array([p.scale for p in candidate.parameters(context)])]
-        for start in (*first, -first[0]):
-            explanation = Explanation((*others, candidate))
-            begin = np.concatenate([x, clip(candidate, start, context)])
+        first = starts[0] if len(starts) else 0.1 * np.array([p.scale for p in candidate.parameters(context)])
+        begins = [np.concatenate([x, clip(candidate, start, context)]) for start in (first, -first)]
+        if known := found.get(frozenset(explanation.candidates)):
+            by_candidate = {c: known.x[part] for c, part in known.explanation.parts(context)}
+            begins.insert(0, np.concatenate([by_candidate[c] for c in explanation.candidates]))
+        for begin in begins:
             # only the one that comes nearest counts
             nearest = min((f.total for f in fits), default=np.inf)
             fits.append(

@@ -69,6 +69,7 @@ def search(
         beam = [] if pieces else next_beam(rounds, new or [])
     if not pieces:
         _share_starts(rounds)
+        _in_other_words(rounds)
         _take_out_untold(rounds)
         rounds.answered.clear()
         rounds.tell()
@@ -90,7 +91,7 @@ def _weighed(rounds: Rounds, size: int, fits: Sequence[Fit]) -> list[Contender] 
     left_before = min(c.fit.total for c in rounds.contenders) - rounds.count
     rounds.contenders += new
     if size == 1:
-        new = _and_with_another(rounds, new, around_best)
+        new = _and_with_another(rounds, new, min(new, key=lambda c: c.fit.total), around_best)
     new = likeliest_first(new)
     rounds.tell()
     if size == 1:
@@ -130,11 +131,12 @@ def _and_with_one_less(rounds: Rounds, new: list[Contender], around_best: Sensit
     return new
 
 
-def _and_with_another(rounds: Rounds, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
-    """Add what the one that leaves least is with another effect in its place."""
-    least = min(new, key=lambda c: c.fit.total)
+def _and_with_another(
+    rounds: Rounds, new: list[Contender], whole: Contender, around_best: Sensitivities
+) -> list[Contender]:
+    """Add what an explanation is with another effect in the place of one of its own."""
     reached = {key_of(c.fit.explanation): c.fit.total for c in rounds.contenders}
-    for fit in one_for_another(rounds.fitter, least, reached, rounds.short):
+    for fit in one_for_another(rounds.fitter, whole, reached, rounds.short):
         new = rounds.with_better(new, fit, around_best)
     return new
 
@@ -190,6 +192,18 @@ def _share_starts(rounds: Rounds) -> None:
         rounds.disperse(again)
         again = again.weighed(rounds.fitter.system, rounds.dispersion)
         rounds.contenders = [again if other.fit is c.fit else other for other in rounds.contenders]
+
+
+def _in_other_words(rounds: Rounds) -> None:
+    """Let other effects take the place of each one of the likeliest explanation, begun at the motion that it has found.
+
+    Two effects may be two words for one motion, and then only one of them has come along with the others: what it is
+    called would hang on which was tried first.
+    """
+    likeliest = likeliest_first(rounds.contenders)[0]
+    if len(likeliest.fit.explanation.candidates) > 1:
+        around = rounds.around(likeliest.fit)
+        _and_with_another(rounds, [], rounds.worthy(likeliest.fit, around), around)
 
 
 def _take_out_untold(rounds: Rounds) -> None:

@@ -16,6 +16,7 @@ from dm_control import mjcf
 from dm_control.rl.control import PhysicsError
 
 from runner.config import registered, snake_case, with_key
+from runner.effects.base import in_stages
 from runner.effects.planar_box import EFFECTS, PlanarEffect, Target
 from runner.errors import ConfigError, check_range, check_vector
 from runner.physics import dry_friction, player
@@ -169,7 +170,7 @@ def commands(experiment: Experiment) -> Commands:
     if experiment.remote.effects:
         real = np.zeros((n, dry_friction.PUSH_SIZE))
         real[pushed] = nominal
-        for effect in experiment.remote.effects.values():
+        for effect in in_stages(experiment.remote.effects.values()):
             real = effect.edit_command(real, h)
         pushes[:n, 0] = real
     else:

@@ -9,7 +9,7 @@ from typing import ClassVar, Self
 import mujoco
 import numpy as np
 
-from runner.effects.base import Confounded, Parameter, Phrase, Vector
+from runner.effects.base import Confounded, Parameter, Phrase, Stage, Vector
 from runner.effects.mechanism.base import Command, MechanismEffect, Scope, effect
 from runner.effects.wording import Values
 from runner.errors import check_range
@@ -47,6 +47,7 @@ class ActuatorDelay(MechanismEffect):
     name: ClassVar[str] = "actuator_delay"
     shared: ClassVar[bool] = True
     label: ClassVar[str] = "a command that comes late"
+    stage: ClassVar[Stage] = Stage.TIMING
     target_kind: ClassVar[str] = "actuator"
     confounded: ClassVar[tuple[Confounded, ...]] = (
         Confounded(

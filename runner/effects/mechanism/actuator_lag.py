@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import Parameter, Phrase, Vector, longer_than_commands
+from runner.effects.base import Parameter, Phrase, Stage, Vector, longer_than_commands
 from runner.effects.mechanism.base import Command, MechanismEffect, Scope, effect
 from runner.effects.wording import Values
 from runner.errors import check_range
@@ -23,6 +23,7 @@ class ActuatorLag(MechanismEffect):
     name: ClassVar[str] = "actuator_lag"
     shared: ClassVar[bool] = True
     label: ClassVar[str] = "an actuator that follows with a lag"
+    stage: ClassVar[Stage] = Stage.TIMING
     target_kind: ClassVar[str] = "actuator"
     target: str
     time_constant_s: float

@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import Parameter, Phrase, Vector
+from runner.effects.base import Parameter, Phrase, Stage, Vector
 from runner.effects.mechanism.actuator_gain import LINEAR_BIASES
 from runner.effects.mechanism.base import Command, MechanismEffect, Scope, effect
 from runner.effects.wording import Values
@@ -25,6 +25,7 @@ class DeadBand(MechanismEffect):
 
     name: ClassVar[str] = "dead_band"
     label: ClassVar[str] = "a band of commands without effect"
+    stage: ClassVar[Stage] = Stage.DEAD_BAND
     target_kind: ClassVar[str] = "actuator"
     commonness: ClassVar[int] = 2
     target: str

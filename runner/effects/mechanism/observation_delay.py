@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import Confounded, Parameter, Phrase, Vector
+from runner.effects.base import Confounded, Parameter, Phrase, Stage, Vector
 from runner.effects.mechanism.actuator_delay import looked_at, shifted
 from runner.effects.mechanism.base import Command, MechanismEffect, Scope, effect
 from runner.effects.wording import Values
@@ -25,6 +25,7 @@ class ObservationDelay(MechanismEffect):
 
     name: ClassVar[str] = "observation_delay"
     label: ClassVar[str] = "measurements that are older, or younger, than their time stamps"
+    stage: ClassVar[Stage] = Stage.TIMING
     target_kind: ClassVar[str] = ""
     of_sensor: ClassVar[bool] = True
     commonness: ClassVar[int] = 2

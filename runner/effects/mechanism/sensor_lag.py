@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import Parameter, Phrase, Vector
+from runner.effects.base import Parameter, Phrase, Stage, Vector
 from runner.effects.mechanism.base import MechanismEffect, Reading, Scope, effect
 from runner.effects.wording import Values
 from runner.errors import check_range
@@ -26,6 +26,7 @@ class SensorLag(MechanismEffect):
 
     name: ClassVar[str] = "sensor_lag"
     label: ClassVar[str] = "a measurement that is filtered"
+    stage: ClassVar[Stage] = Stage.TIMING
     target_kind: ClassVar[str] = "channel"
     of_sensor: ClassVar[bool] = True
     target: str

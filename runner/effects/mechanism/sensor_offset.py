@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
-from runner.effects.base import Parameter, Phrase, Vector
+from runner.effects.base import Parameter, Phrase, Stage, Vector
 from runner.effects.mechanism.base import MechanismEffect, Reading, Scope, effect
 from runner.effects.wording import Values
 from runner.errors import check_range
@@ -19,6 +19,7 @@ class SensorOffset(MechanismEffect):
 
     name: ClassVar[str] = "sensor_offset"
     label: ClassVar[str] = "a measurement whose zero is off"
+    stage: ClassVar[Stage] = Stage.APPLICATION
     target_kind: ClassVar[str] = "channel"
     of_sensor: ClassVar[bool] = True
     target: str

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
-from runner.effects.base import Parameter, Phrase, Vector
+from runner.effects.base import Parameter, Phrase, Stage, Vector
 from runner.effects.mechanism.base import MechanismEffect, Reading, Scope, effect
 from runner.effects.wording import Values, number
 from runner.errors import check_range
@@ -19,6 +19,7 @@ class SensorScale(MechanismEffect):
 
     name: ClassVar[str] = "sensor_scale"
     label: ClassVar[str] = "a measurement that is a multiple of the true value"
+    stage: ClassVar[Stage] = Stage.GAIN
     target_kind: ClassVar[str] = "channel"
     of_sensor: ClassVar[bool] = True
     target: str

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import Confounded, Parameter, Phrase, Vector
+from runner.effects.base import Confounded, Parameter, Phrase, Stage, Vector
 from runner.effects.planar_box.base import Beliefs, Context, Motion, PlanarEffect, ahead, effect, late
 from runner.effects.wording import Values, number
 from runner.errors import check_range
@@ -20,6 +20,7 @@ class ActuatorDelay(PlanarEffect):
 
     name: ClassVar[str] = "actuator_delay"
     label: ClassVar[str] = "a push that comes late"
+    stage: ClassVar[Stage] = Stage.TIMING
     commonness: ClassVar[int] = 0
     confounded: ClassVar[tuple[Confounded, ...]] = (
         Confounded(

@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import Confounded, Parameter, Phrase, Vector
+from runner.effects.base import Confounded, Parameter, Phrase, Stage, Vector
 from runner.effects.planar_box.base import Beliefs, Context, PlanarEffect, effect
 from runner.effects.wording import Values, number
 from runner.errors import check_range
@@ -21,6 +21,7 @@ class ActuatorGain(PlanarEffect):
 
     name: ClassVar[str] = "actuator_gain"
     label: ClassVar[str] = "a real force that is a multiple of the commanded one"
+    stage: ClassVar[Stage] = Stage.GAIN
     of_command: ClassVar[bool] = True
     confounded: ClassVar[tuple[Confounded, ...]] = (
         Confounded(

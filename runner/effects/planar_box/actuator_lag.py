@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import Parameter, Phrase, Vector, longer_than_commands
+from runner.effects.base import Parameter, Phrase, Stage, Vector, longer_than_commands
 from runner.effects.planar_box.base import Beliefs, Context, PlanarEffect, effect
 from runner.effects.wording import Values, number
 from runner.errors import check_range
@@ -22,6 +22,7 @@ class ActuatorLag(PlanarEffect):
 
     name: ClassVar[str] = "actuator_lag"
     label: ClassVar[str] = "a push that follows the command with a lag"
+    stage: ClassVar[Stage] = Stage.TIMING
     of_command: ClassVar[bool] = True
     time_constant_s: float
 

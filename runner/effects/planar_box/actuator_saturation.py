@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import Parameter, Phrase, Vector
+from runner.effects.base import Parameter, Phrase, Stage, Vector
 from runner.effects.planar_box.base import Beliefs, Context, PlanarEffect, effect
 from runner.effects.wording import Values, number
 from runner.errors import check_range
@@ -20,6 +20,7 @@ class ActuatorSaturation(PlanarEffect):
 
     name: ClassVar[str] = "actuator_saturation"
     label: ClassVar[str] = "a push that is limited"
+    stage: ClassVar[Stage] = Stage.LIMIT
     of_command: ClassVar[bool] = True
     limit_n: float
 

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import Parameter, Phrase, Vector
+from runner.effects.base import Parameter, Phrase, Stage, Vector
 from runner.effects.planar_box.base import Beliefs, Context, PlanarEffect, effect
 from runner.effects.wording import Values, number
 from runner.errors import check_range
@@ -20,6 +20,7 @@ class ApplicationPointOffset(PlanarEffect):
 
     name: ClassVar[str] = "application_point_offset"
     label: ClassVar[str] = "a push that acts elsewhere on the body"
+    stage: ClassVar[Stage] = Stage.APPLICATION
     of_command: ClassVar[bool] = True
     x_m: float
     y_m: float

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import Parameter, Vector
+from runner.effects.base import Parameter, Stage, Vector
 from runner.effects.planar_box.base import Context, PlanarEffect
 from runner.errors import check_range
 
@@ -18,6 +18,7 @@ class DeadBand(PlanarEffect):
 
     name: ClassVar[str] = "unknown"
     label: ClassVar[str] = "a dead band of the push"
+    stage: ClassVar[Stage] = Stage.DEAD_BAND
     of_command: ClassVar[bool] = True
     force_n: float
 

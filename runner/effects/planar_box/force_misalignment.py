@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import Parameter, Phrase, Vector
+from runner.effects.base import Parameter, Phrase, Stage, Vector
 from runner.effects.planar_box.base import Beliefs, Context, PlanarEffect, effect
 from runner.effects.wording import DEGREES, Values, number
 from runner.errors import check_range
@@ -21,6 +21,7 @@ class ForceMisalignment(PlanarEffect):
 
     name: ClassVar[str] = "force_misalignment"
     label: ClassVar[str] = "a push that is turned by a constant angle"
+    stage: ClassVar[Stage] = Stage.APPLICATION
     of_command: ClassVar[bool] = True
     angle_rad: float
 

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import Confounded, Parameter, Phrase, Vector
+from runner.effects.base import Confounded, Parameter, Phrase, Stage, Vector
 from runner.effects.planar_box.base import Beliefs, Context, Motion, PlanarEffect, ahead, effect, late
 from runner.effects.wording import Values, number
 from runner.errors import check_range
@@ -24,6 +24,7 @@ class ObservationDelay(PlanarEffect):
 
     name: ClassVar[str] = "observation_delay"
     label: ClassVar[str] = "a measurement that is older than its time stamp"
+    stage: ClassVar[Stage] = Stage.TIMING
     of_sensor: ClassVar[bool] = True
     confounded: ClassVar[tuple[Confounded, ...]] = (
         Confounded(

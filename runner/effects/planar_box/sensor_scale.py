@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from runner.effects.base import Parameter, Phrase, Vector
+from runner.effects.base import Parameter, Phrase, Stage, Vector
 from runner.effects.planar_box.base import Beliefs, Context, Motion, PlanarEffect, effect
 from runner.effects.wording import Values, number
 from runner.errors import check_range
@@ -21,6 +21,7 @@ class SensorScale(PlanarEffect):
 
     name: ClassVar[str] = "sensor_scale"
     label: ClassVar[str] = "measured lengths that are a multiple of the true ones"
+    stage: ClassVar[Stage] = Stage.GAIN
     of_sensor: ClassVar[bool] = True
     ratio: float
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from runner.effects.base import Effects
+from runner.effects.base import Effects, in_stages
 from runner.effects.mechanism import ActuatorDelay, ObservationDelay
 from runner.effects.mechanism.base import Command, MechanismEffect
 from runner.numerics.arrays import FloatArray
@@ -137,7 +137,7 @@ def _whole_steps(late: float) -> float:
 
 def _on_commands(effects: Effects) -> tuple[MechanismEffect, ...]:
     """Return the effects that change commands."""
-    return tuple(
+    return in_stages(
         e
         for e in effects
         if isinstance(e, MechanismEffect) and type(e).edit_command is not MechanismEffect.edit_command

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from runner.effects.base import Effects
+from runner.effects.base import Effects, in_stages
 from runner.effects.mechanism.base import MechanismEffect, Reading
 from runner.numerics.arrays import FloatArray
 from runner.recording.model_form import MechanismRecording
@@ -129,7 +129,7 @@ class Readings:
 
 def on_readings(effects: Effects) -> tuple[MechanismEffect, ...]:
     """Return the effects that change readings."""
-    return tuple(
+    return in_stages(
         e
         for e in effects
         if isinstance(e, MechanismEffect) and type(e).edit_reading is not MechanismEffect.edit_reading

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from runner.effects.base import in_stages
 from runner.effects.planar_box import PlanarEffect
 from runner.numerics.arrays import FloatArray
 from runner.physics import dry_friction
@@ -32,7 +33,8 @@ class Commands:
 
         Of a long recording all of that is gigabytes: only some is kept.
         """
-        key = tuple(effects), episode
+        effects = in_stages(effects)
+        key = effects, episode
         if key not in self._kept:
             made = self._control(effects, episode)
             made.setflags(write=False)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from runner.effects.base import in_stages
 from runner.effects.planar_box import Motion, PlanarEffect
 from runner.physics.dry_friction import STATE, STATE_AND_PIN
 from runner.recording import Recording
@@ -49,6 +50,6 @@ def read_at_steps(start: np.ndarray, after: np.ndarray, step_s: float, effects: 
     states = np.concatenate([start[:, None], after[..., :STATE]], axis=1)
     states[:, :, :3] -= 0.5 * step_s * states[:, :, 3:]
     seen = Motion(np.arange(states.shape[1]) * step_s, states[..., :3], states[..., 3:])
-    for effect in effects:
+    for effect in in_stages(effects):
         seen = effect.edit_measurement(seen)
     return seen

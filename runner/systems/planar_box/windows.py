@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from runner.effects.base import AbstractEffect
+from runner.effects.base import AbstractEffect, in_stages
 from runner.effects.planar_box import ActuatorDelay, Motion, ObservationDelay, PlanarEffect
 from runner.physics import dry_friction
 from runner.recording.model_form_mjcf import quiet
@@ -147,7 +147,7 @@ def unseen(effects: Sequence[PlanarEffect], shown: np.ndarray, step_s: float) ->
     for _ in range(30):
         pose = np.stack([state[..., :3], state[..., :3] + step_s * state[..., 3:]], axis=-2)
         motion = Motion(np.array([0.0, step_s]), pose, np.stack([state[..., 3:]] * 2, axis=-2))
-        for effect in effects:
+        for effect in in_stages(effects):
             motion = effect.edit_measurement(motion)
         error = shown - np.concatenate([motion.pose[..., 0, :], motion.twist[..., 0, :]], axis=-1)
         state += error
