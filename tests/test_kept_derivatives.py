@@ -9,8 +9,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from runner.effects import planar_box as fx
 from runner.effects.base import Parameter
+from runner.effects.vocabulary import Candidate
+from runner.inference.least_squares import Explanation, _Problem
 from runner.inference.variable_projection import Basis, Descent, Ending, FitPoint, Residuals, Spread, orthonormal
+from tests.cases import fitter_of
+from tests.test_multiple_shooting import pushed, random_pushes
 
 T = np.linspace(0.0, 2.0, 80)
 RATES, LEVELS = np.array([0.8, 2.5]), (0.3, -0.2)
@@ -115,3 +120,25 @@ def test_a_step_is_foretold_where_little_of_it_is_missed() -> None:
         assert point.foretold(dx, ds, problem.residuals(point.x + dx, point.starts)) == foretold
     still, ds = np.zeros(2), np.array([[0.2], [-5.0]])
     assert point.foretold(still, ds, problem.residuals(point.x, point.starts + ds))
+
+
+@pytest.mark.parametrize("effects", [(), (fx.Friction, fx.ViscousDrag)])
+def test_what_was_simulated_alone_serves_derivatives_to_the_bit(effects: tuple[type[fx.PlanarEffect], ...]) -> None:
+    """Differences are small: nothing of a simulation may depend on what it is run beside. It is not run again."""
+    fitter = fitter_of(pushed(random_pushes(2, 1.0), [()] * 2))
+    explanation, starts = Explanation(tuple(Candidate(e) for e in effects)), fitter.first_starts([0, 1])
+    problem = _Problem(fitter, explanation, [0, 1])
+    x = np.full(len(explanation.parameters(fitter.context)), 0.1)
+    there = problem.residuals(x, starts)
+    once_s = fitter.simulator.simulated_s
+    beside = problem.linearise(x, starts, None, checked=False)
+    together_s = fitter.simulator.simulated_s - once_s
+    after = problem.linearise(x, starts, None, checked=False, there=there)
+    assert fitter.simulator.simulated_s == pytest.approx(2 * together_s)
+    for e in (0, 1):
+        assert np.array_equal(there.each[e], beside.residual[e])
+        assert np.array_equal(after.jacobian[e], beside.jacobian[e])
+        assert np.array_equal(after.basis.q[e], beside.basis.q[e])
+    bare = problem.linearise(x, starts, after.basis, checked=False, there=there)
+    assert np.array_equal(bare.residual[0], there.each[0])
+    assert fitter.simulator.simulated_s == pytest.approx(2 * together_s + len(x) * once_s)
