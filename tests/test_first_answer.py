@@ -41,7 +41,8 @@ def test_the_best_so_far_is_told_before_all_single_effects_are_fitted() -> None:
     assert found.best.fit.explanation.names == ("actuator_gain",)
     assert told.best_after[0][1] == ()
     singles = [i for i, names in enumerate(told.fitted, 1) if len(names) == 1]
-    first = next(after for after, names, _ in told.best_after if names == ("actuator_gain",))
+    # a mass that is less by as much does the same here: whichever is fitted first is told
+    first = next(after for after, names, _ in told.best_after if names in {("actuator_gain",), ("mass",)})
     assert first <= singles[len(singles) // 4]
     assert all(0.0 <= p <= 1.0 for _, _, p in told.best_after)
 

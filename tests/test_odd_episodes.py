@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from runner.effects.base import Parameter
-from runner.inference.variable_projection import Basis, Descent, FitPoint, Spread, orthonormal
+from runner.inference.variable_projection import Basis, Descent, FitPoint, Residuals, Spread, orthonormal
 from runner.noise.measured import Measured, refine
 from runner.noise.model import NoiseModel
 from runner.recording import Span
@@ -29,23 +31,62 @@ def episodes() -> list[NDArray[np.float64]]:
     return [start + slope * T + rng.normal(size=len(T)) for start, slope in ((0, SHARED),) * 7 + ((3, ODD),)]
 
 
+@dataclass
+class Lines:
+    """Lines of one slope, each with a start of its own; the first answers to its start as `first` says.
+
+    Args:
+        measured: Each, (n,).
+        odd_from: See `Spread.beyond`.
+        first: Where the first begins, from its start.
+        kept: Of what the step before promised.
+    """
+
+    measured: Sequence[NDArray[np.float64]]
+    odd_from: float = np.inf
+    first: Callable[[float], float] = float
+    kept: float = 1.0
+
+    def residuals(self, x: NDArray[np.float64], starts: NDArray[np.float64]) -> Residuals:
+        begins = [self.first(float(s[0])) if e == 0 else float(s[0]) for e, s in enumerate(starts)]
+        residual = [b + x[0] * T - y for b, y in zip(begins, self.measured, strict=True)]
+        if not np.isfinite(self.odd_from):
+            return Residuals(residual, Spread.none(len(residual)))
+        squares, counts = np.array([r @ r for r in residual]), np.full(len(residual), len(T))
+        return Residuals(residual, Spread.beyond(self.odd_from, squares, counts))
+
+    def linearise(
+        self,
+        x: NDArray[np.float64],
+        starts: NDArray[np.float64],
+        basis: Basis | None,
+        *,
+        checked: bool,
+        there: Residuals | None = None,
+    ) -> FitPoint:
+        left = there or self.residuals(x, starts)
+        around = Basis(*zip(*[orthonormal(np.ones((len(T), 1))) for _ in starts], strict=True))
+        slopes = [T[:, None] for _ in starts]
+        return FitPoint(x, starts, left.each, slopes, left.spread, around, fresh=True, kept=self.kept)
+
+    def best(
+        self, x: NDArray[np.float64], starts: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        left = np.array([[r @ r for r in self.residuals(x, starts[:, k]).each] for k in range(starts.shape[1])]).T
+        return starts[np.arange(len(starts)), left.argmin(axis=1)], left.min(axis=1)
+
+    def descended(
+        self, steps: int, *, parameters: Sequence[Parameter] = PARAMETERS, tolerance: float = 1e-9, jumps: bool = False
+    ) -> FitPoint:
+        """Return where a descent from nothing ends."""
+        count, begin = len(T) * len(self.measured), np.zeros((len(self.measured), 1))
+        descent = Descent(parameters, self, count, np.inf, 0, tolerance, polish=True, jumps=jumps)
+        return descent.down(self.linearise(np.zeros(1), begin, None, checked=False), steps)
+
+
 def fitted(odd_from: float, *, parameters: tuple[Parameter, ...] = PARAMETERS, steps: int = 50) -> FitPoint:
     """Return where a fit of the shared slope ends, each episode with a start of its own."""
-    measured = episodes()
-    basis = [orthonormal(np.ones((len(T), 1))) for _ in measured]
-
-    def linearise(x: NDArray[np.float64], starts: NDArray[np.float64], _: Basis | None, checked: bool) -> FitPoint:
-        residual = [s[0] + x[0] * T - y for s, y in zip(starts, measured, strict=True)]
-        squares, counts = np.array([r @ r for r in residual]), np.full(len(residual), len(T))
-        spread = Spread.beyond(odd_from, squares, counts) if np.isfinite(odd_from) else Spread.none(len(residual))
-        q, r = zip(*basis, strict=True)
-        return FitPoint(x, starts, residual, [T[:, None] for _ in residual], spread, Basis(q, r), fresh=True)
-
-    def best(x: NDArray[np.float64], starts: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        raise AssertionError("the problem is smooth: no step is refused")
-
-    descent = Descent(parameters, linearise, best, len(T) * len(measured), np.inf, 0, 1e-9, polish=True, jumps=False)
-    return descent.down(linearise(np.zeros(1), np.zeros((len(measured), 1)), None, False), steps)
+    return Lines(episodes(), odd_from).descended(steps, parameters=parameters)
 
 
 def left(slope: float) -> NDArray[np.float64]:
@@ -106,25 +147,8 @@ def test_what_is_odd_is_told_by_the_others(*, differ: bool) -> None:
 
 def test_an_episode_that_cannot_follow_does_not_hold_the_others() -> None:
     """One whose start derivative is wrong (a kink) stays; the slope that all share is found all the same."""
-    measured = episodes()[:7]
-    ones = np.ones((len(T), 1))
-
-    def residuals(x: NDArray[np.float64], starts: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        # the first answers to its start by a hundredfold of what its derivative says, from where it is on
-        shown = [100.0 * abs(s[0]) if e == 0 else s[0] for e, s in enumerate(starts)]
-        return [s + x[0] * T - y for s, y in zip(shown, measured, strict=True)]
-
-    def linearise(x: NDArray[np.float64], starts: NDArray[np.float64], _: Basis | None, checked: bool) -> FitPoint:
-        residual = residuals(x, starts)
-        basis = Basis(*zip(*[orthonormal(ones) for _ in measured], strict=True))
-        return FitPoint(x, starts, residual, [T[:, None] for _ in residual], Spread.none(7), basis, fresh=True)
-
-    def best(x: NDArray[np.float64], starts: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        left = np.array([[r @ r for r in residuals(x, starts[:, k])] for k in range(starts.shape[1])]).T
-        return starts[np.arange(len(starts)), left.argmin(axis=1)], left.min(axis=1)
-
-    descent = Descent(PARAMETERS, linearise, best, len(T) * 7, np.inf, 0, 1e-9, polish=True, jumps=False)
-    found = descent.down(linearise(np.zeros(1), np.zeros((7, 1)), None, False), 50)
+    # the first answers to its start by a hundredfold of what its derivative says, from where it is on
+    found = Lines(episodes()[:7], first=lambda start: 100.0 * abs(start)).descended(50)
     assert found.x[0] == pytest.approx(SHARED, abs=4 * np.sqrt(12.0 / (len(T) * 7)))
 
 
@@ -157,17 +181,6 @@ def test_what_is_a_hundred_prior_widths_off_is_reached_in_a_dozen_steps() -> Non
 @pytest.mark.parametrize(("jumps", "rests"), [(True, True), (False, False)])
 def test_through_a_hit_a_promise_is_worth_what_the_last_one_was(jumps: bool, rests: bool) -> None:
     """After a step that gained a billionth of what it promised none is taken; a smooth motion keeps to its slopes."""
-    basis, measured = orthonormal(np.ones((len(T), 1))), SHARED * T
-
-    def linearise(x: NDArray[np.float64], starts: NDArray[np.float64], _: Basis | None, checked: bool) -> FitPoint:
-        residual = [starts[0, 0] + x[0] * T - measured]
-        around = Basis((basis[0],), (basis[1],))
-        return FitPoint(x, starts, residual, [T[:, None]], Spread.none(1), around, fresh=True, kept=1e-9)
-
-    def best(x: NDArray[np.float64], starts: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        raise AssertionError("the problem is smooth: no step is refused")
-
-    descent = Descent(PARAMETERS, linearise, best, len(T), np.inf, 0, 1e-6, polish=True, jumps=jumps)
-    found = descent.down(linearise(np.zeros(1), np.zeros((1, 1)), None, False), 50)
+    found = Lines([SHARED * T], kept=1e-9).descended(50, tolerance=1e-6, jumps=jumps)
     assert (found.x[0] == 0.0) == rests
     assert rests or found.x[0] == pytest.approx(SHARED, abs=1e-3)

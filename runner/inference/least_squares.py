@@ -21,7 +21,8 @@ from runner.inference.variable_projection import (
     Descent,
     Ending,
     FitPoint,
-    Linearise,
+    Problem,
+    Residuals,
     Spread,
     finite,
     orthonormal,
@@ -265,15 +266,8 @@ class Fitter:
     def _left(self, episode: int, runs: Sequence[Run]) -> np.ndarray:
         """Return the loss of several simulations of one episode, (len(runs),); infinite where the motion is."""
         rows = list(self.whitened(episode, runs))
-        left = self._spread(rows, [episode] * len(rows)).loss(rows)
+        left = self.spread(rows, [episode] * len(rows)).loss(rows)
         return np.where(np.isfinite(left), left, np.inf)
-
-    def _spread(self, residual: Sequence[np.ndarray], episodes: Sequence[int]) -> Spread:
-        """Return how uncertain whitened residuals (n,) of some episodes are."""
-        if not np.isfinite(self.measured.odd_from):
-            return Spread.none(len(episodes))
-        counts = np.array([self.measured.count([e]) for e in episodes])
-        return Spread.beyond(self.measured.odd_from, np.array([r @ r for r in residual]), counts)
 
     def changes(self, base: Effects, runs: Sequence[Effects], fit: Fit) -> list[np.ndarray]:
         """Return how the whitened prediction changes from `base` to each run, per episode (n, len(runs)).
@@ -347,16 +341,11 @@ class Fitter:
             starts = self.first_starts(episodes) if near is None else near.starts
             basis = None if near is None else near.basis
 
-        def linearise(x: np.ndarray, starts: np.ndarray, basis: Basis | None, checked: bool) -> FitPoint:
-            return self._linearise(explanation, x, starts, episodes, basis, checked=checked)
-
-        def best(x: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            return self.best_starts(explanation.make(x, self.context), starts, episodes)
-
-        point = _first_point(linearise, free, x, starts, basis)
+        problem = _Problem(self, explanation, episodes)
+        point = _first_point(problem, free, x, starts, basis)
         count = self.measured.count(episodes)
         jumps = self.measured.hits(episodes)
-        descent = Descent(free, linearise, best, count, target, patience, tolerance, polish, jumps)
+        descent = Descent(free, problem, count, target, patience, tolerance, polish, jumps)
         point = descent.down(point, iterations)
         return Fit(
             explanation,
@@ -390,36 +379,62 @@ class Fitter:
             losses.append(left[best])
         return np.array(chosen), np.array(losses)
 
-    def _linearise(
-        self,
-        explanation: Explanation,
-        x: np.ndarray,
-        starts: np.ndarray,
-        episodes: Sequence[int],
-        basis: Basis | None,
-        *,
-        checked: bool,
+    def spread(self, residual: Sequence[np.ndarray], episodes: Sequence[int]) -> Spread:
+        """Return how uncertain whitened residuals (n,) of some episodes are."""
+        if not np.isfinite(self.measured.odd_from):
+            return Spread.none(len(episodes))
+        counts = np.array([self.measured.count([e]) for e in episodes])
+        return Spread.beyond(self.measured.odd_from, np.array([r @ r for r in residual]), counts)
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """What a fit of an explanation to some episodes goes down."""
+
+    fitter: Fitter
+    explanation: Explanation
+    episodes: Sequence[int]
+
+    def residuals(self, x: np.ndarray, starts: np.ndarray) -> Residuals:
+        """See `Problem`."""
+        effects = self.explanation.make(x, self.fitter.context)
+        each = zip(self.episodes, starts, strict=True)
+        residual = [self.fitter.whitened(e, [Run(effects, start)])[0] for e, start in each]
+        return Residuals(residual, self.fitter.spread(residual, self.episodes))
+
+    def linearise(
+        self, x: np.ndarray, starts: np.ndarray, basis: Basis | None, *, checked: bool, there: Residuals | None = None
     ) -> FitPoint:
-        parameters = explanation.parameters(self.context)
-        steps = difference_steps(parameters, x, self.system.difference_share)
-        effects = [explanation.make(x + d, self.context) for d in (np.zeros(len(x)), *np.diag(steps))]
-        if checked and self.measured.scatter is not None:
+        """See `Problem`."""
+        fitter, at = self.fitter, self.explanation.make(x, self.fitter.context)
+        own = fitter.system.initial.steps
+        each = list(np.diag(own))
+        steps = difference_steps(self.explanation.parameters(fitter.context), x, fitter.system.difference_share)
+        beside = [self.explanation.make(x + d, fitter.context) for d in np.diag(steps)]
+        if checked and fitter.measured.scatter is not None:
             basis = None  # what a start does through a hit is taken over far more than its standard error
         residual, jacobian, by_starts = [], [], []
-        each = list(np.diag(self.system.initial.steps))
-        for k, e in enumerate(episodes):
+        for k, e in enumerate(self.episodes):
             known = None if basis is None else (basis.q[k], basis.r[k])
             moves = each if known is None else [probing_move(known[1])] if checked else []
-            rows = self.whitened(e, [*(Run(f, starts[k]) for f in effects), *_moved(effects[0], starts[k], moves)])
-            by_x, by_move = np.split(rows[1:] - rows[0], [len(x)])
+            here = [Run(at, starts[k])] if there is None else []
+            runs = [*here, *(Run(f, starts[k]) for f in beside), *_moved(at, starts[k], moves)]
+            # without parameters, and starts that are to be checked, there is nothing to simulate where that is known
+            rows = fitter.whitened(e, runs) if runs else np.empty((0, 1))
+            left = rows[0] if there is None else there.each[k]
+            by_x, by_move = np.split(rows[len(here) :] - left, [len(x)])
             if known is not None and checked and not _foretold(*known, moves[0], by_move[0]):
-                known, by_move = None, self.whitened(e, _moved(effects[0], starts[k], each)) - rows[0]
-            residual.append(rows[0])
+                known, by_move = None, fitter.whitened(e, _moved(at, starts[k], each)) - left
+            residual.append(left)
             jacobian.append((finite(by_x) / steps[:, None]).T)
-            by_starts.append(known or orthonormal((finite(by_move) / self.system.initial.steps[:, None]).T))
-        fresh = basis is None or checked
-        basis = Basis(tuple(q for q, _ in by_starts), tuple(r for _, r in by_starts))
-        return FitPoint(x, starts, residual, jacobian, self._spread(residual, episodes), basis, fresh)
+            by_starts.append(known or orthonormal((finite(by_move) / own[:, None]).T))
+        around = Basis(tuple(q for q, _ in by_starts), tuple(r for _, r in by_starts))
+        spread = fitter.spread(residual, self.episodes) if there is None else there.spread
+        return FitPoint(x, starts, residual, jacobian, spread, around, fresh=basis is None or checked)
+
+    def best(self, x: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `Problem`."""
+        return self.fitter.best_starts(self.explanation.make(x, self.fitter.context), starts, self.episodes)
 
 
 def _moved(effects: Effects, start: np.ndarray, moves: Sequence[np.ndarray]) -> list[Run]:
@@ -433,7 +448,7 @@ def _foretold(q: np.ndarray, r: np.ndarray, move: np.ndarray, shown: np.ndarray)
 
 
 def _first_point(
-    linearise: Linearise,
+    problem: Problem,
     parameters: Sequence[Parameter],
     x: np.ndarray | None,
     starts: np.ndarray,
@@ -442,11 +457,11 @@ def _first_point(
     """Return where a fit begins: at `x`, or nearer to the effect's absence where the motion diverges there."""
     low, high = bounds(parameters)
     x = np.clip(np.zeros(len(parameters)) if x is None else np.asarray(x, float), low, high)
-    point = linearise(x, starts, basis, False)
+    point = problem.linearise(x, starts, basis, checked=False)
     for _ in range(SETTINGS.fit.divergence_halvings):
         if np.isfinite(point.total):
             break
         # where the motion diverges there is no way down
         x = np.clip(0.5 * x, low, high)
-        point = linearise(x, starts, basis, False)
+        point = problem.linearise(x, starts, basis, checked=False)
     return point

@@ -3,13 +3,18 @@
 The start state of an episode matters to that episode only. With the derivatives by it projected out, each episode
 leaves a few rows of one small bounded least-squares problem in the parameters that all episodes share:
 Levenberg-Marquardt steps by `scipy.optimize.lsq_linear`.
+
+A step is first only simulated: derivatives cost a simulation for each parameter. Where they foretold what the step did
+they are kept, until the descent would end. A secant update would change them by little (Broyden 1965), but also put a
+little on what nothing measured depends on, which a step then moves by much.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
+from typing import Protocol
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -77,11 +82,25 @@ class Spread:
 
 
 @dataclass(frozen=True)
+class Residuals:
+    """What a model leaves: whitened residuals (n,) of each episode, and how they spread."""
+
+    each: list[np.ndarray]
+    spread: Spread
+
+    @property
+    def total(self) -> float:
+        """Minus twice the log likelihood: the sum of squared whitened residuals, where their spread is the noise's."""
+        return float(self.spread.loss(self.each).sum())
+
+
+@dataclass(frozen=True)
 class FitPoint:
     """Where a fit stands: its unknowns (p,), (E, S), the residuals (n,) and raw derivatives (n, p) of each episode.
 
-    `reach` is how far the next step may go in each parameter, in its prior widths; `kept` is which share of what it
-    promised the last one gained, 1 before any.
+    `taken` says whether the derivatives by the parameters were taken at this point, not kept from one before; `fresh`,
+    whether moreover the basis was, or was found to hold here. `reach` is how far the next step may go in each
+    parameter, in its prior widths; `kept` is which share of what it promised the last one gained, 1 before any.
     """
 
     x: np.ndarray
@@ -90,26 +109,79 @@ class FitPoint:
     jacobian: list[np.ndarray]
     spread: Spread
     basis: Basis
-    fresh: bool  # whether the basis was taken at this point, or found to hold there
+    fresh: bool
+    taken: bool = True
     ending: Ending | None = None
     reach: float = SETTINGS.fit.trust_radius
     kept: float = 1.0
 
     @property
     def total(self) -> float:
-        """Minus twice the log likelihood: the sum of squared whitened residuals, where their spread is the noise's."""
-        return float(self.spread.loss(self.residual).sum())
+        """See `Residuals.total`."""
+        return self.residuals.total
+
+    @property
+    def residuals(self) -> Residuals:
+        """What is left here."""
+        return Residuals(self.residual, self.spread)
 
     def projected(self) -> tuple[np.ndarray, ...]:
         """The derivatives by the parameters, the start states projected out, per episode (n, p)."""
         return tuple(project(j, q) for j, q in zip(self.jacobian, self.basis.q, strict=True))
 
+    def moved(self, dx: np.ndarray, ds: np.ndarray, there: Residuals) -> FitPoint:
+        """Return where a step (p,), (E, S) has led, with the derivatives from here."""
+        return replace(
+            self,
+            x=self.x + dx,
+            starts=self.starts + ds,
+            residual=there.each,
+            spread=there.spread,
+            fresh=False,
+            taken=not len(dx),  # without parameters there is nothing to take
+        )
 
-# from x, start states, derivatives by those (None: they are to be taken), and whether they are to be checked, and taken
-# anew where they do not hold
-Linearise = Callable[[np.ndarray, np.ndarray, Basis | None, bool], FitPoint]
-# from x and K start states of each episode, (E, K, S), to the best of each, (E, S), and what it leaves, (E,)
-Best = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+    def foretold(self, dx: np.ndarray, ds: np.ndarray, there: Residuals) -> bool:
+        """Whether what a step (p,), (E, S) did to the residuals is what the linear model says, to a share steps bear.
+
+        An episode that is odd counts as little as in the loss.
+        """
+        missed = asked = 0.0
+        for e, (before, after) in enumerate(zip(self.residual, there.each, strict=True)):
+            moved = self.jacobian[e] @ dx + self.basis.q[e] @ (self.basis.r[e] @ ds[e])
+            missed += float(np.sum((after - before - moved) ** 2)) / float(self.spread.dispersion[e])
+            asked += float(moved @ moved) / float(self.spread.dispersion[e])
+        return missed <= SETTINGS.fit.derivative_reuse**2 * asked
+
+
+class Problem(Protocol):
+    """What a descent goes down: unknowns are parameters (p,) and start states (E, S)."""
+
+    def residuals(self, x: np.ndarray, starts: np.ndarray) -> Residuals:
+        """Return what is left somewhere, which costs one simulation of each episode."""
+        ...
+
+    def linearise(
+        self, x: np.ndarray, starts: np.ndarray, basis: Basis | None, *, checked: bool, there: Residuals | None = None
+    ) -> FitPoint:
+        """Return where a fit stands, with derivatives.
+
+        Args:
+            x: Parameters.
+            starts: Start states.
+            basis: Derivatives by those; None: they are to be taken.
+            checked: Whether they are to be checked, and taken anew where they do not hold.
+            there: What is left there, where that was simulated before.
+        """
+        ...
+
+    def best(self, x: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return which of K start states of each episode, (E, K, S), or that of the measurements leaves least.
+
+        Returns:
+            It, (E, S), and what it leaves, (E,).
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -118,8 +190,7 @@ class Descent:
 
     Args:
         parameters: Those that all episodes share.
-        linearise: The problem.
-        best: Which of other start states leave least, or that of the measurements.
+        problem: What it goes down.
         count: How many measurements there are.
         target: A loss that others have reached; a fit that won't come near it is not finished.
         patience: So many steps are taken before that is judged.
@@ -129,8 +200,7 @@ class Descent:
     """
 
     parameters: Sequence[Parameter]
-    linearise: Linearise
-    best: Best
+    problem: Problem
     count: int
     target: float
     patience: int
@@ -141,9 +211,13 @@ class Descent:
     def down(self, point: FitPoint, iterations: int) -> FitPoint:
         """Return where at most so many steps lead."""
         point = descend(self._attempt, point, DAMPING, iterations=iterations)
-        if not point.fresh and point.ending is not Ending.BEHIND and self.polish:
-            point = self._renewed(point)
+        if point.ending is not Ending.BEHIND and not self._holds(point):
+            point = self._renewed(point, checked=self.polish)
         return point
+
+    def _holds(self, point: FitPoint) -> bool:
+        """Whether derivatives are of this point, those by start states as well where they matter."""
+        return point.fresh if self.polish else point.taken
 
     def _attempt(self, iteration: int, point: FitPoint, _: np.ndarray, damping: np.ndarray) -> Trial[FitPoint]:
         dx, ds, promised = _step(point, self.parameters, float(damping[0]))
@@ -153,18 +227,19 @@ class Descent:
         behind = limits.behind_share * max(self.target - self.count, 0.0)
         hopeless = self.target + behind + limits.behind_excess * self.count + limits.behind_loss
         if iteration > self.patience and point.total - limits.promise_factor * hoped > hopeless:
+            if not point.taken:  # it is judged by derivatives of its own, which are what comparisons go by as well
+                return Trial(self._renewed(point, checked=False))
             return Trial(replace(point, ending=Ending.BEHIND), rests=True)
         if hoped < enough:
-            if point.fresh or not self.polish:
+            if self._holds(point):
                 return Trial(replace(point, ending=Ending.RESTED), rests=True)
-            return Trial(self._renewed(point))
-        # the start states' derivatives change slowly: keep them while they predict well
-        trial = self._carried(self.linearise(point.x + dx, point.starts + ds, point.basis, False), point)
-        gain, trusted = point.total - trial.total, limits.min_gain_ratio * promised
-        if np.isfinite(trial.total) and gain > 0:
-            if gain < trusted and gain > enough:
-                trial = self._renewed(trial)
-            trial, eased = replace(trial, kept=gain / promised), gain > trusted
+            return Trial(self._renewed(point, checked=self.polish))
+        there = self.problem.residuals(point.x + dx, point.starts + ds)
+        gain = point.total - there.total
+        if np.isfinite(there.total) and gain > 0:
+            eased = gain > limits.min_gain_ratio * promised
+            trial = self._stepped(point, dx, ds, there, checked=enough < gain and not eased)
+            trial = replace(trial, kept=gain / promised)
             # what is far off is not reached in steps that nothing but their length has ended (a trust region)
             further = eased and self._is_as_far_as_it_may(point, dx)
             return Trial(replace(trial, reach=2.0 * point.reach) if further else trial, eased=eased)
@@ -185,16 +260,30 @@ class Descent:
         """
         x = point.x + dx
         shares = np.array(SETTINGS.fit.start_shares)
-        starts, left = self.best(x, point.starts[:, None] + shares[:, None] * ds[:, None])
-        return self.linearise(x, starts, point.basis, False) if left.sum() < point.total else None
+        starts, left = self.problem.best(x, point.starts[:, None] + shares[:, None] * ds[:, None])
+        if not left.sum() < point.total:
+            return None
+        return self.problem.linearise(x, starts, point.basis, checked=False)
+
+    def _stepped(self, point: FitPoint, dx: np.ndarray, ds: np.ndarray, there: Residuals, *, checked: bool) -> FitPoint:
+        """Return where a step leads that lowers the loss; derivatives are taken anew where they foretold it badly.
+
+        Through a hit they always are: what was foretold along one step may jump in the next. Those by start states
+        change slowly: they are looked at where that is `checked` only.
+        """
+        if not self.jumps and point.foretold(dx, ds, there):
+            return point.moved(dx, ds, there)
+        x, starts = point.x + dx, point.starts + ds
+        return self._carried(self.problem.linearise(x, starts, point.basis, checked=checked, there=there), point)
 
     def _is_as_far_as_it_may(self, point: FitPoint, dx: np.ndarray) -> bool:
         """Whether a step (p,) has taken a parameter as far as one may go from a point."""
         widths = np.array([q.scale for q in self.parameters])
         return bool(np.any(np.abs(dx) > 0.999 * point.reach * widths))
 
-    def _renewed(self, point: FitPoint) -> FitPoint:
-        return self._carried(self.linearise(point.x, point.starts, point.basis, True), point)
+    def _renewed(self, point: FitPoint, *, checked: bool = True) -> FitPoint:
+        x, starts, here = point.x, point.starts, point.residuals
+        return self._carried(self.problem.linearise(x, starts, point.basis, checked=checked, there=here), point)
 
     @staticmethod
     def _carried(new: FitPoint, before: FitPoint) -> FitPoint:

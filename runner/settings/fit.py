@@ -106,7 +106,8 @@ class FitSettings:
     derivative_reuse: float = setting(
         0.1,
         "of value and prior width",
-        "So near to where they were simulated, derivatives change by a similar share, which steps and screening bear.",
+        "So near to where they were simulated, derivatives change by a similar share, which steps and screening bear: "
+        "those that are off by no more of what a step did are kept.",
     )
     kept_surveys: int = setting(
         4,
