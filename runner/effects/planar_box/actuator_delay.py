@@ -3,54 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import ClassVar
 
-import numpy as np
-
-from runner.effects.base import Confounded, Parameter, Phrase, Stage, Vector
-from runner.effects.planar_box.base import Beliefs, Context, Motion, PlanarEffect, ahead, effect, late
+from runner.effects.base import Confounded, Phrase
+from runner.effects.planar_box.base import Beliefs, effect
+from runner.effects.planar_box.delay import Delay, confounded_with
 from runner.effects.wording import Values, number
-from runner.errors import check_range
 
 
 @effect
 @dataclass(frozen=True)
-class ActuatorDelay(PlanarEffect):
+class ActuatorDelay(Delay):
     """The command takes effect `delay_s` late."""
 
     name: ClassVar[str] = "actuator_delay"
     label: ClassVar[str] = "a push that comes late"
-    stage: ClassVar[Stage] = Stage.TIMING
     commonness: ClassVar[int] = 0
-    confounded: ClassVar[tuple[Confounded, ...]] = (
-        Confounded(
-            "observation_delay",
-            "all that is measured comes later after the command, by the same time",
-            "Add an event that is timed by itself, such as an impact or a second sensor: only a late measurement "
-            "shifts it.",
-        ),
-    )
-    delay_s: float
-
-    def __post_init__(self) -> None:
-        check_range("actuator_delay.delay_s", self.delay_s, 0.0, 100.0, unit="s")
-
-    def edit_command(self, columns: np.ndarray, step_s: float) -> np.ndarray:
-        return late(columns, self.delay_s, step_s)
-
-    def edit_pin(self, path: np.ndarray, step_s: float) -> np.ndarray:
-        return late(path, self.delay_s, step_s, before=path[0])
-
-    def edit_measurement(self, motion: Motion) -> Motion:
-        return ahead(motion, self.delay_s)
-
-    @classmethod
-    def parameters(cls, context: Context) -> tuple[Parameter, ...]:
-        return (Parameter("delay_s", "s", 0.08, 0.0, 1.0),)
-
-    @classmethod
-    def from_vector(cls, x: Vector, context: Context) -> Self:
-        return cls(max(x[0], 0.0))
+    confounded: ClassVar[tuple[Confounded, ...]] = confounded_with("observation_delay")
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Beliefs, target: str | None = None) -> Phrase:
