@@ -9,6 +9,7 @@ from runner.effects.base import Confounded, Phrase
 from runner.effects.planar_box.base import Beliefs, effect
 from runner.effects.planar_box.delay import Delay, confounded_with
 from runner.effects.wording import Values, number
+from runner.errors import check_range
 
 
 @effect
@@ -20,6 +21,9 @@ class ActuatorDelay(Delay):
     label: ClassVar[str] = "a push that comes late"
     commonness: ClassVar[int] = 0
     confounded: ClassVar[tuple[Confounded, ...]] = confounded_with("observation_delay")
+
+    def __post_init__(self) -> None:
+        check_range("actuator_delay.delay_s", self.delay_s, 0.0, 100.0, unit="s")
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Beliefs, target: str | None = None) -> Phrase:

@@ -9,7 +9,6 @@ import numpy as np
 
 from runner.effects.base import Confounded, Parameter, Stage, Vector
 from runner.effects.planar_box.base import Context, Motion, PlanarEffect, ahead, late
-from runner.errors import check_range
 
 WHY = "all that is measured comes later after the command, by the same time"
 ADVICE = (
@@ -28,9 +27,6 @@ class Delay(PlanarEffect):
 
     stage: ClassVar[Stage] = Stage.TIMING
     delay_s: float
-
-    def __post_init__(self) -> None:
-        check_range(f"{self.name}.delay_s", self.delay_s, 0.0, 100.0, unit="s")
 
     def edit_command(self, columns: np.ndarray, step_s: float) -> np.ndarray:
         return late(columns, self.delay_s, step_s)

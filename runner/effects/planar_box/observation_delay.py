@@ -9,6 +9,7 @@ from runner.effects.base import Confounded, Phrase
 from runner.effects.planar_box.base import Beliefs, effect
 from runner.effects.planar_box.delay import Delay, confounded_with
 from runner.effects.wording import Values, number
+from runner.errors import check_range
 
 
 @effect
@@ -24,6 +25,9 @@ class ObservationDelay(Delay):
     label: ClassVar[str] = "a measurement that is older than its time stamp"
     of_sensor: ClassVar[bool] = True
     confounded: ClassVar[tuple[Confounded, ...]] = confounded_with("actuator_delay")
+
+    def __post_init__(self) -> None:
+        check_range("observation_delay.delay_s", self.delay_s, 0.0, 100.0, unit="s")
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Beliefs, target: str | None = None) -> Phrase:
