@@ -67,7 +67,7 @@ class Lines:
         left = there or self.residuals(x, starts)
         around = Basis(*zip(*[orthonormal(np.ones((len(T), 1))) for _ in starts], strict=True))
         slopes = [T[:, None] for _ in starts]
-        return FitPoint(x, starts, left.each, slopes, left.spread, around, fresh=True, kept=self.kept)
+        return FitPoint(x, starts, left.each, slopes, left.spread, around, fresh=True, gained_share=self.kept)
 
     def best(
         self, x: NDArray[np.float64], starts: NDArray[np.float64]

@@ -100,7 +100,7 @@ class Stage(IntEnum):
 
     A drive loses what its dead band takes, multiplies what is left, and exerts no more than its limit; that acts in
     some direction and at some place, and comes late. What else pushes is none of its doing. Effects of one stage may
-    act in any order.
+    act in any order. What a mechanism's actuator multiplies and limits it does inside the engine, after all of this.
     """
 
     DEAD_BAND = 0

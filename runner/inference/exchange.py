@@ -14,6 +14,7 @@ from itertools import combinations, permutations
 
 import numpy as np
 
+from runner.effects.vocabulary import Candidate
 from runner.inference.contender import Contender
 from runner.inference.leap import vector_at
 from runner.inference.least_squares import Explanation, Fit, Fitter
@@ -35,15 +36,17 @@ def one_for_another(
         fitter: Of the explanation.
         whole: It, amid the directions of all effects.
         reached: What others have left: what is no further behind than noise could be is not fitted again.
-        ruled_out: What is not fitted either.
+        ruled_out: Single effects that are not put in.
     """
     least = whole.fit.total + least_gain(fitter.measured.count(whole.fit.episodes))
     near = {key for key, total in reached.items() if total < least}
-    promised = _promised(fitter, whole, near | ruled_out, 1)
-    # what has a place or a range of its own does much of what another does once it is put there, cause or not
-    return _fitted(
-        fitter, whole, (p for p in promised if not any(c.is_placed(fitter.context) for c in p[1].candidates))
-    )
+
+    def may_be_put_in(candidate: Candidate) -> bool:
+        # what has a place or a range of its own does much of what another does once it is put there, cause or not
+        return not candidate.is_placed(fitter.context) and (candidate,) not in ruled_out
+
+    promised = _promised(fitter, whole, near, 1)
+    return _fitted(fitter, whole, (p for p in promised if may_be_put_in(p[1].candidates[-1])))
 
 
 def one_for_two(fitter: Fitter, whole: Contender, seen: Set[Key]) -> list[Fit]:
@@ -112,7 +115,7 @@ def _instead(fitter: Fitter, fit: Fit, explanation: Explanation, x: FloatArray) 
 
 
 def _promised(fitter: Fitter, whole: Contender, seen: Set[Key], taken: int) -> Iterator[Promise]:
-    """Go through what promises enough in the place of so many effects."""
+    """Go through what promises enough in the place of so many effects; of each the last is what is put in."""
     fit, around, own = whole.fit, whole.around, len(whole.fit.x)
     normal = around.gram.sum(axis=0)
     # what has a place is not moved to another by a linear model

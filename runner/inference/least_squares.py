@@ -65,7 +65,7 @@ class Explanation:
         return any(c.effect.discontinuous for c in self.candidates)
 
     def make(self, x: np.ndarray, context: Scope) -> Effects:
-        """Make the effects from a vector, in the order in which they act."""
+        """Make the effects from a vector, in the order in which they are held; how they act hangs not on that."""
         return tuple(effect for c, part in self.parts(context) for effect in c.make(x[part], context))
 
     def without(self, candidate: Candidate) -> Explanation:

@@ -91,7 +91,7 @@ def _weighed(rounds: Rounds, size: int, fits: Sequence[Fit]) -> list[Contender] 
     left_before = min(c.fit.total for c in rounds.contenders) - rounds.count
     rounds.contenders += new
     if size == 1:
-        new = _and_with_another(rounds, new, min(new, key=lambda c: c.fit.total), around_best)
+        new = _and_with_another(rounds, new, around_best)
     new = likeliest_first(new)
     rounds.tell()
     if size == 1:
@@ -131,12 +131,11 @@ def _and_with_one_less(rounds: Rounds, new: list[Contender], around_best: Sensit
     return new
 
 
-def _and_with_another(
-    rounds: Rounds, new: list[Contender], whole: Contender, around_best: Sensitivities
-) -> list[Contender]:
-    """Add what an explanation is with another effect in the place of one of its own."""
+def _and_with_another(rounds: Rounds, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
+    """Add what the one that leaves least is with another effect in its place."""
+    least = min(new, key=lambda c: c.fit.total)
     reached = {key_of(c.fit.explanation): c.fit.total for c in rounds.contenders}
-    for fit in one_for_another(rounds.fitter, whole, reached, rounds.short):
+    for fit in one_for_another(rounds.fitter, least, reached, rounds.short):
         new = rounds.with_better(new, fit, around_best)
     return new
 
@@ -201,9 +200,13 @@ def _in_other_words(rounds: Rounds) -> None:
     called would hang on which was tried first.
     """
     likeliest = likeliest_first(rounds.contenders)[0]
-    if len(likeliest.fit.explanation.candidates) > 1:
-        around = rounds.around(likeliest.fit)
-        _and_with_another(rounds, [], rounds.worthy(likeliest.fit, around), around)
+    if len(likeliest.fit.explanation.candidates) < 2:
+        return  # of single effects each has been fitted
+    around = rounds.around(likeliest.fit)
+    reached = {key_of(c.fit.explanation): c.fit.total for c in rounds.contenders}
+    for fit in one_for_another(rounds.fitter, rounds.worthy(likeliest.fit, around), reached, rounds.short):
+        rounds.disperse(rounds.worthy(fit, around))
+        rounds.with_better([], fit, around)
 
 
 def _take_out_untold(rounds: Rounds) -> None:

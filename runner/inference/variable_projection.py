@@ -100,7 +100,7 @@ class FitPoint:
 
     `taken` says whether the derivatives by the parameters were taken at this point, not kept from one before; `fresh`,
     whether moreover the basis was, or was found to hold here. `reach` is how far the next step may go in each
-    parameter, in its prior widths; `kept` is which share of what it promised the last one gained, 1 before any.
+    parameter, in its prior widths; `gained_share` is which share of what it promised the last one gained, 1 before any.
     """
 
     x: np.ndarray
@@ -113,7 +113,7 @@ class FitPoint:
     taken: bool = True
     ending: Ending | None = None
     reach: float = SETTINGS.fit.trust_radius
-    kept: float = 1.0
+    gained_share: float = 1.0
 
     @property
     def total(self) -> float:
@@ -222,7 +222,7 @@ class Descent:
     def _attempt(self, iteration: int, point: FitPoint, _: np.ndarray, damping: np.ndarray) -> Trial[FitPoint]:
         dx, ds, promised = _step(point, self.parameters, float(damping[0]))
         limits = SETTINGS.fit
-        hoped = promised * point.kept if self.jumps else promised
+        hoped = promised * point.gained_share if self.jumps else promised
         enough = self.tolerance + limits.rest_share * max(point.total - self.count, 0.0)
         behind = limits.behind_share * max(self.target - self.count, 0.0)
         hopeless = self.target + behind + limits.behind_excess * self.count + limits.behind_loss
@@ -239,7 +239,7 @@ class Descent:
         if np.isfinite(there.total) and gain > 0:
             eased = gain > limits.min_gain_ratio * promised
             trial = self._stepped(point, dx, ds, there, checked=enough < gain and not eased)
-            trial = replace(trial, kept=gain / promised)
+            trial = replace(trial, gained_share=gain / promised)
             # what is far off is not reached in steps that nothing but their length has ended (a trust region)
             further = eased and self._is_as_far_as_it_may(point, dx)
             return Trial(replace(trial, reach=2.0 * point.reach) if further else trial, eased=eased)
@@ -250,7 +250,7 @@ class Descent:
         apart = self._each_as_far_as_it_goes(point, dx, ds)
         if apart is None:
             return Trial(point, refused=True)
-        return Trial(replace(apart, kept=(point.total - apart.total) / promised))
+        return Trial(replace(apart, gained_share=(point.total - apart.total) / promised))
 
     def _each_as_far_as_it_goes(self, point: FitPoint, dx: np.ndarray, ds: np.ndarray) -> FitPoint | None:
         """Return where a step leads if every episode's start takes that share of its own which suits it best.
@@ -288,7 +288,7 @@ class Descent:
     @staticmethod
     def _carried(new: FitPoint, before: FitPoint) -> FitPoint:
         """Return a point with what is known of steps from the one before it."""
-        return replace(new, reach=before.reach, kept=before.kept)
+        return replace(new, reach=before.reach, gained_share=before.gained_share)
 
 
 def _step(point: FitPoint, parameters: Sequence[Parameter], damping: float) -> tuple[np.ndarray, np.ndarray, float]:

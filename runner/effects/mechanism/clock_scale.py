@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 
 import mujoco
 
-from runner.effects.base import Parameter, Phrase, Stage, Vector
+from runner.effects.base import Parameter, Phrase, Vector
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
 from runner.effects.wording import Values, number
 from runner.errors import check_range
@@ -25,7 +25,6 @@ class ClockScale(MechanismEffect):
 
     name: ClassVar[str] = "clock_scale"
     label: ClassVar[str] = "a clock that runs fast or slow"
-    stage: ClassVar[Stage] = Stage.TIMING
     target_kind: ClassVar[str] = ""
     of_sensor: ClassVar[bool] = True
     commonness: ClassVar[int] = 2
