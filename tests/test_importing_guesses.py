@@ -12,7 +12,7 @@ from runner.importing.entries import Entry, Role
 from runner.importing.guess.clock import clock_times, guess_clock
 from runner.importing.guess.counter import guess_episodes
 from runner.importing.guess.fall import falls
-from runner.importing.guess.names import said_by, words_of
+from runner.importing.guess.names import said_by, without, words_of
 from runner.importing.guess.unit import unit_by_slope
 from runner.importing.plausible import within
 from runner.importing.propose import propose
@@ -203,4 +203,10 @@ def test_what_is_in_amperes_or_volts_is_no_position(name: str) -> None:
     columns = {"time": t, "target_elbow_deg": 40 * np.sin(t), "pos_elbow_deg": 39 * np.sin(t)}
     said = propose(log_of(**columns, **{name: np.sin(7 * t)}), model)
     assert not any(name in note and "may be" in note for note in said.notes)
-    assert said_by(words_of("dq_v")).other is False
+
+
+@pytest.mark.parametrize(("name", "other"), [("elbow_a", False), ("elbow_A", True), ("elbow_degC", True)])
+def test_only_the_symbol_of_a_unit_is_one(name: str, other: bool) -> None:
+    """A small letter is a part of a name: the actual angle beside the desired one."""
+    assert said_by(without(words_of(name), ("elbow",)), name).other is other
+    assert said_by(words_of("dq_v"), "dq_v").other is False

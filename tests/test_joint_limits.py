@@ -62,3 +62,33 @@ def test_the_stop_of_the_model_itself_gives_way(tmp_path: Path, torque: float):
         mujoco.mj_step(model, data, round(STEP_S / model.opt.timestep))
     assert min(shoulder) < np.radians(-100.5)
     assert not case_notes(tmp_path, np.array(shoulder), torque)
+
+
+def test_a_model_that_diverges_at_its_stop_says_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    """MuJoCo begins anew, time included, after a bad acceleration: no case may be read for ever, nor print of it."""
+    model = """<mujoco><option timestep="0.02"/><worldbody><body>
+      <joint name="hinge" axis="0 1 0" range="-30 30"/>
+      <geom type="capsule" size=".01" fromto="0 0 0 0 0 .2" mass=".05"/>
+    </body></worldbody><actuator><position name="servo" joint="hinge" kp="5000"/></actuator></mujoco>"""
+    t = np.arange(200) * 0.02
+    column = {"t": t, "u": 0.9 * np.sin(np.pi * t), "q_hinge": 0.9 * np.sin(np.pi * t)}
+    nominal = {"commands": {"u": {"actuator": "servo"}}, "channels": joint_channels(["hinge"], velocities=False)}
+    assert not [
+        n for n in read_model_case(write_case(tmp_path, model, [column, column], nominal)).notes if "range" in n
+    ]
+    assert "QACC" not in "".join(capfd.readouterr())
+
+
+def test_what_a_recorded_force_presses_is_not_told(tmp_path: Path):
+    """The stop gives way to a force that is not replayed."""
+    t = np.arange(400) * STEP_S
+    shoulder = np.radians(-106.5) * np.sin(1.5 * t)
+    force = dict.fromkeys(("fx", "fy", "fz", "px", "py", "pz"), 0.0 * t)
+    columns = [{"t": t, "u": 0 * t, "q_shoulder": shoulder, "q_elbow": 0 * t, **force}] * 2
+    nominal = {
+        "commands": {"u": {"actuator": "shoulder"}},
+        "forces": [{"body": "forearm", "force": ["fx", "fy", "fz"], "point": ["px", "py", "pz"]}],
+        "channels": joint_channels(["shoulder", "elbow"], velocities=False),
+    }
+    notes = read_model_case(write_case(tmp_path, LIMITED, columns, nominal)).notes
+    assert not [n for n in notes if "range" in n]

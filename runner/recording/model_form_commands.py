@@ -42,18 +42,27 @@ class _Answer:
     size: float
 
 
-def note_commands(table: Table, spans: Sequence[slice], mapping: ModelMapping, model: mujoco.MjModel) -> list[str]:
-    """Return notes on commands that the motion does not answer, answers the other way round, or by another size.
+def measured_joints(mapping: ModelMapping, model: mujoco.MjModel) -> dict[str, str] | None:
+    """Return the channel of each joint's position; None: what was recorded does not tell what the model does next.
 
-    Nothing is said where not every joint is a hinge or a slide whose position is measured, or an actuator has a state
-    of its own.
+    It does where every joint is a hinge or a slide whose position is measured, no actuator has a state of its own, and
+    no other force was recorded.
     """
     positions = {s.target: s.name for s in mapping.sources if s.kind == "joint" and s.quantity == "position"}
     joints = [model.joint(j) for j in range(model.njnt)]
     told = all(int(j.type[0]) in TURNS and j.name in positions for j in joints)
-    if not told or model.na or mapping.forces or not mapping.commands:
+    return positions if told and not model.na and not mapping.forces else None
+
+
+def note_commands(table: Table, spans: Sequence[slice], mapping: ModelMapping, model: mujoco.MjModel) -> list[str]:
+    """Return notes on commands that the motion does not answer, answers the other way round, or by another size.
+
+    Nothing is said where `measured_joints` has none.
+    """
+    positions = measured_joints(mapping, model)
+    if positions is None or not mapping.commands:
         return []
-    columns = [positions[j.name] for j in joints]
+    columns = [positions[model.joint(j).name] for j in range(model.njnt)]
     motions = list(_motions(table, spans, columns, list(mapping.commands)))
     if sum(len(m.q) for m in motions) < COMMANDS.min_points:
         return []

@@ -13,13 +13,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from runner.numerics.differences import rounding_noise, white_noise
+from runner.recording.model_form_commands import measured_joints
 from runner.recording.model_form_mapping import ChannelSource, ModelMapping
+from runner.recording.model_form_mjcf import quiet
 from runner.recording.table import Table
 from runner.settings import SETTINGS
 
 LASTS_S = 1.0  # so long a stop is replayed at most: by then it has given way as far as it does
+MOST_STEPS = 20_000  # some tenths of a second of computing: reading a case must not wait for a stop
+DIVERGED = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 SHOWN = {"rad": ("deg", 180 / np.pi), "m": ("m", 1.0)}
-THIRD_DIFFERENCE = np.sqrt(20.0) * 0.6745  # of white noise of size 1, the median of its size
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,8 @@ def note_limits(table: Table, spans: Sequence[slice], mapping: ModelMapping, mod
         mapping: What its columns measure.
         model: As its owner believes.
     """
+    if measured_joints(mapping, model) is None:
+        return []  # what the stop gives way to is not known
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_LIMIT:
         return []
     notes = []
@@ -98,18 +104,21 @@ def _beyond(table: Table, spans: Sequence[slice], name: str, side: float, end: f
 
 
 def _noise(table: Table, spans: Sequence[slice], source: ChannelSource, stated: Mapping[str, float]) -> float:
-    """Return the noise of a channel as it is stated, else as its third differences tell it, rounding included."""
+    """Return the noise of a channel as it is stated, else as its differences tell it, that of a counter included."""
     if source.name in stated:
         return stated[source.name]
-    third = np.abs(np.concatenate([np.diff(table[source.name][span], n=3) for span in spans]))
-    told = third[third > 1e-6 * np.nanmax(np.abs(table[source.name]))]
-    return float(np.median(told)) / THIRD_DIFFERENCE if len(told) else 0.0
+    values = [table[source.name][span] for span in spans]
+    white = white_noise(zip([table["t"][span] for span in spans], values, strict=True))
+    return max(float(np.nan_to_num(white)), rounding_noise(values))
 
 
 def _given(
     table: Table, found: _Beyond, side: float, mapping: ModelMapping, model: mujoco.MjModel, joint: str
 ) -> float:
-    """Return how far the model goes beyond the range: as fast as measured at its end, and driven as commanded."""
+    """Return how far the model goes beyond the range: as fast as measured at its end, and driven as commanded.
+
+    Infinite where it diverges, or would take too long: that says nothing of a stop.
+    """
     data = mujoco.MjData(model)
     for source in mapping.sources:
         if source.kind == "joint" and source.quantity == "position":
@@ -120,14 +129,20 @@ def _given(
     end = float(model.joint(joint).range[int(side > 0)])
     data.joint(joint).qpos[0] = side * min(side * data.joint(joint).qpos[0], side * end)
     data.joint(joint).qvel[0] = side * found.speed
-    deepest, row, began_s = 0.0, found.enters, float(table["t"][found.enters])
-    while data.time < LASTS_S and row < found.leaves:
-        for name, command in mapping.commands.items():
-            data.actuator(command.actuator).ctrl[0] = table[name][row]
-        while data.time < min(float(table["t"][row + 1]) - began_s, LASTS_S):
-            mujoco.mj_step(model, data)
-            deepest = max(deepest, side * (float(data.joint(joint).qpos[0]) - end))
-        row += 1
+    step_s, times_s = float(model.opt.timestep), table["t"][found.enters : found.leaves + 1]
+    ends = np.rint(np.minimum(times_s - times_s[0], LASTS_S) / step_s).astype(int)
+    if ends[-1] > MOST_STEPS:
+        return np.inf
+    deepest = 0.0
+    with quiet():
+        for row, steps in enumerate(np.diff(ends).tolist(), found.enters):
+            for name, command in mapping.commands.items():
+                data.actuator(command.actuator).ctrl[0] = table[name][row]
+            for _ in range(steps):
+                mujoco.mj_step(model, data)
+                if any(data.warning[w].number for w in DIVERGED):
+                    return np.inf
+                deepest = max(deepest, side * (float(data.joint(joint).qpos[0]) - end))
     return deepest
 
 

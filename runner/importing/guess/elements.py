@@ -205,7 +205,7 @@ def _by_name(signal: Signal, elements: Sequence[Element], matches: Matches) -> N
         return
     longest = max(len(name) for name, _ in named)
     named = [(name, e) for name, e in named if len(name) == longest]
-    said = said_by(without(words, named[0][0]))
+    said = said_by(without(words, named[0][0]), signal.name)
     if said.other or (not named[0][0] and not said.command and said.quantity is Quantity.UNKNOWN):
         return
     wanted = [e for _, e in named if _fits(e, said)]
@@ -244,7 +244,7 @@ def _by_order(signals: Sequence[Signal], elements: Sequence[Element], matches: M
         if indexed:
             lists.setdefault(indexed[1], []).append((int(indexed[2]), signal))
     for base, members in lists.items():
-        said = said_by(words_of(base))
+        said = said_by(words_of(base), base)
         if said.other or (said.quantity is Quantity.UNKNOWN and not said.command):
             continue
         wanted = [e for e in elements if _fits(e, said)]

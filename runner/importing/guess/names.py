@@ -23,8 +23,10 @@ OTHER = {
     "acceleration", "ddq", "gain", "gains", "min", "max", "limit", "lower", "upper", "id", "status", "mode", "std",
     "covariance",
 }  # fmt: skip
-# units that a name ends on, of what is no motion and no force, where nothing else in it says what it is
-OTHER_UNITS = {"a", "ma", "amp", "amps", "v", "mv", "volts", "w", "mw", "watt", "watts", "celsius", "degc", "c"}
+# of what is no motion and no force, where nothing else in a name that ends on it says what it is; symbols of units are
+# capital: a small letter is a part of a name
+OTHER_UNITS = {"amp", "amps", "volts", "watt", "watts", "celsius"}
+OTHER_SYMBOLS = re.compile(r"(?<![A-Za-z])(m?[AVW]|(deg)?C)$")
 BY_NAME = "by its name"  # why a signal is what it is taken for
 LAST_INDEX = re.compile(r"(.*)\[(\d+)\]$")
 
@@ -77,8 +79,8 @@ def shared_words(names: Sequence[str]) -> frozenset[str]:
     return frozenset.intersection(*every) if len(every) > 1 else frozenset()
 
 
-def said_by(words: Sequence[str]) -> Said:
-    """Return what the words of a signal, without those of its element, say of it."""
+def said_by(words: Sequence[str], name: str) -> Said:
+    """Return what the words of a signal's name, without those of its element, say of it."""
     have = set(words)
     if have & VELOCITY:
         quantity = Quantity.VELOCITY
@@ -88,7 +90,8 @@ def said_by(words: Sequence[str]) -> Said:
         quantity = Quantity.POSITION
     else:
         quantity = Quantity.UNKNOWN
-    unit = quantity is Quantity.UNKNOWN and not have & COMMAND and bool(words) and words[-1] in OTHER_UNITS
+    ends_on_unit = bool(words) and (words[-1] in OTHER_UNITS or OTHER_SYMBOLS.search(name) is not None)
+    unit = quantity is Quantity.UNKNOWN and not have & COMMAND and ends_on_unit
     return Said(bool(have & COMMAND), quantity, unit or bool(have & OTHER))
 
 
