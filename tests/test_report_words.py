@@ -132,16 +132,17 @@ def test_what_is_unknown_is_told_by_what_comes_near_and_by_how_it_looks(found: A
 
 def test_what_flights_alone_say_is_told_where_the_answer_is_another(found: Any) -> None:
     """In the terminal, on the page with what to do, and in the verdict as data, with what it is made of."""
-    sentence = "Before the first hit, flights alone are explained by gravity (probability 0.97): that leaves the noise."
-    flights = Flights(("gravity",), 0.97, {"gravity": {"tilt_x_rad": 0.01}}, {"gravity": {}}, 0.9, sentence)
+    sentence = "Before the first hit, flights alone are explained by gravity: that leaves the noise."
+    flights = Flights(("gravity",), 0.97, {"gravity": {"tilt_x_rad": 0.01}}, {"gravity": {}}, 0.9, sentence, "Cut it.")
     order = (ranked(("unknown",), 0.97), ranked(("friction",), 0.03, gap_closed=0.4))
     unsure = changed(found, ranked=order, flights=flights)
     page = said(html.render(unsure))
-    assert sentence in " ".join(printed(unsure).split())
+    assert f"{sentence} Cut it." in " ".join(printed(unsure).split())
     assert f"What flights alone say. {sentence}" in page
-    assert "Look at the contact: before the first hit, flights alone say something else." in page
+    assert words.next_steps(unsure)[0] == "Cut it."
+    assert page.count("Cut it.") == 1
     told = verdict(unsure)
-    assert told["notes"][-1] == sentence
+    assert told["notes"][-1] == f"{sentence} Cut it."
     assert told["flights"]["effects"] == ["gravity"]
     assert "flights" not in verdict(found)
     assert "flights" not in said(html.render(found))

@@ -102,11 +102,12 @@ class Flights:
 
     Args:
         effects: Their likeliest explanation: the vocabulary's names, or ("none",).
-        probability: Its own, of what flights alone were compared with.
+        probability: Its own among what explains flights, by a search whose fits only begin.
         parameters: Values by effect and parameter, SI units.
         errors: Their standard errors.
         noises: The root mean square that it leaves, in noises.
-        sentence: All of it in words, and what to do.
+        sentence: All of it in words.
+        advice: What to do.
     """
 
     effects: tuple[str, ...]
@@ -115,6 +116,12 @@ class Flights:
     errors: dict[str, dict[str, float]]
     noises: float
     sentence: str
+    advice: str
+
+    @property
+    def note(self) -> str:
+        """What is said where no list of next steps has the advice."""
+        return f"{self.sentence} {self.advice}"
 
 
 @dataclass(frozen=True)

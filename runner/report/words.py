@@ -315,11 +315,7 @@ def next_steps(diagnosis: Diagnosis, folder: Path | None = None) -> list[str]:
         if said.kind is Kind.OPEN:
             steps[0] = f"To try the likeliest: {steps[0][0].lower()}{steps[0][1:]}"
     if diagnosis.flights is not None:
-        steps.insert(
-            0,
-            "Look at the contact: before the first hit, flights alone say something else. Where the contact is of no "
-            "interest, cut the recordings at the first hit and diagnose them again.",
-        )
+        steps.insert(0, diagnosis.flights.advice)
     if said.left is Left.DRIVE:
         steps.insert(0 if said.kind is Kind.OPEN else len(steps), PIN_PATH)
     if diagnosis.next_push:
