@@ -69,6 +69,7 @@ class Nearest:
     Args:
         ranked: It.
         gap_closed: 1 - error after / error before, on the held-out episodes.
+        fitted_closed: The same of what was fitted.
         left_fitted: What it leaves of what was fitted, as a share of what the nominal model leaves (mean squares, both
             less the noise's).
         left_unseen: The same of the held-out episodes.
@@ -78,6 +79,7 @@ class Nearest:
 
     ranked: Ranked
     gap_closed: float
+    fitted_closed: float
     left_fitted: float
     left_unseen: float
     behind: float
