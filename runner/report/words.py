@@ -363,7 +363,7 @@ def _suspicions(diagnosis: Diagnosis) -> list[str]:
 def _corrections(system: AbstractSystem, top: Ranked) -> list[str]:
     """Return what to change in the simulator, what to decide, and what to confirm by hand."""
     found, others = phrases(system, top), equals(top)
-    together = system.remedies_together(top.values)
+    together = system.remedies_together(top.values, top.errors)
     if not set(together) <= set(top.effects):
         together = {}  # what acts on all of a kind has a sentence of its own
     remedies = [together.get(e, p.remedy) for e, p in zip(top.effects, found, strict=True)]
