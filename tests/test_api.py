@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import inspect
 import io
 import os
 import re
+import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -275,6 +279,42 @@ def test_a_case_is_written_over_where_that_is_said(model: Path, tmp_path: Path) 
     (folder / "nominal.yaml").unlink()
     with pytest.raises(runner.RunnerError, match="holds something other than a case"):
         runner.case_from_arrays(**given, folder=folder, overwrite=True)
+
+
+@pytest.mark.parametrize("fresh", [True, False])
+def test_a_case_that_cannot_be_written_leaves_the_one_before(
+    fresh: bool, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disk that fills up while the table is copied; what was there is as it was, and nothing is beside it."""
+    folder = tmp_path / "kept"
+    given: dict[str, Any] = {"model": model, "t": T, "channels": {"q_hinge": 0.1 * T}}
+    other: dict[str, Any] = given | {"channels": {"q_hinge": 0.2 * T}}
+    if not fresh:
+        runner.case_from_arrays(**given, folder=folder)
+    before = {path: path.read_bytes() for path in folder.rglob("*")}
+    copied = shutil.copy2
+
+    def full(source: str, target: str, **how: Any) -> str:
+        if "kept" in str(target) and str(source).endswith(".parquet"):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return copied(source, target, **how)
+
+    monkeypatch.setattr(shutil, "copytree", partial(shutil.copytree, copy_function=full))
+    with pytest.raises(runner.RunnerError, match=r"'.*kept' can't be written: .*No space left on device"):
+        runner.case_from_arrays(**other, folder=folder, overwrite=True)
+    assert {path: path.read_bytes() for path in folder.rglob("*")} == before
+    assert folder.exists() is not fresh
+
+
+def test_a_folder_that_cannot_be_looked_into_is_one_line(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where its owner is somebody else."""
+
+    def refused(_: Path) -> Iterator[Path]:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(Path, "iterdir", refused)
+    with pytest.raises(runner.RunnerError, match="can't be looked into: Permission denied"):
+        runner.case_from_arrays(model, t=T, channels={"q_hinge": 0.1 * T}, folder=model.parent)
 
 
 def test_folders_that_hold_something_are_left_alone(model: Path, found: runner.CaseDiagnosis, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from runner.effects.planar_box import EFFECTS
 from runner.effects.wording import percent, percent_between, plus_minus
 from runner.localise.likeness import Likeness
 from runner.recording.data import BelievedPin
-from runner.report import html, sections, words
+from runner.report import html, sections, unknown, words
 from runner.report.sections import _place
 from runner.report.statement import caveats
 from runner.report.terminal import summary
@@ -109,17 +109,19 @@ def test_what_is_unknown_is_told_by_what_comes_near_and_by_how_it_looks(found: A
     )
     looks = (Likeness("fx_n", "towards world x [N]", 0.12, (("its speed", 0.48), ("the time", 0.2))),)
     helps = Abstention(
-        (Nearest(near, 0.87, 0.06, 0.08, 0.0, ()), Nearest(far, -0.1, 0.3, 1.2, 45.6, ("wind",))), found.where, looks
+        (Nearest(near, 0.87, 0.76, 0.06, 0.08, 0.0, ()), Nearest(far, -0.1, 0.45, 0.3, 1.2, 45.6, ("wind",))),
+        found.where,
+        looks,
     )
     closure = SimpleNamespace(**{**vars(found.closure), "table": table})
     unsure = changed(found, ranked=(ranked(("unknown",), 0.9), near, far), abstention=helps, closure=closure)
     shown = " ".join(printed(unsure).split())
     for part in (
         "The floor is more slippery than believed: friction 0.2704 ± 0.0012 instead of 0.300. With that the simulator "
-        "misses 87 % less on episodes that were not fitted. Against it: it leaves 24 % of what is missed beyond the "
-        "noise where it was fitted.",
+        "misses 87 % less on episodes that were not fitted. Against it: it leaves 24 % of what is missed where it "
+        "was fitted.",
         "With that the simulator does not come closer on episodes that were not fitted. Against it: it leaves 55 % of "
-        "what is missed beyond the noise where it was fitted, it does not hold on episodes that were not fitted: more "
+        "what is missed where it was fitted, it does not hold on episodes that were not fitted: more "
         "is missed there than without it, it is 46 natural log units less likely than the first and wind does not "
         "stand out of its own error.",
         "With the nearest, what is left is 58 % over the noise, most of it in the yaw rate (88 %).",
@@ -128,20 +130,25 @@ def test_what_is_unknown_is_told_by_what_comes_near_and_by_how_it_looks(found: A
     ):
         assert part in shown
         assert part in " ".join(said(html.render(unsure)).split())
+    worse = replace(helps.nearest[0], gap_closed=0.2, left_unseen=0.6)
+    (text,) = unknown.nearest(changed(unsure, abstention=replace(helps, nearest=(worse,))))
+    assert "the simulator misses 20 % less" in text
+    assert "does not hold on episodes that were not fitted: 80 % is left there." in text
 
 
 def test_what_flights_alone_say_is_told_where_the_answer_is_another(found: Any) -> None:
     """In the terminal, on the page with what to do, and in the verdict as data, with what it is made of."""
-    sentence = "Before the first hit, flights alone are explained by gravity (probability 0.97): that leaves the noise."
-    flights = Flights(("gravity",), 0.97, {"gravity": {"tilt_x_rad": 0.01}}, {"gravity": {}}, 0.9, sentence)
+    sentence = "Before the first hit, flights alone are explained by gravity: that leaves the noise."
+    flights = Flights(("gravity",), 0.97, {"gravity": {"tilt_x_rad": 0.01}}, {"gravity": {}}, 0.9, sentence, "Cut it.")
     order = (ranked(("unknown",), 0.97), ranked(("friction",), 0.03, gap_closed=0.4))
     unsure = changed(found, ranked=order, flights=flights)
     page = said(html.render(unsure))
-    assert sentence in " ".join(printed(unsure).split())
+    assert f"{sentence} Cut it." in " ".join(printed(unsure).split())
     assert f"What flights alone say. {sentence}" in page
-    assert "Look at the contact: before the first hit, flights alone say something else." in page
+    assert words.next_steps(unsure)[0] == "Cut it."
+    assert page.count("Cut it.") == 1
     told = verdict(unsure)
-    assert told["notes"][-1] == sentence
+    assert told["notes"][-1] == f"{sentence} Cut it."
     assert told["flights"]["effects"] == ["gravity"]
     assert "flights" not in verdict(found)
     assert "flights" not in said(html.render(found))

@@ -7,6 +7,8 @@ import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import mujoco
 import numpy as np
@@ -22,7 +24,7 @@ from runner.api.case import read
 from runner.diagnosis.flights import flights_alone
 from runner.diagnosis.pipeline import diagnose
 from runner.diagnosis.ranking import values_of
-from runner.diagnosis.result import Ranked
+from runner.diagnosis.result import Flights, Ranked
 from runner.effects import mechanism as m
 from runner.effects.mechanism import contacts
 from runner.effects.vocabulary import Candidate
@@ -40,11 +42,12 @@ from runner.noise.measured import measure
 from runner.recording import Span, read_case
 from runner.settings import SETTINGS
 from runner.systems.case import open_case
+from runner.systems.channels import Scatter
 from runner.systems.mechanism import MechanismSystem
 from runner.systems.mechanism.box_form import free_box
 from runner.systems.mechanism.flights import into_impacts
 from runner.systems.mechanism.scope import raw_signals
-from runner.systems.simulator import Run
+from runner.systems.simulator import AbstractSimulator, Run
 from runner.systems.windows import Windows
 
 G = 9.81
@@ -552,26 +555,52 @@ def test_a_flight_rules_out_what_leaves_much_of_it(tmp_path: Path):
     check_what_the_flights_say(seen.flown)
 
 
+def test_a_flight_too_short_to_be_looked_at_has_ended_in_a_hit_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """One toss flies to its end, the other hits almost at once: the flight that is looked at is not all there is."""
+    system = open_case(toss_case(tmp_path, world(), tosses=2, length_s=0.2))
+    fitter = Fitter(system, system.simulator(threads=1), measure(system, scatter=system.scatter()))
+    (whole, soon), values = range(2), fitter.measured.values
+    calm = [np.arange(len(v)) < 3 if e == soon else np.ones(len(v), bool) for e, v in enumerate(values)]
+    fitter = replace(fitter, measured=replace(fitter.measured, scatter=Scatter(fitter.measured.sensor, tuple(calm))))
+    nominal = fitter.fit(NONE, [whole, soon], iterations=0)
+    assert [s.episode for s in fitter.until_hit([whole, soon])] == [whole]
+    monkeypatch.setattr(multiple_shooting, "search", lambda *_, **__: SimpleNamespace(contenders=(), nominal=nominal))
+    monkeypatch.setattr(multiple_shooting, "likeliest", lambda *_: (None, 1.0, 1.0))
+
+    def told(fitter: Fitter, best: object, noises: float, probability: float, all_of_it: bool) -> None:
+        raise InterruptedError(f"all of it: {all_of_it}")  # enough was seen
+
+    monkeypatch.setattr(multiple_shooting, "Flown", told)
+    with pytest.raises(InterruptedError, match="all of it: False"):
+        multiple_shooting.look(fitter, nominal)
+
+
 def check_what_the_flights_say(flown: Flown | None) -> None:
     """They name the centre of mass, with its amount, wherever the answer for all of it does not hold that."""
     assert flown is not None
     assert not flown.all_of_it
 
-    def answered(*names: str) -> Ranked:
-        return Ranked(names, (), 0.97, (), {}, {}, None, None)
+    counted = SimpleNamespace(simulated_s=0.0)
 
-    found = flights_alone(flown, [answered("unknown")])
+    def told(of: Flown | None, *names: str) -> Flights | None:
+        return flights_alone(of, [Ranked(names, (), 0.97, (), {}, {}, None, None)], cast("AbstractSimulator", counted))
+
+    # a likelier one than each of the others is not likelier than all of them
+    for none in (None, replace(flown, all_of_it=True), replace(flown, probability=0.4)):
+        assert told(none, "unknown") is None
+    assert told(flown, "com_offset[box]", "friction[box]") is None
+    assert counted.simulated_s == 0.0
+    found = told(replace(flown, noises=5.0), "unknown")
     assert found is not None
     assert found.effects == ("com_offset[box]",)
     assert found.parameters["com_offset[box]"]["x_m"] == pytest.approx(0.008, abs=0.001)
     assert found.sentence.startswith(
         "Before the first hit, flights alone are explained by com offset of box (off by x 8"
     )
-    assert "leaves no more than the noise. What nothing explains comes with the contact" in found.sentence
-    assert flights_alone(flown, [answered("friction[box]")]) is not None
-    assert flights_alone(flown, [answered("com_offset[box]", "friction[box]")]) is None
-    assert flights_alone(replace(flown, all_of_it=True), [answered("unknown")]) is None
-    assert flights_alone(None, [answered("unknown")]) is None
+    assert found.sentence.endswith("leaves no more than the noise. What nothing explains comes with the contact.")
+    assert found.noises < 1.05
+    assert counted.simulated_s > 0.0
+    assert told(flown, "friction[box]") is not None
 
 
 def test_a_derivative_through_a_hit_outlasts_the_step_in_which_it_falls(tmp_path: Path):

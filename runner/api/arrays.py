@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import tempfile
+import uuid
 import weakref
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -61,7 +62,8 @@ def case_from_arrays(
         noise: Standard deviations of channels; what is missing is estimated.
         start: `rest` where every episode begins at rest, else `free`.
         folder: Where to keep the case, for `runner diagnose` as well; None: it is kept as long as it is used.
-        overwrite: Whether a case that is in that folder already may be written over.
+        overwrite: Whether a case that is in that folder already may be written over. Other files in there stay, such
+            as the MJCF and the meshes of another model.
 
     Raises:
         RunnerError: Naming the array, or the sample, what was wrong, and what is allowed.
@@ -198,14 +200,17 @@ def _measures(name: str, model: mujoco.MjModel) -> dict[str, Any]:
 
 
 def _free(folder: Path, overwrite: bool) -> Path:
-    """Return a folder that holds nothing yet, or, if that may be written over, a case and nothing else.
+    """Return a folder that holds nothing yet, or, if that may be written over, a case.
 
     Raises:
-        WriteError: If it is a file, or holds something.
+        WriteError: If it is a file, holds something else, or can't be looked into.
     """
-    if folder.exists() and not folder.is_dir():
-        raise WriteError(f"folder: '{folder}' is a file; name a folder.")
-    held = any(folder.iterdir()) if folder.is_dir() else False
+    try:
+        if folder.exists() and not folder.is_dir():
+            raise WriteError(f"folder: '{folder}' is a file; name a folder.")
+        held = any(folder.iterdir()) if folder.is_dir() else False
+    except OSError as error:
+        raise WriteError(f"folder: '{folder}' can't be looked into: {error.strerror or error}.") from None
     if held and not overwrite:
         raise WriteError(f"folder: '{folder}' is not empty; name a new one, or write over it with overwrite=True.")
     if held and not ((folder / FILE).is_file() and any((folder / table).is_file() for table in TABLES)):
@@ -214,13 +219,26 @@ def _free(folder: Path, overwrite: bool) -> Path:
 
 
 def _put(made: Path, folder: Path) -> None:
-    """Put a case that was read into a folder."""
+    """Put a case that was read into a folder; what else is in there stays, but for another table.
+
+    All of it is copied before any of it takes the place of what is there: a disk that is full leaves the case before.
+    """
+    fresh, beside = not folder.exists(), folder / f".{uuid.uuid4().hex}"
     try:
+        folder.mkdir(parents=True, exist_ok=True)
+        shutil.copytree(made, beside)
+        files = sorted(path.relative_to(beside) for path in beside.rglob("*") if path.is_file())
+        for file in files:
+            (folder / file).parent.mkdir(parents=True, exist_ok=True)
+            (beside / file).replace(folder / file)
         for table in TABLES:
-            (folder / table).unlink(missing_ok=True)  # a table beside the new one would be another recording
-        shutil.copytree(made, folder, dirs_exist_ok=True)
+            if Path(table) not in files:  # beside the new one it would be another recording
+                (folder / table).unlink(missing_ok=True)
     except OSError as error:
-        raise WriteError(f"folder: '{folder}' can't be written: {error.strerror or error}.") from None
+        shutil.rmtree(folder if fresh else beside, ignore_errors=True)
+        why = error.args[0][0][2] if isinstance(error, shutil.Error) else error.strerror or error  # of the first file
+        raise WriteError(f"folder: '{folder}' can't be written: {why}.") from None
+    shutil.rmtree(beside, ignore_errors=True)
 
 
 def _written(model: Path, nominal: Mapping[str, Any], table: pd.DataFrame, folder: Path) -> Case:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -68,6 +69,7 @@ def _nearest(ranked: Ranked, first: Ranked, confirmed: Confirmed, fitter: Fitter
     return Nearest(
         ranked,
         closed.gap_closed,
+        1.0 - math.sqrt(contender.fit.total / found.nominal.total),
         max(left, 0.0) / max(gap, 1e-9),
         max(left_unseen, 0.0) / max(gap_unseen, 1e-9),
         contender_of(found, first, fitter.context).log_posterior - contender.log_posterior,

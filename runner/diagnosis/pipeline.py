@@ -75,6 +75,7 @@ def diagnose(
     if rest := found.not_searched:
         nominal_starts |= start_states(nominal_of(searched.contenders), fitter, rest)
         corrected_starts |= start_states(top, fitter, rest)
+    flights = flights_alone(found.flown, ranked, simulator)
     observer.stage("telling where the gap lies")
     measured = fitter.measured.joined(measure(system, scatter=system.scatter())) if found.in_parts else fitter.measured
     where = localise(system, measured, nominal_starts, stretches=found.stretches)
@@ -113,7 +114,7 @@ def diagnose(
         next_push=next_push(ranked, searched, near, fitter, threads) if advise else None,
         rivals=near,
         abstention=helps,
-        flights=flights_alone(found.flown, ranked),
+        flights=flights,
         disturbances=disturbances,
         notes=notes(
             system,

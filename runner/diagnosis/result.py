@@ -69,6 +69,7 @@ class Nearest:
     Args:
         ranked: It.
         gap_closed: 1 - error after / error before, on the held-out episodes.
+        fitted_closed: The same of what was fitted.
         left_fitted: What it leaves of what was fitted, as a share of what the nominal model leaves (mean squares, both
             less the noise's).
         left_unseen: The same of the held-out episodes.
@@ -78,6 +79,7 @@ class Nearest:
 
     ranked: Ranked
     gap_closed: float
+    fitted_closed: float
     left_fitted: float
     left_unseen: float
     behind: float
@@ -102,11 +104,12 @@ class Flights:
 
     Args:
         effects: Their likeliest explanation: the vocabulary's names, or ("none",).
-        probability: Its own, of what flights alone were compared with.
+        probability: Its own among what explains flights, by a search whose fits only begin.
         parameters: Values by effect and parameter, SI units.
         errors: Their standard errors.
         noises: The root mean square that it leaves, in noises.
-        sentence: All of it in words, and what to do.
+        sentence: All of it in words.
+        advice: What to do.
     """
 
     effects: tuple[str, ...]
@@ -115,6 +118,12 @@ class Flights:
     errors: dict[str, dict[str, float]]
     noises: float
     sentence: str
+    advice: str
+
+    @property
+    def note(self) -> str:
+        """What is said where no list of next steps has the advice."""
+        return f"{self.sentence} {self.advice}"
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,7 +14,7 @@ from runner.storage.checked import Keys, must, refusal
 from runner.storage.reading import file_of, read_json
 
 if TYPE_CHECKING:
-    from runner.diagnosis.result import Diagnosis
+    from runner.diagnosis.result import Diagnosis, Flights
 
 FILE = "verdict.json"
 ALL = "verdicts.json"
@@ -24,17 +25,6 @@ WHERE = ["factor", "cell", "share", "lift", "q"]
 def verdict(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return a diagnosis as plain data; the probabilities sum to 1 over all explanations."""
     flights = diagnosis.flights
-    told = (
-        {
-            "effects": list(flights.effects),
-            "probability": flights.probability,
-            "parameters": flights.parameters,
-            "standard_errors": flights.errors,
-            "noises_left": flights.noises,
-        }
-        if flights
-        else None
-    )
     return {
         "ranked": [
             {
@@ -67,8 +57,21 @@ def verdict(diagnosis: Diagnosis) -> dict[str, Any]:
             for r in diagnosis.rivals[:RIVALS_SHOWN]
         ],
         "next_push": diagnosis.next_push,
-        **({"flights": told} if told else {}),
-        "notes": [*diagnosis.notes, *((flights.sentence,) if flights else ())],
+        "notes": list(diagnosis.notes),
+    } | ({} if flights is None else _of_flights(flights, diagnosis.notes))
+
+
+def _of_flights(flights: Flights, notes: Sequence[str]) -> dict[str, Any]:
+    """Return what flights add to a verdict: what explains them, and the notes with theirs as the last."""
+    return {
+        "flights": {
+            "effects": list(flights.effects),
+            "probability": flights.probability,
+            "parameters": flights.parameters,
+            "standard_errors": flights.errors,
+            "noises_left": flights.noises,
+        },
+        "notes": [*notes, flights.note],
     }
 
 

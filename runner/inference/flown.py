@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 
 from runner.inference.contender import Contender, contend
 from runner.inference.evidence import directions, sensitivities
@@ -15,9 +16,9 @@ class Flown:
 
     Args:
         fitter: Of the flights; to it each is an episode.
-        best: The likeliest, from a search whose fits only begin.
+        best: The likeliest, from a search whose fits only begin, or finished.
         noises: The root mean square that it leaves, in noises.
-        probability: Its own, `unknown` counted in.
+        probability: Its own among what that search has begun to fit, `unknown` counted in.
         all_of_it: Whether nothing was hit before the end of any episode: then flights are all that was recorded.
     """
 
@@ -27,11 +28,12 @@ class Flown:
     probability: float
     all_of_it: bool
 
-    def finished(self) -> Contender:
-        """Return the best one fitted until it rests."""
+    def finished(self) -> Flown:
+        """Return it with the best one fitted until it rests, and what that leaves; the probability is as it was."""
         fit = self.best.fit
         if not fit.explanation.candidates:
-            return self.best
+            return self
         fit = self.fitter.fit(fit.explanation, fit.episodes, x=fit.x, starts=fit.starts)
         around = sensitivities(self.fitter, fit, directions(self.fitter.system))
-        return contend(self.fitter, fit, around, dispersion=self.best.evidence.dispersion)
+        best = contend(self.fitter, fit, around, dispersion=self.best.evidence.dispersion)
+        return replace(self, best=best, noises=math.sqrt(fit.total / self.fitter.measured.count(fit.episodes)))

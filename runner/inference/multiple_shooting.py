@@ -86,7 +86,7 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     first = np.array([s.begin == 0 for s in spans])
     chosen = np.flatnonzero(first | (lacks > np.quantile(lacks, 1.0 - limits.searched_share)))
     found = search(cut, chosen.tolist(), starts=rough.starts[chosen], pieces=True)
-    ended = all(s.end == len(fitter.measured.values[s.episode]) for s in spans)
+    ended = not fitter.measured.hits(episodes)  # flights too short to be looked at have ended in a hit, too
     flown_alone = Flown(cut, *likeliest(found.contenders, found.nominal, cut), ended) if flown else None
     hung = hanging(cut, found.best.fit)
     cut = replace(cut, measured=cut.measured.without(hung))

@@ -334,7 +334,7 @@ def _verdict(diagnosis: Diagnosis, arrows: Sequence[str]) -> str:
     if confounded := words.confounded(diagnosis):
         lines += [confounded, ""]
     if diagnosis.flights is not None:
-        lines += [diagnosis.flights.sentence, ""]
+        lines += [diagnosis.flights.note, ""]
     corrected = " **Orange**: corrected." if diagnosis.effects else ""
     said = "grey as believed" + (", orange corrected" if diagnosis.effects else "")
     lines += [

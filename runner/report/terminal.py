@@ -31,7 +31,7 @@ def summary(diagnosis: Diagnosis) -> RenderableType:
     if said.settled:
         parts += [Text(text) for text in diagnosis.system.said_together(said.top.values, said.top.errors)]
     if diagnosis.flights is not None:
-        parts.append(Text(diagnosis.flights.sentence, style="yellow"))
+        parts.append(Text(diagnosis.flights.note, style="yellow"))
     parts.append(Padding(ranking(diagnosis), (1, 0, 0, 0)))
     if lines := unknown.lines(diagnosis):
         parts.append(Padding(Text("\n".join(lines)), (1, 0, 0, 0)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,11 +34,11 @@ def nearest(diagnosis: Diagnosis) -> list[str]:
 
 
 def _nearest(diagnosis: Diagnosis, one: Nearest) -> str:
-    # told as roots, as all that is missed is
-    fitted, unseen = math.sqrt(one.left_fitted), math.sqrt(one.left_unseen)
-    against = [f"it leaves {percent(fitted)} of what is missed beyond the noise where it was fitted"]
+    # told as the gap that closes is; whether it holds is told by what is left beyond the noise
+    against = [f"it leaves {percent(1.0 - one.fitted_closed)} of what is missed where it was fitted"]
     if one.left_unseen > max(PLAIN, 1.5 * one.left_fitted):
-        worse = "more is missed there than without it" if one.left_unseen > 1.0 else f"{percent(unseen)} is left there"
+        left = f"{percent(1.0 - one.gap_closed)} is left there"
+        worse = "more is missed there than without it" if one.gap_closed < 0.0 else left
         against.append(f"it does not hold on episodes that were not fitted: {worse}")
     if one.behind > LEAST_BEHIND:
         against.append(f"it is {number(one.behind, 2)} natural log units less likely than the first")

@@ -315,11 +315,7 @@ def next_steps(diagnosis: Diagnosis, folder: Path | None = None) -> list[str]:
         if said.kind is Kind.OPEN:
             steps[0] = f"To try the likeliest: {steps[0][0].lower()}{steps[0][1:]}"
     if diagnosis.flights is not None:
-        steps.insert(
-            0,
-            "Look at the contact: before the first hit, flights alone say something else. Where the contact is of no "
-            "interest, cut the recordings at the first hit and diagnose them again.",
-        )
+        steps.insert(0, diagnosis.flights.advice)
     if said.left is Left.DRIVE:
         steps.insert(0 if said.kind is Kind.OPEN else len(steps), PIN_PATH)
     if diagnosis.next_push:
@@ -367,7 +363,7 @@ def _suspicions(diagnosis: Diagnosis) -> list[str]:
 def _corrections(system: AbstractSystem, top: Ranked) -> list[str]:
     """Return what to change in the simulator, what to decide, and what to confirm by hand."""
     found, others = phrases(system, top), equals(top)
-    together = system.remedies_together(top.values)
+    together = system.remedies_together(top.values, top.errors)
     if not set(together) <= set(top.effects):
         together = {}  # what acts on all of a kind has a sentence of its own
     remedies = [together.get(e, p.remedy) for e, p in zip(top.effects, found, strict=True)]

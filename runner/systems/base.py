@@ -192,7 +192,7 @@ class AbstractSystem(ABC):
         """How what may be `solved_otherwise` is solved, in words; empty where nothing is."""
         return ""
 
-    def remedies_together(self, effects: Effects) -> Mapping[str, str]:
+    def remedies_together(self, effects: Effects, errors: Mapping[str, Mapping[str, float]]) -> Mapping[str, str]:
         """Return what to change in a simulator for effects that change one element of it together, by their names.
 
         In the place of what each says by itself; empty: another one says it.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import mujoco
@@ -51,19 +52,30 @@ class ComOffset(MechanismEffect):
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
-        pos = beliefs.model.body_ipos[beliefs.model.body(target).id] + [of["x_m"], of["y_m"], of["z_m"]]
+        told = _told(of, beliefs.model, target)
+        written = {f"{axis}_m": of[f"{axis}_m"] if axis in told else 0.0 for axis in "xyz"}
         return Phrase(
             f"the centre of mass of body '{target}' is not where the model has it",
-            _amount(of, parts.UNTOLD * NEAR * parts.body_size_m(beliefs.model, target)),
-            f'In <body name="{target}"> set <inertial pos="{parts.attribute(*pos)}" .../>.',
+            _amount(of, told),
+            parts.to_give_of(beliefs.model, cls, target, **written),
             f"Take '{target}' off and balance it on an edge.",
         )
 
+    def as_told(self, model: mujoco.MjModel, errors: Mapping[str, float]) -> ComOffset:
+        """Return it where the motion tells it; along other axes the centre of mass stays where it was believed."""
+        told = _told(Values(self.report(), errors), model, self.target)
+        return replace(self, **{f"{axis}_m": 0.0 for axis in "xyz" if axis not in told})
 
-def _amount(of: Values, untold_m: float) -> str:
-    """Return how far off it is along each axis that the motion tells: along one that a body turns about none does."""
+
+def _told(of: Values, model: mujoco.MjModel, target: str | None) -> list[str]:
+    """Return the axes along which the motion tells how far off it is: along one that a body turns about none does."""
+    untold_m = parts.UNTOLD * NEAR * parts.body_size_m(model, target)
     errors = {axis: of.error(f"{axis}_m") or 0.0 for axis in "xyz"}
-    told = [axis for axis, e in errors.items() if e < max(untold_m, 0.5 * abs(of[f"{axis}_m"]))]
+    return [axis for axis, e in errors.items() if e < max(untold_m, 0.5 * abs(of[f"{axis}_m"]))]
+
+
+def _amount(of: Values, told: Sequence[str]) -> str:
+    """Return how far off it is along each axis that the motion tells."""
     lacks = f"the motion does not tell {listed([a for a in 'xyz' if a not in told], 'or')}" if len(told) < 3 else ""
     off = f"off by {', '.join(axis + ' ' + of.long(axis + '_m') for axis in told)} in body axes" if told else ""
     return "; ".join(part for part in (off, lacks) if part)

@@ -158,7 +158,9 @@ def rebound(ratio: float) -> float:
 
 
 def damping_for(rebound_ratio: float) -> float:
-    """Return the damping ratio that leaves such a rebound, the inverse of `rebound`; at most `MOST_DAMPED`."""
+    """Return the damping ratio that leaves such a rebound (inverse of `rebound`), at most `MOST_DAMPED`; NaN of NaN."""
+    if math.isnan(rebound_ratio):
+        return math.nan
     if rebound_ratio <= rebound(MOST_DAMPED):
         return MOST_DAMPED
     if rebound_ratio >= 1.0:

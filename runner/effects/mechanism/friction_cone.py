@@ -61,7 +61,7 @@ class FrictionCone(MechanismEffect):
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
-        kind = KINDS[round(of["elliptic"])]
+        kind = KINDS[int(of["elliptic"] >= 0.5)]
         return Phrase(
             f"the friction of body '{target}' has {'an' if kind == 'elliptic' else 'a'} {kind} cone",
             f"instead of {OTHER[kind]}",

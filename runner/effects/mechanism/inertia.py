@@ -57,12 +57,11 @@ class Inertia(MechanismEffect):
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
-        changed = parts.changed(beliefs.model, cls(str(target), of["ratio"]))
         return Phrase(
             f"body '{target}' turns {'harder' if of['ratio'] > 1 else 'more easily'} than in the model, "
             "by more than its mass says",
             f"its inertia is {of.show('ratio')} times the believed one",
-            f'Give <body name="{target}"> {parts.inertial(changed, target)}.',
+            parts.to_give_of(beliefs.model, cls, target, ratio=of["ratio"]),
             f"Hang '{target}' from a pivot and time its swing.",
         )
 
@@ -134,7 +133,7 @@ class FreeInertia(MechanismEffect):
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
         model, body = beliefs.model, beliefs.model.body(target).id
-        changed = parts.changed(model, cls(str(target), of["ratio"], of["x_to_y"], of["z_to_xy"]))
+        values = {key: of[key] for key in ("ratio", "x_to_y", "z_to_xy")}
         turned = abs(model.body_iquat[body][0]) < 1.0 - parts.ROUNDING
         error = of.error("ratio")
         told = error is None or error < parts.UNTOLD * SIZE.scale * of["ratio"]
@@ -146,7 +145,7 @@ class FreeInertia(MechanismEffect):
         return Phrase(
             f"the moments of inertia of body '{target}' are not those of the model, by more than its mass says",
             f"{shape}; {size}{' (principal axes of the model)' if turned else ''}",
-            f'Give <body name="{target}"> {parts.inertial(changed, target)}.',
+            parts.to_give_of(model, cls, target, **values),
             f"Hang '{target}' from two threads along one axis after the other, and time how it swings about each.",
         )
 

@@ -56,11 +56,9 @@ class Mass(MechanismEffect):
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
         believed = float(beliefs.model.body_mass[beliefs.model.body(target).id])
         ratio = of["mass_kg"] / believed
-        changed = parts.changed(beliefs.model, cls(str(target), of["mass_kg"]))
         return Phrase(
             f"body '{target}' is {'heavier' if ratio > 1 else 'lighter'} than in the model",
             f"{of.show('mass_kg', 'kg')} instead of {number(believed)} kg",
-            f'Give <body name="{target}"> {parts.inertial(changed, target)}, which takes the place of what its geoms '
-            "weigh.",
+            parts.to_give_of(beliefs.model, cls, target, mass_kg=of["mass_kg"]),
             f"Weigh '{target}'.",
         )

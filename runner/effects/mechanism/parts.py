@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 
 import mujoco
 import numpy as np
@@ -38,6 +39,21 @@ def inertial(model: mujoco.MjModel, body: str | None) -> str:
         f'<inertial pos="{attribute(*model.body_ipos[number])}"{turned} mass="{attribute(model.body_mass[number])}" '
         f'diaginertia="{attribute(*model.body_inertia[number])}"/>'
     )
+
+
+def to_give(model: mujoco.MjModel, body: str | None) -> str:
+    """Return the sentence that has the owner write what a body of a changed model weighs, and how that is spread."""
+    return (
+        f'Give <body name="{body}"> {inertial(model, body)}, which takes the place of what its geoms weigh (with '
+        'inertiafromgeom="true" in <compiler> MuJoCo ignores it: set "auto").'
+    )
+
+
+def to_give_of(model: mujoco.MjModel, effect: type[MechanismEffect], target: str | None, **values: float) -> str:
+    """Return the same for an effect on the body of the believed model; empty: its values are not known."""
+    if not all(math.isfinite(value) for value in values.values()):
+        return ""
+    return to_give(changed(model, effect(target=str(target), **values)), target)  # ty: ignore[unknown-argument]
 
 
 def changed(model: mujoco.MjModel, effect: MechanismEffect) -> mujoco.MjModel:

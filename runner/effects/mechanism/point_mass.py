@@ -22,14 +22,14 @@ from runner.effects.mechanism.base import MechanismEffect
 from runner.effects.mechanism.com_offset import ComOffset
 from runner.effects.mechanism.inertia import FreeInertia, Inertia
 from runner.effects.mechanism.mass import Mass
-from runner.effects.wording import length, listed, plus_minus
+from runner.effects.wording import length, listed, number
 
 Errors = Mapping[str, Mapping[str, float]]
 SURE = 2.0  # standard errors within which two numbers agree, and from which on one is there at all
 OF_A_BODY = (Mass, ComOffset, Inertia, FreeInertia)
 
 
-def inertials(model: mujoco.MjModel, effects: Iterable[AbstractEffect]) -> dict[str, str]:
+def inertials(model: mujoco.MjModel, effects: Iterable[AbstractEffect], errors: Errors) -> dict[str, str]:
     """Return what to write for those effects that change the `<inertial>` of one body together, by their names.
 
     The sentence is that of the first of them; of the others it is empty. Nothing for what changes it alone.
@@ -39,9 +39,10 @@ def inertials(model: mujoco.MjModel, effects: Iterable[AbstractEffect]) -> dict[
         if len(own) > 1:
             changed = copy.copy(model)
             for effect in own:
-                effect.edit_model(changed)
+                told = effect.as_told(model, errors.get(_name(effect), {})) if isinstance(effect, ComOffset) else effect
+                told.edit_model(changed)
             out |= dict.fromkeys((_name(e) for e in own), "")
-            out[_name(own[0])] = f'Give <body name="{body}"> {parts.inertial(changed, body)}.'
+            out[_name(own[0])] = parts.to_give(changed, body)
     return out
 
 
@@ -63,15 +64,15 @@ def _point_mass(model: mujoco.MjModel, body: str, effects: Sequence[MechanismEff
     """Return what a point mass would be, in words; empty: there is none that makes these numbers."""
     if {type(e) for e in effects} != {Mass, ComOffset, Inertia}:
         return ""
-    number, axes = model.body(body).id, _axes(model, body)
-    mass, place, moments = _inertial(model, number, axes)
+    index, axes = model.body(body).id, _axes(model, body)
+    mass, place, moments = _inertial(model, index, axes)
 
     def told(own: Sequence[MechanismEffect]) -> np.ndarray:
         """Return the mass (1), where it is (3), what it adds to the moments, and what those lack then, (4 + 2 n,)."""
         changed = copy.copy(model)
         for effect in own:
             effect.edit_model(changed)
-        mass_then, place_then, moments_then = _inertial(changed, number, axes)
+        mass_then, place_then, moments_then = _inertial(changed, index, axes)
         more = mass_then - mass
         where = (mass_then * place_then - mass * place) / more
         away = [mass * _square(place - place_then, n) + more * _square(where - place_then, n) for n in axes]
@@ -85,22 +86,26 @@ def _point_mass(model: mujoco.MjModel, body: str, effects: Sequence[MechanismEff
         return ""
     size = parts.body_size_m(model, body)
     where = [
-        f"{axis} {length(float(v), float(e))}"
+        f"{axis} {length(float(v))}"
         for axis, v, e in zip("xyz", values[1:4], spread[1:4], strict=True)
         if e < 0.5 * size  # along an axis that it turns about nothing is told
     ]
     return (
         f"Mass, centre of mass and inertia of '{body}' differ together as a point mass of "
-        f"{plus_minus(float(values[0]), float(spread[0]), 'kg')} at {listed(where)} in its axes makes them: a tool, a "
-        "payload or a part that the model lacks?"
+        f"about {number(values[0], 2)} kg at about {listed(where)} in its axes makes them: a tool, a payload or a part "
+        "that the model lacks?"
     )
 
 
 def _spread(
     told: Callable[[Sequence[MechanismEffect]], np.ndarray], effects: Sequence[MechanismEffect], errors: Errors
 ) -> np.ndarray:
-    """Return standard errors of what numbers come to, from theirs (the delta method; taken to be independent)."""
-    total = 0.0
+    """Return about how uncertain what numbers come to is, from their standard errors (the delta method).
+
+    How those hang together is not known here: they are taken to be independent, so that it tells what agrees and is not
+    told as a standard error.
+    """
+    total = np.zeros_like(told(effects))
     for i, effect in enumerate(effects):
         for name, error in errors.get(_name(effect), {}).items():
             value = getattr(effect, name)

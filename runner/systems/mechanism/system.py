@@ -179,9 +179,9 @@ class MechanismSystem(AbstractSystem):
         """See `AbstractSystem`."""
         return HARD if self._models.hard_friction else SOFT
 
-    def remedies_together(self, effects: Effects) -> Mapping[str, str]:
+    def remedies_together(self, effects: Effects, errors: Mapping[str, Mapping[str, float]]) -> Mapping[str, str]:
         """See `AbstractSystem`."""
-        return inertials(self.beliefs.model, effects)
+        return inertials(self.beliefs.model, effects, errors)
 
     def solver_remedy(self, effects: Effects) -> str:
         """See `AbstractSystem`."""
