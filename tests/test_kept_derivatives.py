@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -13,8 +11,9 @@ from runner.effects import planar_box as fx
 from runner.effects.base import Parameter
 from runner.effects.vocabulary import Candidate
 from runner.inference.least_squares import Explanation, _Problem
-from runner.inference.variable_projection import Basis, Descent, Ending, FitPoint, Residuals, Spread, orthonormal
+from runner.inference.variable_projection import Descent, Ending, FitPoint, Residuals, Spread
 from tests.cases import fitter_of
+from tests.curves import Curves
 from tests.test_multiple_shooting import pushed, random_pushes
 
 T = np.linspace(0.0, 2.0, 80)
@@ -22,12 +21,8 @@ RATES, LEVELS = np.array([0.8, 2.5]), (0.3, -0.2)
 PARAMETERS = (Parameter("slow", "1/s", 0.5, 0.0, 10.0), Parameter("fast", "1/s", 0.5, 0.0, 10.0))
 
 
-@dataclass
-class Decays:
-    """Sums of two decays over time, which all episodes share, each episode with a level of its own."""
-
-    measured: list[NDArray[np.float64]]
-    taken: list[NDArray[np.float64]] = field(default_factory=list)
+class Decays(Curves):
+    """Sums of two decays over time, which all episodes share."""
 
     def residuals(self, x: NDArray[np.float64], starts: NDArray[np.float64]) -> Residuals:
         curve = np.exp(-np.outer(T, x)).sum(axis=1)
@@ -35,29 +30,9 @@ class Decays:
             [s[0] + curve - y for s, y in zip(starts, self.measured, strict=True)], Spread.none(len(starts))
         )
 
-    def linearise(
-        self,
-        x: NDArray[np.float64],
-        starts: NDArray[np.float64],
-        basis: Basis | None,
-        *,
-        checked: bool,
-        there: Residuals | None = None,
-    ) -> FitPoint:
-        self.taken.append(x)
-        left = there or self.residuals(x, starts)
-        around = Basis(*zip(*[orthonormal(np.ones((len(T), 1))) for _ in starts], strict=True))
-        return FitPoint(x, starts, left.each, [self.slopes(x)] * len(starts), left.spread, around, fresh=True)
-
     def slopes(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivatives by the rates, (n, 2)."""
         return -T[:, None] * np.exp(-np.outer(T, x))
-
-    def best(
-        self, x: NDArray[np.float64], starts: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        left = np.array([[r @ r for r in self.residuals(x, starts[:, k]).each] for k in range(starts.shape[1])]).T
-        return starts[np.arange(len(starts)), left.argmin(axis=1)], left.min(axis=1)
 
 
 def recorded() -> list[NDArray[np.float64]]:

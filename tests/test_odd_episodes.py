@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from runner.effects.base import Parameter
-from runner.inference.variable_projection import Basis, Descent, FitPoint, Residuals, Spread, orthonormal
+from runner.inference.variable_projection import Descent, FitPoint, Residuals, Spread
 from runner.noise.measured import Measured, refine
 from runner.noise.model import NoiseModel
 from runner.recording import Span
 from runner.settings import SETTINGS
 from runner.systems.channels import Channel, Scatter
+from tests.curves import Curves
 
 T = np.linspace(0.0, 1.0, 60)
 SHARED, ODD, FROM = 2.0, 40.0, 3.0
@@ -32,20 +33,16 @@ def episodes() -> list[NDArray[np.float64]]:
 
 
 @dataclass
-class Lines:
+class Lines(Curves):
     """Lines of one slope, each with a start of its own; the first answers to its start as `first` says.
 
     Args:
-        measured: Each, (n,).
         odd_from: See `Spread.beyond`.
         first: Where the first begins, from its start.
-        kept: Of what the step before promised.
     """
 
-    measured: Sequence[NDArray[np.float64]]
     odd_from: float = np.inf
     first: Callable[[float], float] = float
-    kept: float = 1.0
 
     def residuals(self, x: NDArray[np.float64], starts: NDArray[np.float64]) -> Residuals:
         begins = [self.first(float(s[0])) if e == 0 else float(s[0]) for e, s in enumerate(starts)]
@@ -55,25 +52,8 @@ class Lines:
         squares, counts = np.array([r @ r for r in residual]), np.full(len(residual), len(T))
         return Residuals(residual, Spread.beyond(self.odd_from, squares, counts))
 
-    def linearise(
-        self,
-        x: NDArray[np.float64],
-        starts: NDArray[np.float64],
-        basis: Basis | None,
-        *,
-        checked: bool,
-        there: Residuals | None = None,
-    ) -> FitPoint:
-        left = there or self.residuals(x, starts)
-        around = Basis(*zip(*[orthonormal(np.ones((len(T), 1))) for _ in starts], strict=True))
-        slopes = [T[:, None] for _ in starts]
-        return FitPoint(x, starts, left.each, slopes, left.spread, around, fresh=True, gained_share=self.kept)
-
-    def best(
-        self, x: NDArray[np.float64], starts: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        left = np.array([[r @ r for r in self.residuals(x, starts[:, k]).each] for k in range(starts.shape[1])]).T
-        return starts[np.arange(len(starts)), left.argmin(axis=1)], left.min(axis=1)
+    def slopes(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return T[:, None]
 
     def descended(
         self, steps: int, *, parameters: Sequence[Parameter] = PARAMETERS, tolerance: float = 1e-9, jumps: bool = False
@@ -181,6 +161,6 @@ def test_what_is_a_hundred_prior_widths_off_is_reached_in_a_dozen_steps() -> Non
 @pytest.mark.parametrize(("jumps", "rests"), [(True, True), (False, False)])
 def test_through_a_hit_a_promise_is_worth_what_the_last_one_was(jumps: bool, rests: bool) -> None:
     """After a step that gained a billionth of what it promised none is taken; a smooth motion keeps to its slopes."""
-    found = Lines([SHARED * T], kept=1e-9).descended(50, tolerance=1e-6, jumps=jumps)
+    found = Lines([SHARED * T], gained_share=1e-9).descended(50, tolerance=1e-6, jumps=jumps)
     assert (found.x[0] == 0.0) == rests
     assert rests or found.x[0] == pytest.approx(SHARED, abs=1e-3)
