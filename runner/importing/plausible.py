@@ -90,7 +90,8 @@ def _position(table: pd.DataFrame, source: ChannelSource, entry: Entry, model: m
         raise RecordingError(f"{entry.key}: signal '{entry.signal}' has no numbers.")
     if joint.limited[0]:
         limits = float(joint.range[0]), float(joint.range[1])
-        _outside(values, limits, entry, f"joint '{source.target}'")  # by how much less says the case, read by its model
+        # a little beyond its range is told when the case is read, where its stop is known
+        _outside(values, limits, entry, f"joint '{source.target}'")
         span = float(np.nanmax(values) - np.nanmin(values))
         notes = []
         if 0 < span < STILL * (limits[1] - limits[0]):

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from runner.effects.base import Scope
-from runner.effects.vocabulary import Candidate
 from runner.inference.evidence import Evidence, NormalEquations, clip
 from runner.inference.least_squares import Explanation, Fit, Fitter, amplitudes
+from runner.inference.warm_start import Key, key_of
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import Run
@@ -74,11 +74,11 @@ def rivals(around: NormalEquations, evidence: Evidence, fitter: Fitter, known: I
     """
     screened = _screened(around, evidence, fitter.system)
     tried = [r for r in screened[: SETTINGS.odds.confounded_trials] if r.alike > SETTINGS.odds.confounded_min_alike]
-    found = {frozenset(f.explanation.candidates): f for f in known}
+    found = {key_of(f.explanation): f for f in known}
     return tuple(_tried(r, around.fit, fitter, found) if r in tried else r for r in screened)
 
 
-def _tried(rival: Rival, fit: Fit, fitter: Fitter, found: Mapping[frozenset[Candidate], Fit]) -> Rival:
+def _tried(rival: Rival, fit: Fit, fitter: Fitter, found: Mapping[Key, Fit]) -> Rival:
     """Return a rival with its log odds: half of what it leaves, in squared noises, of what the fitted model does."""
     context = fitter.context
     effects = fit.explanation.make(fit.x, context)
@@ -95,7 +95,7 @@ def _tried(rival: Rival, fit: Fit, fitter: Fitter, found: Mapping[frozenset[Cand
         # two signs: around zero dry friction may hide the way
         first = starts[0] if len(starts) else 0.1 * np.array([p.scale for p in candidate.parameters(context)])
         begins = [np.concatenate([x, clip(candidate, start, context)]) for start in (first, -first)]
-        if known := found.get(frozenset(explanation.candidates)):
+        if known := found.get(key_of(explanation)):
             by_candidate = {c: known.x[part] for c, part in known.explanation.parts(context)}
             begins.insert(0, np.concatenate([by_candidate[c] for c in explanation.candidates]))
         for begin in begins:

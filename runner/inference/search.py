@@ -134,10 +134,15 @@ def _and_with_one_less(rounds: Rounds, new: list[Contender], around_best: Sensit
 def _and_with_another(rounds: Rounds, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
     """Add what the one that leaves least is with another effect in its place."""
     least = min(new, key=lambda c: c.fit.total)
-    reached = {key_of(c.fit.explanation): c.fit.total for c in rounds.contenders}
-    for fit in one_for_another(rounds.fitter, least, reached, rounds.short):
+    for fit in _with_one_exchanged(rounds, least):
         new = rounds.with_better(new, fit, around_best)
     return new
+
+
+def _with_one_exchanged(rounds: Rounds, whole: Contender) -> list[Fit]:
+    """Return fits with another effect in the place of one, but for those that have been fitted as well."""
+    reached = {key_of(c.fit.explanation): c.fit.total for c in rounds.contenders}
+    return one_for_another(rounds.fitter, whole, reached, rounds.short)
 
 
 def _and_with_one_for_two(rounds: Rounds, new: list[Contender], around_best: Sensitivities) -> list[Contender]:
@@ -203,8 +208,7 @@ def _in_other_words(rounds: Rounds) -> None:
     if len(likeliest.fit.explanation.candidates) < 2:
         return  # of single effects each has been fitted
     around = rounds.around(likeliest.fit)
-    reached = {key_of(c.fit.explanation): c.fit.total for c in rounds.contenders}
-    for fit in one_for_another(rounds.fitter, rounds.worthy(likeliest.fit, around), reached, rounds.short):
+    for fit in _with_one_exchanged(rounds, rounds.worthy(likeliest.fit, around)):
         rounds.disperse(rounds.worthy(fit, around))
         rounds.with_better([], fit, around)
 

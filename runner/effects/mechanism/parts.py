@@ -56,10 +56,11 @@ def to_give_of(model: mujoco.MjModel, effect: type[MechanismEffect], target: str
     return to_give(changed(model, effect(target=str(target), **values)), target)  # ty: ignore[unknown-argument]
 
 
-def changed(model: mujoco.MjModel, effect: MechanismEffect) -> mujoco.MjModel:
-    """Return a copy of a model with an effect in it that adds no element."""
+def changed(model: mujoco.MjModel, *effects: MechanismEffect) -> mujoco.MjModel:
+    """Return a copy of a model with effects in it that add no element."""
     out = copy.copy(model)
-    effect.edit_model(out)
+    for effect in effects:
+        effect.edit_model(out)
     return out
 
 

@@ -8,7 +8,6 @@ m at r adds to a body of mass M, centre of mass c and inertia I is told by two o
 
 from __future__ import annotations
 
-import copy
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -37,12 +36,9 @@ def inertials(model: mujoco.MjModel, effects: Iterable[AbstractEffect], errors: 
     out = dict[str, str]()
     for body, own in _by_body(effects).items():
         if len(own) > 1:
-            changed = copy.copy(model)
-            for effect in own:
-                told = effect.as_told(model, errors.get(_name(effect), {})) if isinstance(effect, ComOffset) else effect
-                told.edit_model(changed)
+            told = [e.as_told(model, errors.get(_name(e), {})) if isinstance(e, ComOffset) else e for e in own]
             out |= dict.fromkeys((_name(e) for e in own), "")
-            out[_name(own[0])] = parts.to_give(changed, body)
+            out[_name(own[0])] = parts.to_give(parts.changed(model, *told), body)
     return out
 
 
@@ -69,10 +65,7 @@ def _point_mass(model: mujoco.MjModel, body: str, effects: Sequence[MechanismEff
 
     def told(own: Sequence[MechanismEffect]) -> np.ndarray:
         """Return the mass (1), where it is (3), what it adds to the moments, and what those lack then, (4 + 2 n,)."""
-        changed = copy.copy(model)
-        for effect in own:
-            effect.edit_model(changed)
-        mass_then, place_then, moments_then = _inertial(changed, index, axes)
+        mass_then, place_then, moments_then = _inertial(parts.changed(model, *own), index, axes)
         more = mass_then - mass
         where = (mass_then * place_then - mass * place) / more
         away = [mass * _square(place - place_then, n) + more * _square(where - place_then, n) for n in axes]
