@@ -131,3 +131,11 @@ def test_a_comparison_is_as_sure_as_the_noise_of_the_force_lets_it_be() -> None:
     assert compared(1e5, 0.0, 200.0) == 50.0  # no surer than without that noise
     # where it tells nothing, an effect more costs what it cost beforehand
     assert compared(0.0, 0.0, 200.0, effects=2) == pytest.approx(SETTINGS.odds.effect_log_odds)
+
+
+def test_what_leaves_many_times_what_the_noise_makes_is_ruled_out() -> None:
+    """A wrong explanation leaves so much that a little noise turns it by much: the noise alone does not make it."""
+    assert compared(2e5, 500.0, 1e5) == 50.0
+    assert compared(2e5, 500.0, 1e5, effects=0) == 50.0  # though it needs no effect
+    # many times, by one direction of a Gaussian at the least: half of the ratio of the squares
+    assert compared(2e4, 500.0, 1e6) == pytest.approx(0.5 * (2e4 - 1000.0) / (1000.0 + np.sqrt(2 * 1000.0)))

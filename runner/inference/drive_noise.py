@@ -136,7 +136,9 @@ def as_told(
     """Return contenders whose odds are no surer than the noise of the drive lets a comparison with the first be.
 
     What the noise makes by itself is taken off what each leaves; the rest of a difference is as sure as it is many
-    times as large as that noise could make it. Where it tells nothing, what was likelier beforehand is.
+    times as large as that noise could make it. By what is left of a wrong explanation a little noise makes much of a
+    difference; one that leaves many times what the noise makes of it is unlikely for all that, see `_surely_told`.
+    Where it tells nothing, what was likelier beforehand is.
 
     Args:
         contenders: Weighed, with finite odds.
@@ -149,15 +151,30 @@ def as_told(
     def own(contender: Contender) -> float:
         return max(left[id(contender.fit)] - float(noise[id(contender.fit)].made.mean()), 0.0)
 
+    def surely_told(contender: Contender) -> float:
+        return _surely_told(left[id(contender.fit)], noise[id(contender.fit)])
+
     out = []
     for c in contenders:
         if c is not first and theirs.count:
             scatter = float((noise[id(c.fit)].turned - theirs.turned).std())
             errors = (own(c) - own(first)) / max(scatter, 1e-12)
-            told = float(log_ndtr(errors) - log_ndtr(-errors)) + beforehand(first) - beforehand(c)
+            told, surely = float(log_ndtr(errors) - log_ndtr(-errors)), surely_told(c) - surely_told(first)
+            told = max(told, surely) if surely > 0 else told
+            told += beforehand(first) - beforehand(c)
             c = replace(c, log_posterior=first.log_posterior - min(first.log_posterior - c.log_posterior, told))
         out.append(c)
     return out
+
+
+def _surely_told(left: float, noise: ByNoise) -> float:
+    """Return the log odds against an explanation, at the least, from what it leaves beyond what the noise makes of it.
+
+    Of Gaussian errors of a given mean square those along one single direction have the heaviest tail: the exponent of a
+    chi-square of one degree of freedom. The scatter of what the sensors add is counted in.
+    """
+    made = float(noise.made.mean())
+    return 0.5 * max(left - noise.count - made, 0.0) / (made + float(np.sqrt(2.0 * noise.count)))
 
 
 def beforehand(contender: Contender) -> float:
