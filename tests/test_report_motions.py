@@ -56,6 +56,13 @@ def test_parts_of_episodes_are_not_called_episodes(found: Any) -> None:
     assert {r.horizon for r in rows} == {"parts of 1.5 s"}
 
 
+def test_nothing_is_claimed_over_longer_times_than_were_replayed(found: Any) -> None:
+    """Beyond, what noise of a force makes piles up: a gap there would contradict the gap over parts."""
+    halves = tuple(Span(e, b, b + 90) for e in range(3) for b in (0, 90))
+    rows = misses(changed(found, stretches=halves))
+    assert [r.horizon for r in rows[:4]] == ["0.1 s", "0.5 s", "1 s", "parts of 1.5 s"]
+
+
 def test_letters_of_a_figure_are_as_drawn() -> None:
     """Coordinates are cut to hundredths, the numbers at an axis are not: 0.0025 is not 0.00."""
     with mpl.rc_context(STYLE):

@@ -58,11 +58,13 @@ class Miss:
 def misses(diagnosis: Diagnosis) -> list[Miss]:
     """Return the held-out episodes' misses, by channel, then by horizon, whole episodes last.
 
-    The model starts anew every so many seconds; its start states are fitted to the window that follows.
+    The model starts anew every so many seconds; its start states are fitted to the window that follows. Where episodes
+    were replayed in parts, over longer times than those nothing is to be foreseen, and nothing is claimed.
     """
     shortest = min(float(diagnosis.recording.episodes[e].t_s[-1]) for e in diagnosis.held_out)
     begins = min(float(diagnosis.recording.episodes[e].t_s[0]) for e in diagnosis.held_out)
-    horizons = [h for h in of_a_sample(SHOWN_HORIZONS_S, diagnosis.system.rate_hz) if h < shortest - begins]
+    longest_s = min(shortest - begins, longest_part_s(diagnosis.recording, diagnosis.stretches) or math.inf)
+    horizons = [h for h in of_a_sample(SHOWN_HORIZONS_S, diagnosis.system.rate_hz) if h < longest_s]
     tables = []
     for effects in ((), tuple(diagnosis.effects)):
         gap = measure_gap(
