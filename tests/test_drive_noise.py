@@ -10,13 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from runner.commands.gap import _in_short
 from runner.diagnosis.pipeline import diagnose
 from runner.effects.base import AbstractEffect
+from runner.effects.wording import number
 from runner.inference.drive_noise import ByNoise, as_told, told_apart_from_noise
 from runner.inference.least_squares import NONE, Fitter
 from runner.noise.measured import measure
 from runner.recording import Episode, Form, Nominal, Recording
 from runner.settings import SETTINGS
+from runner.simulate.gap import measure_gap
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.simulator import Run
 
@@ -59,6 +62,18 @@ def test_what_noise_of_a_force_makes_is_little_for_a_while() -> None:
     brief = whole.stretched(spans)
     nominal = brief.fit(NONE, range(len(brief.measured.spans)))
     assert brief.measured.excess(nominal.total, nominal.episodes) < 0.2 * over_all
+
+
+def test_a_gap_says_what_the_noise_of_a_force_makes() -> None:
+    """A model that is right misses that much, in the middle of few that scatter, and its sentence says so."""
+    system = PlanarBox(measured(3, 2.0))
+    gap = measure_gap(system, measure(system), horizons_s=(0.3, 1.0))
+    fitted = gap.table[gap.table["starts"].eq("fitted") & gap.table["noises"].notna()]
+    assert fitted["noises_expected"].to_numpy()[3:].min() > 3.0
+    middle = np.exp(np.log(fitted["noises"] / fitted["noises_expected"]).mean())
+    assert 0.5 < middle < 2.0
+    most = number(fitted["noises_expected"].max())
+    assert f"noise of the measured force alone makes up to {most}" in _in_short(gap, system.recording)
 
 
 @pytest.mark.slow

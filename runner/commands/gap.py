@@ -142,7 +142,9 @@ def _table(system: AbstractSystem, found: Gap, equals: str) -> Table:
     for name in ("noise", *("episodes" if h == WHOLE_EPISODE else h for h in horizons)):
         table.add_column(name, justify="right", no_wrap=True)
     at = {(r["starts"], r["channel"], r["horizon"]): r for r in found.table.to_dict("records")}
-    for starts, alone in (("fitted", False), ("measured", False), ("measured", True)):
+    # noise of a measured force is left by a perfect model from fitted starts too
+    kinds = (("fitted", False), *((("fitted", True),) if system.has_noisy_drive else ()))
+    for starts, alone in (*kinds, ("measured", False), ("measured", True)):
         table.add_row("[italic]noise alone[/]" if alone else f"[italic]starts {starts}[/]")
         for c, channel in enumerate(system.channels):
             unit, factor = SHOWN.get(channel.unit, (channel.unit, 1.0))
@@ -173,16 +175,18 @@ def _print_whole(table: Table, console: Console) -> None:
 def _in_short(found: Gap, recording: Recorded) -> str:
     """Say in a sentence which channels stand out over whole episodes."""
     rows = found.table.loc[lambda t: (t["starts"] == "fitted") & (t["horizon"] == WHOLE_EPISODE)].to_dict("records")
-    over = sorted((r for r in rows if r["noises"] > AT_NOISE), key=lambda r: -r["noises"])
+    over = sorted((r for r in rows if r["noises"] > AT_NOISE * r["noises_expected"]), key=lambda r: -r["noises"])
     count = len(recording.episodes)
     where = "over the whole episode" if count == 1 else f"over all {count} episodes"
     if in_parts(recording):
         where = f"over the {count} parts of the one episode"
+    made = max(r["noises_expected"] for r in rows)
+    alone = f"; noise of the measured force alone makes up to {number(made)}" if made >= AT_NOISE else ""
     if not over:
-        return f"{where} the model misses nothing but the noise."
+        return f"{where} the model misses nothing but the noise{alone}."
     named = [f"{r['channel']} by {number(r['noises'])} times the noise" for r in over]
     rest = ", the others by no more than it" if len(over) < len(rows) else ""
-    return f"{where} the model misses {listed(named)}{rest}."
+    return f"{where} the model misses {listed(named)}{rest}{alone}."
 
 
 def _print_many(rows: pd.DataFrame, console: Console) -> None:

@@ -6,12 +6,15 @@ as small as the noise of a sample. So two gaps are told: from the start states a
 noise of sample and start alone would make of it; and from start states that are fitted to the window, with what such a
 fit takes from the noise put back, so that a perfect model has a gap of one noise at every horizon. A window of which
 its measured start leaves less keeps that.
+
+A force that a sensor has measured is replayed with the sensor's noise, and moves what it pushes by that: what this
+makes of a gap shows where the same model is replayed with more noise of that size.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,13 +25,16 @@ from runner.errors import RecordingError
 from runner.noise.measured import Measured
 from runner.recording import Span
 from runner.settings import SETTINGS
-from runner.simulate.shooting import WINDOWS_AT_ONCE, Predict, fit_starts, windows_of
+from runner.simulate.shooting import WINDOWS_AT_ONCE, Fitted, Predict, fit_starts, windows_of
 from runner.systems.base import AbstractSystem
-from runner.systems.simulator import Run
+from runner.systems.simulator import AbstractSimulator, Run
 from runner.systems.windows import Windows
 
 HORIZONS_S = (0.1, 0.5, 1.0)
 WHOLE_EPISODE = "episode"
+# Of a descent of starts. Speeds guessed from positions of 30 a second are far off: after two steps windows of a second
+# still missed ten times what they miss in the end.
+START_STEPS = 8
 AMPLIFIES = 10.0  # noises that one noise of the start makes: from here on a descent of starts needs shorter parts first
 
 
@@ -40,7 +46,8 @@ class Gap:
         table: One row per channel, horizon and kind of start: `horizon` ("0.1 s", ..., "episode"), `horizon_s` (NaN for
             whole episodes), `starts` ("measured" or "fitted"), `channel`, `unit`, `rms` (physical), `noise`, `stated`
             (False: the noise is estimated), `noises` (rms / noise), `noises_expected` (the same of a perfect model),
-            `windows`, `values`; NaN where there are none.
+            `windows`, `values`; NaN where there are none. A perfect model misses the noise, and what that of a measured
+            force makes.
         episodes: The same for each whole episode: `episode` is its number in the recording.
         starts: Fitted start states of the whole episodes, by position of the episode, (S,) each.
     """
@@ -85,6 +92,7 @@ def measure_gap(
     lengths = [len(e) for e in system.recording.episodes]
     chosen = list(range(len(lengths))) if episodes is None else list(episodes)
     simulator = system.simulator()
+    noisier = [s.simulator() for s in system.driven_otherwise(SETTINGS.odds.drive_draws)]
     rows = []
     for horizon in horizons_s:
         samples = _samples(system, horizon)
@@ -99,29 +107,28 @@ def measure_gap(
                 f"{system.recording.path}: no episode is as long as the horizon {horizon:g} s; "
                 f"the longest has {longest / system.rate_hz:g} s."
             )
-        sums = [
-            _sums(
-                system,
-                lambda s, n, some=some: simulator.predict_windows(effects, replace(some, samples=n), s),
-                some,
-                signals,
-                iterations=2,
-            )
-            for _, some in windows.chunks(WINDOWS_AT_ONCE)
-        ]
+        sums = []
+        for _, some in windows.chunks(WINDOWS_AT_ONCE):
+
+            def by(simulator: AbstractSimulator, some: Windows = some) -> Predict:
+                return lambda s, n: simulator.predict_windows(effects, replace(some, samples=n), s)
+
+            sums.append(_sums(system, by(simulator), some, signals, map(by, noisier)))
         rows += _rows(system, f"{horizon:g} s", horizon, _total(sums), signals)
         advance()
     by_episode, starts, kept = [], {}, []
     for e in chosen if whole_episodes else ():
         windows = Windows(np.array([e]), np.array([0]), lengths[e])
 
-        def predict(states: np.ndarray, n: int, e: int = e) -> np.ndarray:
-            true = [simulator.seen_start(effects, s) for s in states[0]]
-            runs = [Run(effects, s) for s in true]
-            whole = n == lengths[e]
-            return (simulator.predict(e, runs) if whole else simulator.parts([Span(e, 0, n)]).predict(0, runs))[None]
+        def whole(simulator: AbstractSimulator, e: int = e) -> Predict:
+            def predict(states: np.ndarray, n: int) -> np.ndarray:
+                runs = [Run(effects, simulator.seen_start(effects, s)) for s in states[0]]
+                part = simulator if n == lengths[e] else simulator.parts([Span(e, 0, n)])
+                return part.predict(e if part is simulator else 0, runs)[None]
 
-        one = _sums(system, predict, windows, signals, iterations=8, grow=True)
+            return predict
+
+        one = _sums(system, whole(simulator), windows, signals, map(whole, noisier), grow=True)
         kept.append(one)
         starts[e] = simulator.seen_start(effects, one.starts[0])
         number = system.recording.episodes[e].index
@@ -149,6 +156,7 @@ class _Sums:
     squares: np.ndarray  # from measured starts, without the first sample, which is the start
     values: np.ndarray
     expected: np.ndarray  # of the squares, for a perfect model
+    made: np.ndarray  # of the fitted squares, by noise of a measured force
     fitted_squares: np.ndarray  # with what the fit takes from the noise put back
     fitted_values: np.ndarray
     starts: np.ndarray  # (W, S)
@@ -159,12 +167,13 @@ def _sums(
     predict: Predict,
     windows: Windows,
     signals: Measured,
+    noisier: Iterable[Predict] = (),
     *,
-    iterations: int,
     grow: bool = False,
 ) -> _Sums:
     """Return the sums of windows, which are simulated by `predict` from start states as they are shown.
 
+    `noisier`: by each of these with more noise on what drove the object.
     `grow`: there is one window, and where its motion amplifies the start, that is sought over shorter parts first.
     """
     values, valid = windows.of(signals.values), system.initial.settled(windows.of(signals.valid), system.rate_hz)
@@ -185,7 +194,10 @@ def _sums(
     amplifies = grow and (expected > AMPLIFIES**2 * signals.sigma**2 * counts.sum(axis=(0, 1))).any()
     shares = SETTINGS.held_out.growing_shares if amplifies else (1.0,)
     problem = (predict, values, valid, signals, measured, steps, scale)
-    fitted = fit_starts(*problem, shares=shares, iterations=iterations, short=not grow)
+    fitted = fit_starts(*problem, shares=shares, iterations=START_STEPS, short=not grow)
+    moved = [(p(fitted.starts[:, None], windows.samples)[:, 0] - values - fitted.residual) for p in noisier]
+    made, taken_up = _made(np.array(moved), fitted, valid, signals)
+    expected = expected + np.where(counts, made, 0.0).sum(axis=(0, 1))
     # through a hit a descent may end where more is left than it began with, or where the motion diverges
     left, before = (np.where(valid, (r / signals.sigma) ** 2, 0.0) for r in (fitted.residual, residual))
     worse = np.nan_to_num(left.sum(axis=(1, 2)), nan=np.inf) > np.nan_to_num(before.sum(axis=(1, 2)), nan=np.inf)
@@ -198,10 +210,30 @@ def _sums(
         np.where(counts, residual**2, 0.0).sum(axis=(0, 1)),
         counts.sum(axis=(0, 1)),
         expected,
+        np.where(valid, taken_up, 0.0).sum(axis=(0, 1)),
         (squares + back) * signals.sigma**2,
         valid.sum(axis=(0, 1)),
         np.where(worse[:, None], measured, fitted.starts),
     )
+
+
+def _made(moved: np.ndarray, fitted: Fitted, valid: np.ndarray, signals: Measured) -> tuple[np.ndarray, np.ndarray]:
+    """Return what noise of a measured force makes of squares, (W, n, C), and of those that a fit of the start leaves.
+
+    Args:
+        moved: By how much predictions are other with more of it, in each draw, (D, W, n, C).
+        fitted: The windows, with their starts fitted.
+        valid: What counts, (W, n, C).
+        signals: The noise.
+    """
+    if not len(moved):
+        return np.zeros(valid.shape), np.zeros(valid.shape)
+    scaled = np.where(valid, moved / signals.sigma, 0.0)
+    flat = scaled.reshape(*scaled.shape[:2], -1)
+    columns = np.where(valid[..., None], fitted.change, 0.0).reshape(flat.shape[1], flat.shape[2], -1)
+    follows = np.einsum("wip,dwp->dwi", columns, np.einsum("wpi,dwi->dwp", np.linalg.pinv(columns), flat))
+    left = (flat - follows).reshape(scaled.shape)
+    return (scaled**2).mean(axis=0) * signals.sigma**2, (left**2).mean(axis=0) * signals.sigma**2
 
 
 def _total(sums: Sequence[_Sums]) -> _Sums:
@@ -213,6 +245,7 @@ def _total(sums: Sequence[_Sums]) -> _Sums:
         squares=add("squares"),
         values=add("values"),
         expected=add("expected"),
+        made=add("made"),
         fitted_squares=add("fitted_squares"),
         fitted_values=add("fitted_values"),
         starts=np.concatenate([s.starts for s in sums]),
@@ -229,7 +262,11 @@ def _rows(
             np.sqrt(sums.expected / measured) / signals.sigma,
             sums.values,
         ),
-        "fitted": (np.sqrt(sums.fitted_squares / fitted), np.ones(len(system.channels)), sums.fitted_values),
+        "fitted": (
+            np.sqrt(sums.fitted_squares / fitted),
+            np.sqrt(1.0 + np.nan_to_num(sums.made / fitted) / signals.sigma**2),
+            sums.fitted_values,
+        ),
     }
     return [
         {
