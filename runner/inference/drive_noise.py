@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import log_ndtr
 
+from runner.effects.base import Effects
 from runner.inference.contender import Contender
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.variable_projection import project
@@ -63,7 +64,7 @@ class ByNoise:
 
 
 def by_noise(fits: Sequence[Fit], fitter: Fitter, others: Sequence[Fitter]) -> ByNoise:
-    """Return what noise of the drive makes of some fits of one explanation.
+    """Return what noise of the drive makes of some fits of one explanation, whose starts follow it.
 
     Args:
         fits: Of different episodes.
@@ -75,14 +76,25 @@ def by_noise(fits: Sequence[Fit], fitter: Fitter, others: Sequence[Fitter]) -> B
     made, turned = np.zeros(len(others)), np.zeros(len(others))
     for fit in fits:
         effects = fit.explanation.make(fit.x, fitter.context)
-        for e, start, left, dispersion in zip(
-            fit.episodes, fit.starts, fit.residual, fit.spread.dispersion, strict=True
-        ):
+        for k, (left, dispersion) in enumerate(zip(fit.residual, fit.spread.dispersion, strict=True)):
             for d, other in enumerate(others):
-                row = np.nan_to_num(other.whitened(e, [Run(effects, start)])[0])
-                made[d] += ((row - left) ** 2).sum() / dispersion
-                turned[d] += (row @ row - left @ left) / dispersion
+                moved = _moved_beside_starts(fit, k, effects, other)
+                made[d] += moved @ moved / dispersion
+                turned[d] += (moved @ moved + 2.0 * moved @ left) / dispersion
     return ByNoise(made, turned, fitter.measured.count(e for fit in fits for e in fit.episodes))
+
+
+def _moved_beside_starts(fit: Fit, k: int, effects: Effects, other: Fitter) -> FloatArray:
+    """Return by how much other noise of the drive moves one episode of a fit, (n,), once its start has followed.
+
+    A start follows by a step of Gauss and Newton, and where that leads astray as far as derivatives take it.
+    """
+    episode, start, left = fit.episodes[k], fit.starts[k], fit.residual[k]
+    q, r = fit.basis.q[k], fit.basis.r[k]
+    first = np.nan_to_num(other.whitened(episode, [Run(effects, start)])[0] - left)
+    follow = start - np.linalg.pinv(r) @ (q.T @ first)
+    then = np.nan_to_num(other.whitened(episode, [Run(effects, follow)])[0] - left)
+    return min(project(first, q), project(then, q), key=lambda moved: float(moved @ moved))
 
 
 def driven_otherwise(fitter: Fitter) -> tuple[Fitter, ...]:
@@ -123,9 +135,9 @@ def _made_beside_starts(fitter: Fitter, systems: Sequence[AbstractSystem]) -> fl
     episodes, others = range(len(fitter.measured.values)), [fitter.with_system(s) for s in systems]
     fit = fitter.fit(NONE, episodes, iterations=SETTINGS.fit.nominal_steps)
     made = 0.0
-    for e, start, left, q in zip(episodes, fit.starts, fit.residual, fit.basis.q, strict=True):
+    for k in range(len(episodes)):
         for other in others:
-            moved = project(np.nan_to_num(other.whitened(e, [Run((), start)])[0] - left), q)
+            moved = _moved_beside_starts(fit, k, (), other)
             made += float(moved @ moved) / len(others)
     return made / max(fitter.measured.count(episodes), 1)
 
