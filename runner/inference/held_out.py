@@ -216,7 +216,9 @@ def _with_what_is_left(
     Where a body is moved by metres by an offset of millimetres, little mismatch does so too, and once it is integrated
     out hardly anything tells an explanation that predicts from one that does not. The squared residuals are
     overdispersed: what the best explanation leaves beyond the noise is the doing of few errors of the model,
-    each of which stands for many residuals. They are taken to be no smaller in the fitted ones.
+    each of which stands for many residuals. They are taken to be no smaller in the fitted ones. What holds a likelier
+    explanation and more is not asked for them: whether what that leaves is mismatch or one effect more is what their
+    evidence has told, and the effect would take the errors for its own.
 
     Args:
         weighed: With the evidence of the fitted episodes.
@@ -226,12 +228,23 @@ def _with_what_is_left(
     """
     count, fitted = fitter.measured.count, weighed[0].fit.episodes
     posterior = np.array([c.log_posterior for c in weighed])
+    asked = [not _holds_a_likelier(c, weighed) for c in weighed]
     dispersion = 1.0
     for totals, episodes, independent in (
         ([unseen[id(c.fit)].left for c in weighed], held_out, SETTINGS.held_out.independent_errors_unseen),
         ([c.evidence.left for c in weighed], fitted, 1.0),  # where parameters have taken up others, one error remains
     ):
         left = np.maximum(np.array(totals) - count(episodes), 0.0)
-        dispersion = max(dispersion, 1.0 + left.min() / independent)
+        dispersion = max(dispersion, 1.0 + left[asked].min() / independent)
         posterior -= 0.5 * left / dispersion
     return [replace(c, log_posterior=float(p)) for c, p in zip(weighed, posterior, strict=True)]
+
+
+def _holds_a_likelier(contender: Contender, others: Sequence[Contender]) -> bool:
+    """Whether one of several explanations holds fewer of a contender's effects, one at least, and is likelier."""
+    whole = frozenset(contender.fit.explanation.candidates)
+    return any(
+        frozenset() < frozenset(other.fit.explanation.candidates) < whole
+        and other.log_posterior > contender.log_posterior
+        for other in others
+    )
