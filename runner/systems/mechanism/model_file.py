@@ -46,7 +46,8 @@ def write_model(models: Models, effects: Effects, folder: Path) -> tuple[str, ..
     """Write `model.xml` with the effects that MJCF can express, and return the names of the files.
 
     Effects on commands and readings are not part of a model, but for what MuJoCo itself can do of them, and friction
-    that MuJoCo's joints lack is not part of MJCF: a comment names those that are left out.
+    that MuJoCo's joints lack is not part of MJCF: a comment names those that are left out. What is off in the recording
+    and not in the machine (a sensor, the clock) is left out too: who sets the recording right would correct it twice.
 
     Raises:
         ResultError: If what was written moves otherwise than the edited model.
@@ -57,9 +58,8 @@ def write_model(models: Models, effects: Effects, folder: Path) -> tuple[str, ..
         model = spec.compile()
         models.put_in(inside, model)
         if models.contact_time_s(inside) < min(models.contact_time_s(()), 2 * model.opt.timestep):
-            # MuJoCo softens contacts whose time constant is below two steps; a clock of its own scales any step
-            clock = model.opt.timestep / models.file_step_s
-            model.opt.timestep = clock * max(0.5 * shortest_contact_s(model), SHORTEST_STEP_S)
+            # MuJoCo softens contacts whose time constant is below two steps
+            model.opt.timestep = max(0.5 * shortest_contact_s(model), SHORTEST_STEP_S)
         try:
             spec.copy_back(model)
         except ValueError as error:
@@ -69,12 +69,11 @@ def write_model(models: Models, effects: Effects, folder: Path) -> tuple[str, ..
         for effect in written:
             effect.edit_written(spec)
         text = spec.to_xml()
-    left = [e.full_name for e in effects if e not in inside and e not in written]
     late = [a for a in spec.actuators if a.delay > 0.0]
     if written and late:
         text = f"<!-- {_of_delays(late)} -->\n" + text
-    if left:
-        text = f"<!-- Not expressed here: {', '.join(left)}. -->\n" + text
+    if left := _of_left([e for e in effects if e not in inside and e not in written]):
+        text = f"<!-- {left} -->\n" + text
     path = folder / MODEL
     write_text(path, text)
     assets = _copy_assets(spec, models.folder, folder)
@@ -83,7 +82,9 @@ def write_model(models: Models, effects: Effects, folder: Path) -> tuple[str, ..
 
 
 def expressible(models: Models, effect: AbstractEffect) -> bool:
-    """Whether an effect changes the model, and by nothing but what MuJoCo's own elements have."""
+    """Whether an effect changes the machine, and by nothing but what MuJoCo's own elements have."""
+    if effect.of_sensor:
+        return False
     base, edited = models.compiled((effect,)).model, models.edited((effect,))
     if np.any(base.jnt_user[:, -SIZE:] != edited.jnt_user[:, -SIZE:]):
         return False
@@ -98,6 +99,18 @@ def expressible(models: Models, effect: AbstractEffect) -> bool:
 def is_written(effect: AbstractEffect) -> TypeGuard[MechanismEffect]:
     """Whether an effect acts outside the engine here, and MuJoCo has an attribute that does the same."""
     return isinstance(effect, MechanismEffect) and type(effect).edit_written is not MechanismEffect.edit_written
+
+
+def _of_left(left: Effects) -> str:
+    """Return which effects the written model does not have, and why where that is not plain; empty: there is none."""
+    recorded = [e.full_name for e in left if e.of_sensor]
+    said = [e.full_name for e in left if not e.of_sensor]
+    of = "which is" if len(recorded) == 1 else "which are"
+    return " ".join(
+        f"Not expressed here: {names}."
+        for names in (", ".join(said), recorded and f"{', '.join(recorded)}, {of} of the recording, not of the machine")
+        if names
+    )
 
 
 def _of_delays(late: Sequence[mujoco.MjsActuator]) -> str:
