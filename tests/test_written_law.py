@@ -149,7 +149,9 @@ def test_written_friction_coasts_like_its_equation(tmp_path: Path) -> None:
 def test_what_is_written(arm: MechanismSystem, tmp_path: Path) -> None:
     """The XML says what to do; the numbers come after the owner's, and the module is the package's own text."""
     (tmp_path / "model.py").write_text("raise SystemExit")
-    arm.write_model((TorqueOffset("elbow", 0.25), Mass("forearm", 0.9)), tmp_path)
+    effects = TorqueOffset("elbow", 0.25), Mass("forearm", 0.9)
+    arm.write_model(effects, tmp_path)
+    assert [("with model.py" in arm.model_use(e)) for e in (effects, effects[1:])] == [True, False]
     first = (tmp_path / "model.xml").read_text().splitlines()[0]
     assert "Only with model.py, beside this file: torque_offset[elbow]." in first
     assert 'import model; m = model.load("model.xml")' in first
