@@ -112,7 +112,7 @@ def test_load_friction_on_an_incline(push: float) -> None:
     )
     model = compiled(xml)
     law = JointLaw(model, 0)
-    law["load_share"], law["load_dof"] = share, 0
+    law["load_share"] = share
     weight = 1.6 * 9.81 * math.sin(slope)
     friction = SLIDER_DRY_N + share * 0.5 * (push + weight)
     t, _, v = move(model, 0.2, speed={"slide": 0.1 if push > weight else -0.1}, command=lambda _t: [push])
@@ -122,7 +122,7 @@ def test_load_friction_on_an_incline(push: float) -> None:
 
 def test_load_friction_forgets_what_data_held_before() -> None:
     """The load is that of this state and command, whatever was computed in the same MjData before."""
-    model = slider(load_share=0.3, load_dof=0)
+    model = slider(load_share=0.3)
     fresh, used = mujoco.MjData(model), mujoco.MjData(model)
     used.ctrl[0] = 100.0
     mujoco.mj_step(model, used)
@@ -157,7 +157,7 @@ def test_push_has_its_impulse_wherever_steps_begin() -> None:
 
 def test_rollout_in_threads_is_the_same() -> None:
     """`rollout` with two threads gives bit for bit what stepping gives."""
-    model = slider(excess=0.5, excess_speed=0.1, excess_power=2.0, load_share=0.2, load_dof=0, offset=0.3)
+    model = slider(excess=0.5, excess_speed=0.1, excess_power=2.0, load_share=0.2, offset=0.3)
     starts = np.zeros((6, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
     starts[:, 2] = np.linspace(-1, 1, 6)
     control = np.sin(np.arange(200) / 20)[None, :, None] * np.linspace(1, 9, 6)[:, None, None]

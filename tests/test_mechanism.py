@@ -386,6 +386,19 @@ def test_the_corrected_model_is_what_was_simulated(tmp_path: Path):
     assert model.nsensor == 0
 
 
+def test_a_clock_that_is_off_is_not_in_the_corrected_model(tmp_path: Path):
+    """Its owner divides the recording's times: a model with a step of another length would correct that twice."""
+    system = arm(tmp_path / "case", episodes=1)
+    (tmp_path / "out").mkdir()
+    system.write_model((ClockScale(0.97), Heavier(1.25), Doubled()), tmp_path / "out")
+    text = (tmp_path / "out" / "model.xml").read_text()
+    assert "Not expressed here: throwaway" in text
+    assert "Not expressed here: clock_scale, which is of the recording, not of the machine." in text
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "model.xml"))
+    assert model.opt.timestep == mujoco.MjModel.from_xml_path(str(system.recording.model_path)).opt.timestep
+    assert model.body("upper").mass[0] == pytest.approx(1.5)
+
+
 def test_a_late_command_is_in_the_corrected_model(tmp_path: Path):
     """MuJoCo's own delay, of servos and motors: it moves as the simulation does that sends commands later."""
     system = arm(tmp_path / "case", episodes=1)

@@ -88,6 +88,7 @@ def _content(diagnosis: Diagnosis, folder: Path | None) -> dict[str, Any]:
         "left": unknown.left(diagnosis),
         "looks": unknown.looks(diagnosis),
         "corrected": said.corrected,
+        "model_use": diagnosis.system.model_use(diagnosis.effects) if said.corrected else "",
         "commanded": diagnosis.system.commanded,
         "trajectories": sections.trajectories(diagnosis, paths),
         "stretch_s": longest_part_s(diagnosis.recording, diagnosis.stretches),

@@ -65,7 +65,6 @@ class AbstractSystem(ABC):
             {"speed": "at {}"}.
         activities: Those factors that say what was done, rather than where, when or how fast.
         noun: What the object is called in a sentence: "object", "mechanism".
-        model_use: What the corrected `model.xml` is for: "for use within runner".
         experiment: What is done to it: "push"; `reach`: what limits that so far; `reach_further`: what would go beyond.
         mismatch_levels: How far any simulator of such an object may be off in the direction of each effect, in units of
             `OddsSettings.mismatch_share`: equally likely multiples, 1 among them. How far is not known beforehand.
@@ -99,7 +98,6 @@ class AbstractSystem(ABC):
     factors: Mapping[str, str]
     activities: tuple[str, ...] = ("regime",)
     noun: str = "object"
-    model_use: str = "for use within runner"
     experiment: str = "experiment"
     reach: str = "the commands used so far"
     reach_further: str = "command faster, or over a wider range, or check it by hand"
@@ -241,6 +239,10 @@ class AbstractSystem(ABC):
             The experiments, a system whose episode i is experiment i with nothing measured, and the start of them
             all, (S,).
         """
+
+    def model_use(self, effects: Effects) -> str:
+        """Return what the `model.xml` that `write_model` writes is for."""
+        return "for use within runner"
 
     @abstractmethod
     def write_model(self, effects: Effects, folder: Path) -> tuple[str, ...]:

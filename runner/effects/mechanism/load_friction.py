@@ -41,7 +41,7 @@ class LoadFriction(MechanismEffect):
         dof, law = parts.dof_of(model, self.target), parts.law_of(model, self.target)
         model.dof_frictionloss[dof] = max(float(model.dof_frictionloss[dof]), LEAST_FRICTION)
         law["load_share"] = self.share
-        law["load_dof"] = parts.dof_of(model, parts.drive_side(model, self.target))
+        law["drive_after"] = parts.dof_of(model, parts.drive_side(model, self.target)) - dof
 
     @classmethod
     def applies(cls, scope: Scope) -> bool:

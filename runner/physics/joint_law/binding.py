@@ -52,7 +52,7 @@ from runner.physics.joint_law.record import COLUMN, MAGIC, SIZE
 from runner.storage.numba_cache import fingerprint
 
 OFFSET, EXCESS, EXCESS_SPEED, EXCESS_POWER = (COLUMN[n] for n in ("offset", "excess", "excess_speed", "excess_power"))
-LOAD_SHARE, LOAD_DOF = COLUMN["load_share"], COLUMN["load_dof"]
+LOAD_SHARE, DRIVE_AFTER = COLUMN["load_share"], COLUMN["drive_after"]
 DRY_DIFFERENCE, VISCOUS_DIFFERENCE = COLUMN["dry_difference"], COLUMN["viscous_difference"]
 RIPPLE_SIN, RIPPLE_COS, RIPPLE_RATE = COLUMN["ripple_sin"], COLUMN["ripple_cos"], COLUMN["ripple_rate"]
 PUSH, PUSH_FROM, PUSH_UNTIL = COLUMN["push"], COLUMN["push_from"], COLUMN["push_until"]
@@ -211,7 +211,7 @@ def _compile(at: JointLawOffsets):
                 if not evaluated:
                     _evaluate(at, m, d)
                     evaluated = True
-                limit += record[LOAD_SHARE] * _load(at, m, d, dof, int(record[LOAD_DOF]))
+                limit += record[LOAD_SHARE] * _load(at, m, d, dof, dof + int(record[DRIVE_AFTER]))
             if limit != dry:
                 _bound_friction(at, m, d, dof, limit)
 

@@ -19,9 +19,9 @@ FIELDS = (
     "excess",
     "excess_speed",
     "excess_power",
-    # dry friction plus load_share times the load, which the actuators of degree of freedom `load_dof` bear
+    # dry friction plus load_share times the load; its actuators act on the degree of freedom so many after the joint's
     "load_share",
-    "load_dof",
+    "drive_after",
     # friction of positive less that of negative motion, over their mean, which is the model's
     "dry_difference",
     "viscous_difference",
@@ -54,6 +54,11 @@ class JointLaw:
     def __post_init__(self) -> None:
         if self.model.nuser_jnt < SIZE:
             raise ValueError("The model has no room for the law of joints: call `reserve` before it is compiled.")
+
+    @property
+    def present(self) -> bool:
+        """Whether the law does anything with the joint."""
+        return self["magic"] == MAGIC
 
     def __getitem__(self, name: str) -> float:
         return float(self.model.jnt_user[self.joint, COLUMN[name] - SIZE])

@@ -1,10 +1,10 @@
-"""The corrected model as MJCF."""
+"""The corrected model as MJCF, and what plain MuJoCo needs besides for the law of joints."""
 
 from __future__ import annotations
 
 import copy
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeGuard
 
@@ -15,13 +15,16 @@ from runner.effects.base import AbstractEffect, Effects
 from runner.effects.mechanism import Command, MechanismEffect
 from runner.errors import ResultError
 from runner.numerics.arrays import FloatArray
-from runner.physics.joint_law import SIZE
+from runner.physics import joint_law
+from runner.physics.joint_law import SIZE, JointLaw
 from runner.recording.model_form_mjcf import quiet
 from runner.storage.writing import own_folder, replacing, write_text
+from runner.systems.mechanism import written_law
 from runner.systems.mechanism.models import OWN, Models, shortest_contact_s
 from runner.systems.mechanism.simulator import SHORTEST_STEP_S
 
 MODEL = "model.xml"
+LAW = "model.py"
 DIGITS = 1e-5  # what MuJoCo writes is rounded to six digits
 LOOK_S = 0.5  # so long both are simulated
 DRIVE_HZ = 2.0
@@ -45,48 +48,58 @@ CONTACT = tuple(
 def write_model(models: Models, effects: Effects, folder: Path) -> tuple[str, ...]:
     """Write `model.xml` with the effects that MJCF can express, and return the names of the files.
 
-    Effects on commands and readings are not part of a model, but for what MuJoCo itself can do of them, and friction
-    that MuJoCo's joints lack is not part of MJCF: a comment names those that are left out.
+    Friction and forces that MuJoCo's joints lack are numbers in `user`, for which `model.py` is written: `written_law`,
+    a callback. Effects on commands and readings are not part of a model, but for what MuJoCo itself can do of them: a
+    comment names those that are left out. What is off in the recording and not in the machine (a sensor, the clock) is
+    left out too: who sets the recording right would correct it twice.
 
     Raises:
         ResultError: If what was written moves otherwise than the edited model.
     """
     inside = tuple(e for e in effects if expressible(models, e))
+    by_law = needing_law(models, inside)
     with quiet():
         spec = models.spec(inside, instrumented=False)
+        own = [list(joint.userdata) for joint in spec.joints]
+        if by_law:
+            joint_law.reserve(spec)
         model = spec.compile()
         models.put_in(inside, model)
         if models.contact_time_s(inside) < min(models.contact_time_s(()), 2 * model.opt.timestep):
-            # MuJoCo softens contacts whose time constant is below two steps; a clock of its own scales any step
-            clock = model.opt.timestep / models.file_step_s
-            model.opt.timestep = clock * max(0.5 * shortest_contact_s(model), SHORTEST_STEP_S)
+            # MuJoCo softens contacts whose time constant is below two steps
+            model.opt.timestep = max(0.5 * shortest_contact_s(model), SHORTEST_STEP_S)
         try:
             spec.copy_back(model)
         except ValueError as error:
             raise ResultError(f"{MODEL}: the corrected numbers can't be written: {error}") from None
+        if by_law:
+            _copy_law(spec, model, own)
         _copy_geoms(spec, model)
         written = tuple(e for e in effects if is_written(e))
         for effect in written:
             effect.edit_written(spec)
         text = spec.to_xml()
-    left = [e.full_name for e in effects if e not in inside and e not in written]
     late = [a for a in spec.actuators if a.delay > 0.0]
     if written and late:
         text = f"<!-- {_of_delays(late)} -->\n" + text
-    if left:
-        text = f"<!-- Not expressed here: {', '.join(left)}. -->\n" + text
+    if by_law:
+        text = f"<!-- {_of_law(by_law)} -->\n" + text
+    if left := _of_left([e for e in effects if e not in inside and e not in written]):
+        text = f"<!-- {left} -->\n" + text
     path = folder / MODEL
     write_text(path, text)
+    if by_law:
+        write_text(folder / LAW, Path(written_law.__file__).read_text(encoding="utf-8"))
     assets = _copy_assets(spec, models.folder, folder)
     _check(models, inside, written, path)
-    return (MODEL, *assets)
+    return (MODEL, *([LAW] if by_law else []), *assets)
 
 
 def expressible(models: Models, effect: AbstractEffect) -> bool:
-    """Whether an effect changes the model, and by nothing but what MuJoCo's own elements have."""
-    base, edited = models.compiled((effect,)).model, models.edited((effect,))
-    if np.any(base.jnt_user[:, -SIZE:] != edited.jnt_user[:, -SIZE:]):
+    """Whether an effect changes the machine, and by nothing but what MuJoCo's elements and the law of joints have."""
+    if effect.of_sensor:
         return False
+    edited = models.edited((effect,))
     if any(len(set(edited.dof_damping[j.v])) > 1 for j in models.believed_coordinates.joints):
         return False
     cls = type(effect)
@@ -95,9 +108,38 @@ def expressible(models: Models, effect: AbstractEffect) -> bool:
     )
 
 
+def needing_law(models: Models, effects: Effects) -> list[AbstractEffect]:
+    """Return the effects that change the law of joints, which plain MuJoCo has not."""
+    return [
+        e
+        for e in effects
+        if np.any(models.compiled((e,)).model.jnt_user[:, -SIZE:] != models.edited((e,)).jnt_user[:, -SIZE:])
+    ]
+
+
 def is_written(effect: AbstractEffect) -> TypeGuard[MechanismEffect]:
     """Whether an effect acts outside the engine here, and MuJoCo has an attribute that does the same."""
     return isinstance(effect, MechanismEffect) and type(effect).edit_written is not MechanismEffect.edit_written
+
+
+def _of_left(left: Sequence[AbstractEffect]) -> str:
+    """Return which effects the written model does not have, and why where that is not plain; empty: there is none."""
+    recorded = [e.full_name for e in left if e.of_sensor]
+    said = [e.full_name for e in left if not e.of_sensor]
+    of = "which is" if len(recorded) == 1 else "which are"
+    return " ".join(
+        f"Not expressed here: {names}."
+        for names in (", ".join(said), recorded and f"{', '.join(recorded)}, {of} of the recording, not of the machine")
+        if names
+    )
+
+
+def _of_law(by_law: Sequence[AbstractEffect]) -> str:
+    """Return what has to be done about effects that act by the law of joints."""
+    return (
+        f"Only with {LAW}, beside this file: {', '.join(e.full_name for e in by_law)}. In Python: import model; "
+        f'm = model.load("{MODEL}")'
+    )
 
 
 def _of_delays(late: Sequence[mujoco.MjsActuator]) -> str:
@@ -107,6 +149,19 @@ def _of_delays(late: Sequence[mujoco.MjsActuator]) -> str:
         f"Commands come late: {told}. Until then those from before the first step count, which are 0 unless "
         "mj_initCtrlHistory sets them; a shorter timestep needs more nsample."
     )
+
+
+def _copy_law(spec: mujoco.MjSpec, model: mujoco.MjModel, own: Sequence[Sequence[float]]) -> None:
+    """Write the law of joints after the numbers that their owner has there, under the tag that `written_law` looks for.
+
+    The compiled law has another tag: it would act on the written model a second time.
+    """
+    for joint, numbers in zip(spec.joints, own, strict=True):
+        law = JointLaw(model, joint.id)
+        joint.userdata = [*numbers]
+        if law.present:
+            room = [0.0] * (model.nuser_jnt - SIZE - len(numbers))
+            joint.userdata = [*numbers, *room, written_law.TAG, *(law[name] for name in written_law.FIELDS)]
 
 
 def _copy_geoms(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
@@ -132,7 +187,11 @@ def _copy_assets(spec: mujoco.MjSpec, source: Path, folder: Path) -> tuple[str, 
 
 
 def _check(models: Models, effects: Effects, delays: Sequence[MechanismEffect], path: Path) -> None:
-    """Simulate both, plainly, from the reference position, driven by sines, and compare the motion."""
+    """Simulate both, plainly, from the reference position, driven by sines, and compare the motion.
+
+    What was written has the law of joints from the package's own text, and between two halves of a step: MuJoCo's
+    callback belongs to the whole process, and what is in the folder is not executed.
+    """
     try:
         with quiet():
             written = mujoco.MjModel.from_xml_path(str(path))
@@ -163,9 +222,10 @@ def _moves_otherwise(written: mujoco.MjModel, edited: mujoco.MjModel, late: Sequ
     command = Command(edited.opt.timestep, sent, dict.fromkeys(sent, 0.0))
     for effect in late:
         command = effect.edit_command(command)
+    step = _step_with_law if (written.jnt_user == written_law.TAG).any() else mujoco.mj_step
     # a written model has the same actuators, in the same order
     one, other = (
-        _moved(model, {a: columns[name] for name, a in driven.items()})
+        _moved(model, {a: columns[name] for name, a in driven.items()}, step)
         for model, columns in ((written, sent), (edited, command.columns))
     )
     for name, motion in other.items():
@@ -205,7 +265,16 @@ def _sine(model: mujoco.MjModel, actuator: int) -> FloatArray:
     return 0.1 * min(limit, 1.0) * np.sin(2 * np.pi * DRIVE_HZ * t_s + actuator)
 
 
-def _moved(model: mujoco.MjModel, commands: Mapping[int, FloatArray]) -> dict[str, FloatArray]:
+def _step_with_law(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Make a step as `mj_step` does where `written_law.passive` is the callback."""
+    mujoco.mj_step1(model, data)
+    written_law.passive(model, data)
+    mujoco.mj_step2(model, data)
+
+
+def _moved(
+    model: mujoco.MjModel, commands: Mapping[int, FloatArray], step: Callable[[mujoco.MjModel, mujoco.MjData], None]
+) -> dict[str, FloatArray]:
     """Return the positions of every joint in a plain simulation, by name, (n, ...), under these commands, (n,) each."""
     data = mujoco.MjData(model)
     names = [model.joint(j).name for j in range(model.njnt)]
@@ -214,7 +283,7 @@ def _moved(model: mujoco.MjModel, commands: Mapping[int, FloatArray]) -> dict[st
     with quiet():
         for command in sent:
             data.ctrl[list(commands)] = command
-            mujoco.mj_step(model, data)
+            step(model, data)
             for name in names:
                 out[name].append(np.array(data.joint(name).qpos))
     return {name: np.array(values) for name, values in out.items()}

@@ -28,7 +28,7 @@ from runner.systems.mechanism.drawing import body_poses, drawn_bodies
 from runner.systems.mechanism.flights import flights, measured_freely, rests, size_m
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.labels import FACTORS, PHRASES, REGIMES, label
-from runner.systems.mechanism.model_file import write_model
+from runner.systems.mechanism.model_file import LAW, needing_law, write_model
 from runner.systems.mechanism.models import HARD_IMPEDANCE, HARD_S, Models, has_soft_friction
 from runner.systems.mechanism.proposals import Trial, trials, unmeasured
 from runner.systems.mechanism.rests import resting
@@ -65,7 +65,6 @@ class MechanismSystem(AbstractSystem):
     factors = FACTORS
     activities = ("regime", "load")
     noun = "mechanism"
-    model_use = "for plain MuJoCo; what MJCF can't express its first lines name"
     plan_view = None
     # of two effects that do the same each would be explained away by what the other's small mismatch may do
     screening_level = 0.0
@@ -292,6 +291,11 @@ class MechanismSystem(AbstractSystem):
         starts = np.array([self.initial.guess(self._raw, e) for e in range(len(self.recording.episodes))])
         nv = self.initial.coordinates.nv
         return found, system, np.concatenate([np.median(starts[:, :nv], axis=0), np.zeros(nv)])
+
+    def model_use(self, effects: Effects) -> str:
+        """See `AbstractSystem`."""
+        law = f"with {LAW} beside it, " if needing_law(self._models, effects) else ""
+        return f"for plain MuJoCo, {law}and what is no part of a model its first lines name"
 
     def write_model(self, effects: Effects, folder: Path) -> tuple[str, ...]:
         """See `AbstractSystem`."""
