@@ -370,7 +370,7 @@ def _corrections(system: AbstractSystem, top: Ranked) -> list[str]:
     remedies.append(system.solver_remedy(top.values))
     steps = [
         " ".join(r for r in remedies if r) + " The corrected model is ready in corrected.yaml "
-        f"(and model.xml, {system.model_use}), in the folder of this report."
+        "(and model.xml, for plain MuJoCo; what MJCF can't express its first lines name), in the folder of this report."
     ]
     steps += system.said_together(top.values, top.errors)
     if others:

@@ -65,7 +65,6 @@ class AbstractSystem(ABC):
             {"speed": "at {}"}.
         activities: Those factors that say what was done, rather than where, when or how fast.
         noun: What the object is called in a sentence: "object", "mechanism".
-        model_use: What the corrected `model.xml` is for: "for use within runner".
         experiment: What is done to it: "push"; `reach`: what limits that so far; `reach_further`: what would go beyond.
         mismatch_levels: How far any simulator of such an object may be off in the direction of each effect, in units of
             `OddsSettings.mismatch_share`: equally likely multiples, 1 among them. How far is not known beforehand.
@@ -99,7 +98,6 @@ class AbstractSystem(ABC):
     factors: Mapping[str, str]
     activities: tuple[str, ...] = ("regime",)
     noun: str = "object"
-    model_use: str = "for use within runner"
     experiment: str = "experiment"
     reach: str = "the commands used so far"
     reach_further: str = "command faster, or over a wider range, or check it by hand"
@@ -247,7 +245,7 @@ class AbstractSystem(ABC):
         """Write the model with these effects in it, as its owner can use it; return the names of the files.
 
         Raises:
-            ResultError: If what was written behaves otherwise than what was simulated.
+            ResultError: If what was written can't be used, or behaves otherwise than was simulated and doesn't say so.
         """
 
     @abstractmethod

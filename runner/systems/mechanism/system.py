@@ -65,7 +65,6 @@ class MechanismSystem(AbstractSystem):
     factors = FACTORS
     activities = ("regime", "load")
     noun = "mechanism"
-    model_use = "for plain MuJoCo; what MJCF can't express its first lines name"
     plan_view = None
     # of two effects that do the same each would be explained away by what the other's small mismatch may do
     screening_level = 0.0
