@@ -7,7 +7,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
-import mujoco
 import numpy as np
 import pandas as pd
 import pytest
@@ -40,7 +39,7 @@ from runner.simulate.gap import WHOLE_EPISODE, measure_gap
 from runner.simulate.shooting import Fitted, fit_starts, windows_of
 from runner.systems.case import open_case
 from runner.systems.planar_box.model_file import MODEL
-from runner.systems.planar_box.simulator import OBJECT, Simulator
+from runner.systems.planar_box.simulator import Simulator
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.planar_box.windows import Effects
 from runner.systems.simulator import Run
@@ -217,21 +216,14 @@ MANY: Effects = (
 )
 
 
-def test_corrected_model_reads_back_and_its_mjcf_holds_the_numbers(tmp_path: Path) -> None:
-    """`corrected.yaml` gives the same effects in the same order; `model.xml` compiles to the simulator's model."""
+def test_corrected_model_reads_back(tmp_path: Path) -> None:
+    """`corrected.yaml` gives the same effects in the same order, and names the model beside it."""
     recording, _ = made(noise=0.0, episodes=1, seconds=1.0)
     system = PlanarBox(recording)
     path = write_corrected(tmp_path / "new", MANY, system)
     assert read_corrected(path, system) == (MANY, system)
     assert read_corrected(tmp_path / "new", system) == (MANY, system)
     assert yaml.safe_load(path.read_text(encoding="utf-8"))["model"] == [MODEL]
-    model = mujoco.MjModel.from_xml_path(str(path.parent / MODEL))
-    ours = system.simulator().model(MANY)
-    body = model.body(OBJECT).id
-    assert model.body_mass[body] == pytest.approx(3.123456789012345, rel=1e-15)
-    for name in ("body_user", "body_ipos", "body_inertia", "tendon_stiffness", "dof_invweight0"):
-        np.testing.assert_allclose(getattr(model, name), getattr(ours, name), rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(model.opt.gravity, ours.opt.gravity, rtol=1e-14)
 
 
 def test_no_correction_is_a_model_too(tmp_path: Path) -> None:

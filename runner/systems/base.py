@@ -242,14 +242,14 @@ class AbstractSystem(ABC):
 
     def model_use(self, effects: Effects) -> str:
         """Return what the `model.xml` that `write_model` writes is for."""
-        return "for use within runner"
+        return "for plain MuJoCo; what MJCF can't express its first lines name"
 
     @abstractmethod
     def write_model(self, effects: Effects, folder: Path) -> tuple[str, ...]:
         """Write the model with these effects in it, as its owner can use it; return the names of the files.
 
         Raises:
-            ResultError: If what was written behaves otherwise than what was simulated.
+            ResultError: If what was written can't be used, or behaves otherwise than was simulated and doesn't say so.
         """
 
     @abstractmethod

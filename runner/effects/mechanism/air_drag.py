@@ -13,10 +13,8 @@ from runner.effects.mechanism import contacts, parts
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
 from runner.effects.wording import Values
 from runner.errors import check_range
+from runner.physics import medium
 
-THIN = 1e-6  # kg/m3, where no medium is believed: so thin that nothing else notices
-LIGHT_KG = 1e-9  # MuJoCo's media pass over what has no mass
-RADIUS_M = 0.001  # the medium that a sphere carries along grows with its volume: of this it weighs next to nothing
 BLUNT, SLENDER = 1, 2  # columns of `geom_fluid`
 
 
@@ -48,13 +46,12 @@ class AirDrag(MechanismEffect):
 
     def edit_spec(self, spec: mujoco.MjSpec) -> None:
         if self.coefficient_n_s2_per_m2 > 0.0:
-            _add_sphere(spec, self.target)
+            medium.add_sphere(spec, self.target)
 
     def edit_model(self, model: mujoco.MjModel) -> None:
         if self.coefficient_n_s2_per_m2 > 0.0:
-            geom = int(model.body(self.target + parts.AIR).geomadr[0])
-            # of the area of the sphere, in its medium
-            drag = self.coefficient_n_s2_per_m2 / (float(model.opt.density) * np.pi * RADIUS_M**2)
+            geom = int(model.body(self.target + medium.AIR).geomadr[0])
+            drag = medium.of_sphere(self.coefficient_n_s2_per_m2, float(model.opt.density))
             model.geom_fluid[geom, [BLUNT, SLENDER]] += drag
 
     @classmethod
@@ -91,24 +88,3 @@ def of_air(model: mujoco.MjModel, body: str | None) -> float:
     inertia, mass = np.array(model.body_inertia[body_]), float(model.body_mass[body_])
     half = 0.5 * np.sqrt(np.maximum(inertia.sum() - 2 * inertia, 1e-12) * 6.0 / mass)
     return float(0.25 * 2.0 * np.sum([half[1] * half[2], half[0] * half[2], half[0] * half[1]]))
-
-
-def _add_sphere(spec: mujoco.MjSpec, name: str) -> None:
-    """Add the sphere that the medium acts on, at a body's centre of mass, unless a corrected model has it already."""
-    if spec.option.density == 0.0:
-        spec.option.density = THIN
-    if spec.body(name + parts.AIR) is not None:
-        return
-    centre = np.array(spec.copy().compile().body(name).ipos)
-    spec.body(name).add_body(name=name + parts.AIR, pos=centre).add_geom(
-        type=mujoco.mjtGeom.mjGEOM_SPHERE,
-        size=[RADIUS_M, 0.0, 0.0],
-        pos=[0.0, 0.0, 0.0],
-        mass=LIGHT_KG,
-        contype=0,
-        conaffinity=0,
-        group=5,
-        rgba=[0.0, 0.0, 0.0, 0.0],
-        fluid_ellipsoid=1,
-        fluid_coefs=np.zeros(5),
-    )

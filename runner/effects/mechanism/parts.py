@@ -10,12 +10,12 @@ import numpy as np
 
 from runner.effects.mechanism.base import JointUnit, MechanismEffect, Scope
 from runner.physics.joint_law import JointLaw
+from runner.physics.medium import AIR
 
 DRIVE, COUPLING = "~drive", "~coupling"  # what the joint behind a joint, and what couples the two, add to its name
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 ROUNDING = 1e-9  # relative
 UNTOLD = 0.9  # of what was believed before: an error as large says that nothing was learned
-AIR = "~air"  # what the body that the air acts on adds to the name of the one that it is part of
 ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 
 

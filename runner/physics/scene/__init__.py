@@ -5,7 +5,7 @@ six degrees of freedom. `contact`: `patch` spreads dry friction over the base by
 `feet` carries the box on n x n small spheres, `corners` on its four corners.
 
 MuJoCo's stock contact settings let a sliding box hop. The native contacts here use explicit pairs whose normal
-direction is soft and direct (`solref` negative), and whose friction rows are hard (`impratio`), see `build`.
+direction is soft and direct (`solref` negative), and whose friction rows are hard (`impratio`), see `contact`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The MJCF of a scene, and the contact settings under which a box slides without hopping."""
+"""The MJCF of a scene."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from runner.numerics.polygon import Polygon
 from runner.physics import dry_friction
 from runner.physics.scene.config import Base, BodyConfig, Dof, FloorContact, PinConfig, SceneConfig
+from runner.physics.scene.contact import coefficients, floor_contact, impratio, penetration_m
 
 
 def push_columns(force_n: ArrayLike, point_m: ArrayLike) -> np.ndarray:
@@ -62,7 +63,7 @@ def build(
     else:
         root.option.cone = "elliptic"
         root.option.tolerance = 1e-10
-        root.option.impratio = _impratio(scene)
+        root.option.impratio = impratio(_contacts(scene))
     root.worldbody.add("geom", name="floor", type="plane", size=(50, 50, 1), contype=0, conaffinity=0)
     for i, (name, body) in enumerate(bodies.items()):
         record = dry_friction.FrictionRecord(push_adr=dry_friction.USERDATA_SIZE * i)
@@ -127,7 +128,7 @@ def _add_body(
         else dry_friction.UPRIGHT
     )
     record.joints, record.base_z, record.mu = joints, -hz, body.friction
-    z = hz if joints == dry_friction.PLANAR else hz - _penetration_m(scene)
+    z = hz if joints == dry_friction.PLANAR else hz - penetration_m(scene.gravity_m_s2, scene.timestep_s)
     # simple="false": MuJoCo must not take the CoM for fixed at the frame, as it may move at run time
     element = root.worldbody.add(
         "body", name=name, pos=(0, 0, z), simple="false", user=dry_friction.pack(record, points, corners)
@@ -165,46 +166,17 @@ def _foot_radius_m(body: BodyConfig, grid: int) -> float:
     return min(body.half_size_m[:2]) / grid / 2
 
 
-# Contact settings under which MuJoCo's elliptic contact slides by Coulomb's law. Its convex cone adds a normal push
-# that grows with slip, D_n mu b_t |slip|, which makes a sliding box hop. The tiny `IMPEDANCE` makes the normal rows so
-# soft that the push drowns; a direct `solref` puts the wanted spring and damper back; `solreffriction` gives the
-# friction rows their own rate b_t; `impratio` makes those rows hard again, in proportion to the mass.
-# Measured: acceleration exact to 1e-12, creep below 0.8 um/s, from 0.3 to 10 kg and friction 0.05 to 1.
-#
-# What remains is in b_t, whatever the step: the push gives faster points a little more load (in proportion to b_t and
-# to the number of contacts; a body that can tip evens some of it out), and speeds below mu g / b_t fade instead of
-# stopping dead. `FRICTION_RATE` is the best compromise over 20 s episodes of sliding and spinning.
-IMPEDANCE = 1e-4  # the least that MuJoCo takes
-FRICTION_RATE = {Dof.planar: 400.0, Dof.free: 1600.0}  # b_t times the root of the number of contacts, 1/s
-FRICTION_REGULARISER = 3.5e-5  # per root of the number of contacts, times the mass; the creep is in proportion to it
-
-
 def _contacts(scene: SceneConfig) -> int:
     return scene.grid**2 if scene.contact is FloorContact.feet else 4
 
 
-def _impratio(scene: SceneConfig) -> float:
-    return 1 / IMPEDANCE / FRICTION_REGULARISER / math.sqrt(_contacts(scene))
-
-
-def _penetration_m(scene: SceneConfig) -> float:
-    """Static penetration under the body's own weight: the contact spring has omega * dt = 0.5."""
-    return scene.gravity_m_s2 * (scene.timestep_s / 0.5) ** 2
-
-
 def _add_pair(root: mjcf.RootElement, scene: SceneConfig, body: BodyConfig, geom: mjcf.Element) -> None:
     contacts = _contacts(scene)
-    pen = _penetration_m(scene)
-    stiffness = scene.gravity_m_s2 / contacts / pen
-    damping = 2 * math.sqrt(scene.gravity_m_s2 / pen) / contacts
-    rate = min(FRICTION_RATE[scene.dof] / math.sqrt(contacts), 1 / scene.timestep_s)
+    sunk_m = penetration_m(scene.gravity_m_s2, scene.timestep_s)
     root.contact.add(
         "pair",
         geom1="floor",
         geom2=geom,
-        condim=3,
-        friction=(body.friction, body.friction, 0.005, 1e-4, 1e-4),
-        solref=(-stiffness, -damping),
-        solimp=(IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2),
-        solreffriction=(-1.0, -IMPEDANCE * rate),
+        friction=coefficients(body.friction),
+        **floor_contact(1 / contacts, sunk_m, scene, contacts),
     )
