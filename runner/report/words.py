@@ -248,8 +248,8 @@ def memory(said: Statement, structured: str, lags: int, count: int) -> str:
     less = f"less than {percent(LEAST_SHARE)}" if said.over_noise < LEAST_SHARE else percent(said.over_noise)
     which = "corrected simulator" if said.corrected else "simulator as believed"
     return (
-        f"The {test} still finds a memory in {structured}: of many samples it finds also what is small beside the noise. "
-        f"Root mean squares, the {which} misses {less} more than the noise."
+        f"The {test} still finds a memory in {structured}: of many samples it finds also what is small beside the "
+        f"noise. Root mean squares, the {which} misses {less} more than the noise."
     )
 
 
