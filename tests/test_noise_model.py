@@ -140,7 +140,7 @@ def test_outliers_stand_out_of_slow_noise() -> None:
 
 
 def test_where_a_smooth_course_turns_round_nothing_sticks_out() -> None:
-    """A model that goes astray leaves a course with a bend; beside a lost sample it goes on, unlike an outlier there."""
+    """A model that goes astray leaves a course with a bend; beside a lost sample it goes on, an outlier does not."""
     n, top = 60, 33
     left = 0.3 * noise(n, 1, 0.0, 0.0, 5)
     left[:, 0] -= 40.0 * np.abs(np.arange(n) - top) - 300.0 * np.exp(-(((np.arange(n) - top) / 4.0) ** 2))
