@@ -227,7 +227,9 @@ def test_runs_that_begin_far_slower_than_they_go_on_begin_at_rest(moving: float,
         q = np.where(t > 0.1, 1 - np.cos((2 + k) * (t - 0.1)), 0.0) + moving * (k == 2) * np.sin(3 * t)
         read = np.floor(q * 4096 / (2 * np.pi) + 2048) if ticks else q + 1e-4 * rng.normal(size=len(t))
         columns = {"t_s": t, "tau_cmd": np.sin(3 * t), "q_ticks" if ticks else "q": read}
-        runs.append(part_of(f"run{k}", [Signal(n, "table", v) for n, v in columns.items()]))
+        runs.append(
+            part_of(f"run{k}", [Signal(n, "table", np.asarray(v, dtype=np.float64)) for n, v in columns.items()])
+        )
     whole = np.concatenate([[p.signals[n].values for n in p.signals] for p in runs], axis=1)
     whole[0] = np.arange(len(whole[0])) * 0.01
     names = [*runs[0].signals, "run"]

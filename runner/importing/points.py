@@ -10,10 +10,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runner.importing.episodes import Series
+from runner.importing.signals import Integers
 from runner.importing.told import Told
-from runner.numerics.arrays import FloatArray
 from runner.recording.force_noise import force_noise
 from runner.settings import SETTINGS
 
@@ -52,14 +53,14 @@ def _filled(point: Series, force: Sequence[Series], told: Told) -> Series:
     return replace(point, values=filled)
 
 
-def _is_none(force: Sequence[Series], t_ns: np.ndarray) -> np.ndarray:
+def _is_none(force: Sequence[Series], t_ns: Integers) -> NDArray[np.bool_]:
     """Return at which times, (T,), a force is nothing but the noise of its sensor; a commanded one is zero then."""
-    held, noise = [], 0.0
+    held, known = [], []
     for one in force:
         order = np.argsort(one.t_ns, kind="stable")
-        values: FloatArray = one.values[order]
+        values = one.values[order]
         at = np.searchsorted(one.t_ns[order], t_ns, side="right") - 1
         held.append(values[np.maximum(at, 0)])
-        noise = max(noise, float(force_noise([[values[np.isfinite(values)]]])[0]))
+        known.append([values[np.isfinite(values)]])
     size = np.linalg.norm(held, axis=0)
-    return np.isfinite(size) & (size <= SETTINGS.noise.outlier_sigmas * noise)
+    return np.isfinite(size) & (size <= SETTINGS.noise.outlier_sigmas * float(force_noise(known).max()))
