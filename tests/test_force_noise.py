@@ -32,6 +32,16 @@ def test_what_is_noise_along_one_axis_is_noise_of_the_whole_force() -> None:
     assert force_noise([[smooth(3000) + noise[0]], [noise[1]]]) == pytest.approx([0.08, 0.08], rel=0.1)
 
 
+@pytest.mark.parametrize("rest", [0, 30, 300])
+def test_noise_does_not_hang_on_how_long_nothing_touches(rest: int) -> None:
+    """A log has zeros there; they are no samples of the sensor, however many they are."""
+    rng, pushes = np.random.default_rng(2), []
+    for _ in range(20):
+        push = smooth(40) + 0.08 * rng.standard_normal(40)
+        pushes.append(np.concatenate([np.zeros(rest), push, np.zeros(rest)]))
+    assert force_noise([[np.concatenate(pushes)], [np.concatenate(pushes)]]) == pytest.approx([0.08, 0.08], rel=0.15)
+
+
 def test_a_force_that_was_commanded_has_no_noise() -> None:
     """Not by more than the rounding of its numbers, whatever its course; nor has one that is too short to tell."""
     t = np.arange(900) / RATE_HZ

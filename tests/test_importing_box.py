@@ -14,6 +14,7 @@ from runner.importing.entries import Entry, Role
 from runner.importing.episodes import Series
 from runner.importing.guess.box import column_of
 from runner.importing.map_file import Between
+from runner.importing.points import with_points
 from runner.importing.rows import _means
 from runner.importing.signals import Signal
 from runner.importing.told import Told
@@ -123,6 +124,54 @@ def test_every_row_has_the_force_of_its_own_sample(rate_hz: float, tmp_path: Pat
     imported(log, tmp_path)
     force = np.concatenate([e.force_n for e in read_case(tmp_path / "case").episodes])[:, 0]
     np.testing.assert_array_equal(force, log["push_x_N"])
+
+
+@pytest.mark.parametrize("noise_n", [0.0, 0.02])
+def test_where_a_force_acts_is_not_asked_while_there_is_none(
+    noise_n: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A log without a contact point while nothing touches loses no rest, and every push acts at its own point only."""
+    log = tracker()
+    t = np.tile(np.arange(SAMPLES) / RATE_HZ, PUSHES)
+    second = (t > 1.0) & (t < 1.5)
+    log.loc[second, "push_x_N"] = 5.0
+    log.loc[second, "contact_v_mm"] = -30.0
+    pushed = log["push_x_N"] > 0
+    noise = np.random.default_rng(0).normal(size=(2, len(log)))
+    log["push_x_N"] += noise_n * noise[0]
+    log["push_y_N"] += noise_n * noise[1]
+    log.loc[~pushed, ["contact_u_mm", "contact_v_mm"]] = np.nan
+    imported(log, tmp_path)
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"Note: 'px', 'py': empty in {int((~pushed).sum())} samples in which no force acts" in said
+    assert "begin later" not in said
+    assert "'px', 'py': no new command" not in said
+    case = read_case(tmp_path / "case")
+    assert [len(e) for e in case.episodes] == [SAMPLES] * PUSHES
+    acts = np.concatenate([e.force_n[:, 0] for e in case.episodes]) > 1.0
+    point_mm = 1000 * np.concatenate([e.point_m[:, 1] for e in case.episodes])
+    late = t > 0.8
+    np.testing.assert_allclose(point_mm[acts & late], -30.0)
+    np.testing.assert_allclose(point_mm[acts & ~late], np.repeat(10.0 * np.arange(PUSHES), SAMPLES)[acts & ~late])
+
+
+def test_a_point_that_is_lost_while_a_force_acts_is_still_a_lost_one(tmp_path: Path) -> None:
+    """Rows at the samples themselves take no gap in a command; without a force there is none."""
+    force = [0.0, 0.0, 5.0, 5.0, 0.0, 0.0]
+    free = [np.nan, np.nan, 0.1, 0.1, np.nan, np.nan]
+    lost = [np.nan, np.nan, 0.1, np.nan, np.nan, 0.2]
+    for point, filled in ((free, [0.1] * 6), (lost, [0.1, 0.1, 0.1, np.nan, 0.2, 0.2]), ([np.nan] * 6, None)):
+        told = Told()
+        _, made = with_points([_series("fx", force), _series("px", point, acts=("fx",))], told)
+        expected = filled if filled is not None else [0.0, 0.0, np.nan, np.nan, 0.0, 0.0]
+        np.testing.assert_array_equal(made.values, expected)
+        assert told.sentences()
+
+
+def _series(column: str, values: list[float], acts: tuple[str, ...] = ()) -> Series:
+    at = np.arange(len(values), dtype=np.int64)
+    entry = Entry(f"commands.{column}", column, column, Role.COMMAND, acts=acts)
+    return Series(entry, Signal(column, "table", np.array(values)), at, 10_000_000 * at, np.array(values))
 
 
 @pytest.mark.parametrize(("name", "between"), [("push_x_N", "line"), ("cmd_push_x_N", None)])

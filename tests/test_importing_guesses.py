@@ -11,14 +11,18 @@ from runner.errors import RecordingError
 from runner.importing.entries import Entry, Role
 from runner.importing.guess.clock import clock_times, guess_clock
 from runner.importing.guess.counter import guess_episodes
+from runner.importing.guess.elements import elements_of
 from runner.importing.guess.fall import falls
 from runner.importing.guess.names import said_by, without, words_of
-from runner.importing.guess.unit import unit_by_slope
+from runner.importing.guess.unit import guess_unit, of_counts, unit_by_slope
+from runner.importing.map_file import TO_FILL
 from runner.importing.plausible import within
 from runner.importing.propose import propose
-from runner.importing.signals import Clock, Log, Part, Signal
+from runner.importing.signals import Clock, Log, Part, Signal, part_of
 
 RUNS, SAMPLES = 4, 50
+ONE_JOINT = """<mujoco><worldbody><body><joint name="shoulder" axis="0 1 0"/><geom size=".1"/></body></worldbody>
+<actuator><motor name="drive" joint="shoulder"/></actuator></mujoco>"""
 
 
 def log_of(**columns: np.ndarray) -> Log:
@@ -210,3 +214,40 @@ def test_only_the_symbol_of_a_unit_is_one(name: str, other: bool) -> None:
     """A small letter is a part of a name: the actual angle beside the desired one."""
     assert said_by(without(words_of(name), ("elbow",)), name).other is other
     assert said_by(words_of("dq_v"), "dq_v").other is False
+
+
+@pytest.mark.parametrize(("moving", "start"), [(0.0, "rest"), (0.5, "free")])
+@pytest.mark.parametrize("ticks", [False, True])
+def test_runs_that_begin_far_slower_than_they_go_on_begin_at_rest(moving: float, start: str, ticks: bool) -> None:
+    """In whatever unit, by noise or by ticks of an encoder; one run in motion is enough for `free`."""
+    model = mujoco.MjModel.from_xml_string(ONE_JOINT)
+    t, rng = np.arange(300) * 0.01, np.random.default_rng(0)
+    runs = []
+    for k in range(3):
+        q = np.where(t > 0.1, 1 - np.cos((2 + k) * (t - 0.1)), 0.0) + moving * (k == 2) * np.sin(3 * t)
+        read = np.floor(q * 4096 / (2 * np.pi) + 2048) if ticks else q + 1e-4 * rng.normal(size=len(t))
+        columns = {"t_s": t, "tau_cmd": np.sin(3 * t), "q_ticks" if ticks else "q": read}
+        runs.append(
+            part_of(f"run{k}", [Signal(n, "table", np.asarray(v, dtype=np.float64)) for n, v in columns.items()])
+        )
+    whole = np.concatenate([[p.signals[n].values for n in p.signals] for p in runs], axis=1)
+    whole[0] = np.arange(len(whole[0])) * 0.01
+    names = [*runs[0].signals, "run"]
+    counted = [*whole, np.repeat(np.arange(3.0), len(t))]
+    joined = part_of("all", [Signal(n, "table", v) for n, v in zip(names, counted, strict=True)])
+    for parts in (runs, [joined]):
+        proposed = propose(Log("text table", parts), model)
+        assert yaml.safe_load(proposed.text)["start"] == start
+        said = "if 4096 of them are a turn and its zero is at 2048, `unit: turn, scale: 0.000244140625, offset: -0.5`"
+        assert (said in proposed.text) is ticks
+
+
+@pytest.mark.parametrize(("values", "turn"), [([100.0, 900.0], "1024"), ([3.0, 90.0], None), ([0.5, 900.0], None)])
+def test_counts_that_may_be_a_turn(values: list[float], turn: str | None) -> None:
+    """The least power of two that holds them; none of few, or of what is no whole number."""
+    signal = Signal("q_ticks", "table", np.array(values))
+    element = next(e for e in elements_of(mujoco.MjModel.from_xml_string(ONE_JOINT)) if e.quantity == "position")
+    unit = of_counts(guess_unit(signal, element, Log("x", [])), signal, element, Log("x", [part_of("x", [signal])]))
+    assert unit.name == TO_FILL
+    assert (f"if {turn} of them are a turn and its zero is at 0, " in unit.why) is (turn is not None)
+    assert ("offset: 0`" in unit.why) is (turn is not None)

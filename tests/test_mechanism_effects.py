@@ -178,17 +178,17 @@ def test_words(xml: str, cls: type[MechanismEffect], context: Scope) -> None:
     assert cls.phrase(Values({}, {}), context, context.target).check
 
 
-@pytest.mark.parametrize("pos", ["0.05 0 0", "0 0.05 0"])
-def test_a_centre_of_mass_is_written_as_far_as_the_motion_tells_it(pos: str) -> None:
+@pytest.mark.parametrize(("pos", "geom"), [("0.05 0 0", ""), ("0 0.05 0", '<geom size="0.1"/>')])
+def test_a_centre_of_mass_is_written_as_far_as_the_motion_tells_it(pos: str, geom: str) -> None:
     """As an element that compiles, mass and inertia with it; along what is not told it stays where it was believed."""
     xml = f"""<mujoco><worldbody><body name="arm"><joint name="j" axis="0 0 1"/><inertial pos="{pos}" mass="2"
-    diaginertia="0.01 0.01 0.01"/></body></worldbody></mujoco>"""
+    diaginertia="0.01 0.01 0.01"/>{geom}</body></worldbody></mujoco>"""
     values, errors = {"x_m": 0.02, "y_m": 0.001, "z_m": 0.007}, {"x_m": 1e-4, "y_m": 1e-4, "z_m": 1.0}
     model = mujoco.MjModel.from_xml_string(xml)
     context = replace(scope(ARM, "lower"), model=model, target="arm")
     told = m.ComOffset.phrase(Values(values, errors), context, "arm")
     assert "the motion does not tell z" in told.amount
-    assert "inertiafromgeom" in told.remedy
+    assert ("what its geoms weigh" in told.remedy) is ("inertiafromgeom" in told.remedy) is bool(geom)
     inertial = told.remedy[told.remedy.index("<inertial") : told.remedy.index("/>") + 2]
     by_hand = mujoco.MjModel.from_xml_string(re.sub(r"<inertial.*?/>", inertial, xml, flags=re.DOTALL))
     assert by_hand.body("arm").ipos == pytest.approx(model.body("arm").ipos + np.array([0.02, 0.001, 0.0]))

@@ -141,7 +141,7 @@ def _say_whole(console: Console, command: str) -> None:
 
 
 def _clocks(reports: tuple[ClockReport, ...]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    heading = ("stream", "clock", "samples", "Hz", "jitter ms", "gap s", "twice", "unordered")
+    heading = ("stream", "clock", "samples", "Hz", "jitter ms (95 %)", "gap s", "twice", "unordered")
     rows: list[tuple[str, ...]] = [
         (
             r.stream, r.clock, str(r.samples), f"{r.rate_hz:.5g}", f"{r.jitter_ms:.3g}", f"{r.longest_gap_s:.3g}",

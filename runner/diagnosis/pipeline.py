@@ -60,7 +60,8 @@ def diagnose(
     if turned := unseen_only(found) and len(fitted) > len(held_out):
         fitted, held_out = (*fitted[len(held_out) :], *held_out), fitted[: len(held_out)]
         system = found.fitter.system
-        found = attempt(system, system.simulator(threads=threads), fitted, held_out, observer)
+        again = ", again with the first episodes held out"
+        found = attempt(system, system.simulator(threads=threads), fitted, held_out, observer, again)
     fitter, confirmed = found.fitter, found.confirmed
     system = fitter.system
     simulator = system.simulator(threads=threads)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,9 @@ def plan_box(path: Path, wanted: BoxMap, model: Path) -> Plan:
             if column not in allowed:
                 raise RecordingError(f"{path}: {group}.{column}: unknown column. {nearest(column, allowed)}")
             try:
-                entries.append(entry_of(f"{group}.{column}", column, keys, UNITS[column], role, beside=beside))
+                entry = entry_of(f"{group}.{column}", column, keys, UNITS[column], role, beside=beside)
+                acts = FORCE[:2] if role is Role.COMMAND and column in POINT else ()
+                entries.append(replace(entry, acts=acts))
             except RecordingError as error:
                 raise RecordingError(f"{path}: {error}") from None
     noise = {k: v for k, v in wanted.noise.items() if v is not None}

@@ -44,6 +44,7 @@ class Entry:
         unit, si_unit: For messages.
         between: What a command does between its samples.
         value: That it has all the time, in the log's unit; None: what the signal says.
+        acts: Of where a force acts: the columns of that force.
     """
 
     key: str
@@ -58,6 +59,7 @@ class Entry:
     si_unit: str = ""
     between: Between = Between.HELD
     value: float | None = None
+    acts: tuple[str, ...] = ()
 
     def si(self, values: FloatArray) -> FloatArray:
         """Return values of the log in SI."""
@@ -215,6 +217,7 @@ def _forces(wanted: Map) -> list[Entry]:
         triples = [("force", force.force, force.unit, "N")]
         if force.point is not None:
             triples.append(("point", force.point, force.point_unit, "m"))
+        acts = tuple(f"force{i}_{a}" for a in "xyz")
         for what, names, unit, si_unit in triples:
             size = size_of(f"forces[{i}].{'unit' if what == 'force' else 'point_unit'}", unit, si_unit)
             for axis, name in zip("xyz", names, strict=True):
@@ -224,6 +227,7 @@ def _forces(wanted: Map) -> list[Entry]:
                     Entry(
                         key, f"{what}{i}_{to}", name, Role.COMMAND, size=sign * size, clock=force.clock,
                         unit=unit, si_unit=si_unit, between=force.between if what == "force" else Between.HELD,
+                        acts=acts if what == "point" else (),
                     )
                 )  # fmt: skip
     return out

@@ -22,10 +22,12 @@ from runner.importing.guess.counter import guess_episodes
 from runner.importing.guess.elements import Element, elements_of, match, match_followers
 from runner.importing.guess.names import words_of
 from runner.importing.guess.poses import Pose, guess_frame, guess_poses
+from runner.importing.guess.rest import begins_at_rest
 from runner.importing.guess.unit import (
     MUCH_M,
     UnitGuess,
     guess_unit,
+    of_counts,
     unit_by_name,
     unit_by_slope,
     units_of_vectors,
@@ -82,6 +84,7 @@ class _Draft:
     rate_hz: float | None = None
     box: bool = False
     undriven: bool = False
+    rests: bool = False
 
 
 def propose(log: Log, model: mujoco.MjModel, *, rate_hz: float | None = None) -> Proposal:
@@ -179,6 +182,8 @@ def _finished(draft: _Draft, log: Log, clock: ClockGuess, head: dict[str, object
     episodes, said = guess_episodes(log, clock, used, [s for s in draft.used if s.name in channels])
     if said:
         draft.notes.append(said)
+    places = [e for e in draft.channels.values() if e.get("quantity") in ("position", "orientation")]
+    draft.rests = begins_at_rest(log, [n for e in places for n in e.get("signals") or [e["signal"]]], clock, episodes)
     if draft.noise:
         names = _listed(list(draft.noise))
         draft.notes.append(f"recorded in steps so coarse that noise does not show; stated by rounding: {names}")
@@ -238,6 +243,7 @@ def _add(
     group = draft.commands if element.is_command else draft.channels
     column = _free(element.column, {*draft.commands, *draft.channels})
     unit = unit_by_name(signal.name, element.si_unit) or by_another or guess_unit(signal, element, log)
+    unit = of_counts(unit, signal, element, log)
     entry: dict = {"signal": signal.name, **element.keys}
     if unit.name is not None:
         entry["unit"] = unit.name
@@ -324,8 +330,12 @@ def _text(draft: _Draft, head: Mapping[str, object]) -> str:
 
     rounding = "here step / sqrt(12) of coarse ones; " if draft.noise else ""
     lines.append(f"noise: {_flow(draft.noise)}  # standard deviations in SI; {rounding}what is missing is estimated")
-    start = [] if draft.box else ["start: free  # or rest: every episode starts at rest"]
-    return "\n".join([*lines, *start, ""])
+    if not draft.box:
+        free = "start: free  # or rest: every episode starts at rest"
+        lines.append(
+            "start: rest  # every episode begins far slower than it goes on; else free" if draft.rests else free
+        )
+    return "\n".join([*lines, ""])
 
 
 def _flow(value: object) -> str:

@@ -18,6 +18,7 @@ from runner.importing.entries import Role
 from runner.importing.episodes import Cut, Series
 from runner.importing.lost import with_lost
 from runner.importing.map_file import ALL, EVEN, NEAREST, Between, RowKeys
+from runner.importing.points import with_points
 from runner.importing.signals import Integers
 from runner.importing.told import Told
 from runner.numerics.arrays import FloatArray
@@ -87,7 +88,8 @@ def rows(episode: Cut, keys: RowKeys, told: Told, *, sparse: bool) -> Rows | Non
     lines = [one.entry.key for one in episode.series if one.entry.between is Between.LINE]
     if sparse and lines:
         raise RecordingError(f"{lines[0]}.between: line: in a sparse log an empty cell means that nothing has changed.")
-    series = [in_order(one, told) for one in _known(episode.series, keys)]
+    pointed = episode.series if sparse else with_points(episode.series, told)
+    series = [in_order(one, told) for one in _known(pointed, keys)]
     if not sparse:
         series = [with_lost(one, told) if one.entry.role is Role.COMMAND else one for one in series]
     if any(not len(one.t_ns) for one in series if one.entry.role is Role.COMMAND) or not any(
@@ -107,7 +109,8 @@ def rows(episode: Cut, keys: RowKeys, told: Told, *, sparse: bool) -> Rows | Non
     beyond = NS / keys.rate_hz / 2 if keys.at == NEAREST and keys.rate_hz is not None else 0.0
     kept = times[(times >= first) & (times <= last + beyond)]
     late = (first - int(samples[0])) / NS
-    told.add("{n} episodes begin later, when every command has come once: by up to {largest} s", late > 0, late)
+    late_said = "{n} episodes begin later, when every command has come once, and count their times from there: by up to"
+    told.add(f"{late_said} {{largest}} s", late > 0, late)
     if len(kept) < FEWEST_ROWS:
         told.add(f"{{n}} episodes are left out: they have fewer than {FEWEST_ROWS} rows", 1)
         return None

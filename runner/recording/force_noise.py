@@ -6,6 +6,9 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion
 
 from runner.numerics.arrays import FloatArray
 from runner.numerics.differences import NORMAL_MEDIAN
@@ -35,7 +38,18 @@ def force_noise(components: Iterable[Iterable[FloatArray]]) -> FloatArray:
     """
     each = [tuple(series) for series in components]
     size = math.sqrt(sum(float(np.mean(np.concatenate([np.zeros(1), *series]) ** 2)) for series in each))
-    return np.array([_noise(series, SETTINGS.forces.most_noise * size) for series in each])
+    return np.array([_noise(series, _acting(each, series), SETTINGS.forces.most_noise * size) for series in each])
+
+
+def _acting(components: Sequence[Sequence[FloatArray]], series: Sequence[FloatArray]) -> list[NDArray[np.bool_]]:
+    """Return for each series of a component, (T,), where the force acts, did before and will after.
+
+    A log has zeros where nothing touches, as many as somebody has waited: they are no samples of what a sensor shows.
+    The sample beside them is one of a force that has just begun or ended, be it a mean of the line to there.
+    """
+    alike = all([len(f) for f in other] == [len(f) for f in series] for other in components)
+    acts = [np.any([c[k] for c in components] if alike else [f], axis=0) for k, f in enumerate(series)]
+    return [binary_erosion(each, border_value=1) if len(each) else each for each in acts]
 
 
 def pushing_noise(forces: Iterable[FloatArray]) -> FloatArray:
@@ -46,8 +60,8 @@ def pushing_noise(forces: Iterable[FloatArray]) -> FloatArray:
     return noise_n if noise_n.max() > SETTINGS.forces.least_noise * largest else np.zeros(2)
 
 
-def _noise(series: Sequence[FloatArray], most: float) -> float:
-    lower, higher = (_differences(series, order) for order in (ORDER, ORDER + 1))
+def _noise(series: Sequence[FloatArray], acting: Sequence[NDArray[np.bool_]], most: float) -> float:
+    lower, higher = (_differences(series, acting, order) for order in (ORDER, ORDER + 1))
     small, smaller = (float(np.median(d)) / NORMAL_MEDIAN if len(d) else 0.0 for d in (lower, higher))
     if not (small > 0.0 and smaller > 0.0) or _is_held(series) or _is_a_tone(series):
         return 0.0
@@ -58,10 +72,13 @@ def _noise(series: Sequence[FloatArray], most: float) -> float:
     return noise if noise < most else 0.0
 
 
-def _differences(series: Sequence[FloatArray], order: int) -> FloatArray:
-    """Return how large differences of an order are, (n,), of white noise as large as itself."""
-    change = np.concatenate([np.empty(0), *(np.diff(f, order) for f in series)])
-    return np.abs(change) / math.sqrt(math.comb(2 * order, order))
+def _differences(series: Sequence[FloatArray], acting: Sequence[NDArray[np.bool_]], order: int) -> FloatArray:
+    """Return how large differences of an order are while the force acts, (n,), of white noise as large as itself."""
+    change = [np.empty(0)]
+    for f, acts in zip(series, acting, strict=True):
+        if len(f) > order:
+            change.append(np.diff(f, order)[sliding_window_view(acts, order + 1).all(axis=1)])
+    return np.abs(np.concatenate(change)) / math.sqrt(math.comb(2 * order, order))
 
 
 def _is_held(series: Sequence[FloatArray]) -> bool:

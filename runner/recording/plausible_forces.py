@@ -81,8 +81,8 @@ def measured_notes(table: Table, spans: Sequence[slice]) -> list[str]:
         return []
     return [
         f"{WARNING}the force 'fx', 'fy' was measured, with noise of {noise_n:.2g} N, and is replayed as it stands: "
-        "no answer is surer than that lets it be; where an arm or a hand decides the motion, a wrong mass, friction or "
-        "gain pass for each other. Give the path of what pushes as a `pin`"
+        "no answer is surer than that lets it be, however much better it fits than others. Where an arm or a hand "
+        "decides the motion its path tells more. Give the path of what pushes as a `pin`"
     ]
 
 

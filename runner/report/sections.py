@@ -155,10 +155,11 @@ def whiteness(diagnosis: Diagnosis, said: Statement, paths: list[Paths]) -> dict
     before, after = (whitened(diagnosis, paths, which) for which in ("nominal", "corrected"))
     step_s = diagnosis.recording.episodes[0].step_s
     channels = diagnosis.system.channels
-    structured = []
+    structured, most = [], 0
     for i, channel in enumerate(channels):
         lags = min(LAGS, after.shape[2] // 4)
         r, count = autocorrelation(after[i], lags)
+        most = max(most, count)
         q = count * (count + 2) * float(np.sum(r**2 / (count - np.arange(1, lags + 1))))
         if chdtrc(lags, q) < WHITE_AT / len(channels):
             structured.append(channel.label)
@@ -166,8 +167,7 @@ def whiteness(diagnosis: Diagnosis, said: Statement, paths: list[Paths]) -> dict
     return {
         "bold": bold,
         "tail": tail,
-        "structured": listed(structured),
-        "lags": LAGS,
+        "memory": words.memory(said, listed(structured), LAGS, most),
         "panels": _marked(
             motion_figures.whiteness(channels, before, after, step_s, "white", colour=_colour(diagnosis))
         ),

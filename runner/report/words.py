@@ -231,6 +231,28 @@ def left_at_large(said: Statement) -> tuple[str, str]:
     return "Something is left", f"{over}: {cause}"
 
 
+def memory(said: Statement, structured: str, lags: int, count: int) -> str:
+    """Return what the Ljung-Box test says of what the best model leaves, beside what that amounts to.
+
+    Args:
+        said: What is left at large.
+        structured: The channels in which it finds a memory, in words; empty: there is none.
+        lags: Of the test.
+        count: Samples of the channel that has most of them.
+    """
+    test = f"Ljung–Box test ({lags} lags, {count} samples)"
+    if not structured:
+        return f"All channels pass the {test}."
+    if said.left is not Left.NOISE:
+        return f"The {test} finds a memory in {structured}."
+    less = f"less than {percent(LEAST_SHARE)}" if said.over_noise < LEAST_SHARE else percent(said.over_noise)
+    which = "corrected simulator" if said.corrected else "simulator as believed"
+    return (
+        f"The {test} still finds a memory in {structured}: of many samples it finds also what is small beside the "
+        f"noise. Root mean squares, the {which} misses {less} more than the noise."
+    )
+
+
 def left_in_windows(said: Statement, exceeds: bool, share: str, sentence: str) -> str:
     """Return what the corrected model leaves of short stretches.
 

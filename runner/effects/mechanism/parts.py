@@ -43,8 +43,11 @@ def inertial(model: mujoco.MjModel, body: str | None) -> str:
 
 def to_give(model: mujoco.MjModel, body: str | None) -> str:
     """Return the sentence that has the owner write what a body of a changed model weighs, and how that is spread."""
+    said = f'Give <body name="{body}"> {inertial(model, body)}'
+    if not model.body(body).geomnum[0]:
+        return f"{said}."
     return (
-        f'Give <body name="{body}"> {inertial(model, body)}, which takes the place of what its geoms weigh (with '
+        f"{said}, which takes the place of what its geoms weigh (with "
         'inertiafromgeom="true" in <compiler> MuJoCo ignores it: set "auto").'
     )
 

@@ -18,11 +18,13 @@ from runner.numerics.arrays import FloatArray
 SLACK = 0.1  # widths of the range
 COARSE = ("ticks", "tick", "counts", "count", "steps", "raw")
 COMMON = {"rad": ("rad", "deg"), "m": ("m", "mm"), "N m": ("N m",), "N": ("N",)}  # tried in this order
+FEWEST_COUNTS = 256  # in a turn: of fewer a power of two says little
 MUCH_RAD = 20.0  # a hinge without a range that goes further is in degrees, or turns round and round
 MUCH_M = 10.0  # positions beyond it are hardly in m
 REACH = 5  # samples to either side, over which a slope is told
 LEAP = 0.1  # of a span: where a clock leaps there is no slope
 UNIT_BY_NAME = "unit by its name"
+COUNTS = "counts of an encoder"
 ALIKE, NEAR = 0.9, 0.2  # correlation of velocity and slope; how far off a unit may be: deg/s and rpm differ by 6
 
 
@@ -135,8 +137,37 @@ def unit_by_name(name: str, si_unit: str) -> UnitGuess | None:
         if unit in allowed(si_unit) and (len(unit) > 1 or name.endswith((f"[{text}]", f"({text})", f"_{text}"))):
             return UnitGuess(unit, UNIT_BY_NAME)
     if any(p.lower() in COARSE for p in pieces):
-        return UnitGuess(TO_FILL, "counts of an encoder: unit: turn with scale and offset, or rad")
+        return UnitGuess(TO_FILL, f"{COUNTS}: unit: turn with scale and offset, or rad")
     return None
+
+
+def of_counts(unit: UnitGuess, signal: Signal, element: Element, log: Log) -> UnitGuess:
+    """Return the same with what counts of an angle may be, as a turn is a power of two of them as a rule.
+
+    Where all runs begin at one power of two, that is the middle of a turn, which is set to where a mechanism hangs or
+    stands; else the least power of two that holds them all may be a turn.
+    """
+    values = [v for p in log.parts if signal.name in p.signals and len(v := _numbers(p.signals[signal.name]))]
+    if not unit.why.startswith(COUNTS) or element.si_unit != "rad" or not values:
+        return unit
+    every, first = np.concatenate(values), {float(v[0]) for v in values}
+    low, high = float(every.min()), float(every.max())
+    if (every % 1).any() or low < 0 or high < FEWEST_COUNTS:
+        return unit
+    begin = min(first)
+    middle = len(first) == 1 and 2 * begin >= FEWEST_COUNTS and np.log2(begin) % 1 == 0
+    turn = 2 * begin if middle else 2.0 ** np.ceil(np.log2(high + 1))
+    zero = begin if middle else 0.0
+    scale, offset = f"{1 / turn:.12g}", f"{0.0 - zero / turn:g}"
+    return UnitGuess(
+        unit.name,
+        f"{COUNTS}, {low:.0f} to {high:.0f}, first {begin:.0f}: if {turn:.0f} of them are a turn and its zero is at "
+        f"{zero:.0f}, `unit: turn, scale: {scale}, offset: {offset}` (scale * count + offset, in turns)",
+    )
+
+
+def _numbers(signal: Signal) -> FloatArray:
+    return signal.values[np.isfinite(signal.values)]
 
 
 def _by_range(low: float, high: float, element: Element, goes: str, lerobot: bool) -> UnitGuess:

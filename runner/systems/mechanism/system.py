@@ -187,11 +187,13 @@ class MechanismSystem(AbstractSystem):
         joints = self._models.hardened(effects)
         if not joints:
             return ""
-        time_s, impedance = max(HARD_S, 2.0 * self._models.file_step_s), attribute(*HARD_IMPEDANCE)
+        model = self.beliefs.model
+        dofs = [int(model.joint(name).dofadr[0]) for name in joints]
+        reference = _to_set((max(HARD_S, 2.0 * self._models.file_step_s), 1.0), model.dof_solref[dofs])
+        impedance = _to_set(HARD_IMPEDANCE, model.dof_solimp[dofs])
         named = listed([f'<joint name="{name}">' for name in joints])
         return (
-            f'Let dry friction hold, as here: in {named} set solreffriction="{attribute(time_s, 1.0)}" '
-            f'solimpfriction="{impedance}".'
+            f'Let dry friction hold, as here: in {named} set solreffriction="{reference}" solimpfriction="{impedance}".'
         )
 
     def said_together(self, effects: Effects, errors: Mapping[str, Mapping[str, float]]) -> Sequence[str]:
@@ -358,3 +360,14 @@ def _channel(source: ChannelSource) -> Channel:
     elif source.kind == "joint" and source.quantity == "position" and source.unit == "rad":
         space = Space.CIRCLE
     return Channel(source.name, source.unit, group, label, space)
+
+
+def _to_set(values: Sequence[float], has: np.ndarray) -> str:
+    """Return an attribute of MJCF without the last numbers that all joints have anyway, as MuJoCo writes it.
+
+    Args:
+        values: What it is to be, (k,).
+        has: What it is in each of the joints, (joints, k).
+    """
+    other = np.flatnonzero((np.asarray(has) != np.asarray(values)).any(axis=0))
+    return attribute(*values[: max(int(other[-1]) + 1 if len(other) else 0, 1)])
