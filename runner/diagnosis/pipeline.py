@@ -14,7 +14,7 @@ from runner.diagnosis.closure import close, left_by_episode
 from runner.diagnosis.engine_steps import said_of_engine_steps
 from runner.diagnosis.flights import flights_alone
 from runner.diagnosis.notes import notes
-from runner.diagnosis.ranking import contender_of, ranking
+from runner.diagnosis.ranking import contender_of, ranking, with_equals
 from runner.diagnosis.result import Diagnosis
 from runner.diagnosis.split import split
 from runner.inference.contender import nominal_of
@@ -91,6 +91,7 @@ def diagnose(
     if advise:
         observer.stage("trying what could be taken for it, and what would tell")
     near = found_rivals(top, searched, fitter) if advise else ()
+    ranked = with_equals(ranked, top, near)
     return Diagnosis(
         case=recording.path.name,
         system=system,

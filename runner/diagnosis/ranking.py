@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from scipy.special import expit, softmax
 
 from runner.diagnosis.result import Ranked
 from runner.effects.base import Scope
-from runner.inference.confounding import are_one
+from runner.inference.confounding import Rival, are_one
 from runner.inference.contender import Contender, are_confounded
 from runner.inference.evidence import by_data
 from runner.inference.held_out import Confirmed
@@ -107,6 +107,26 @@ def rank(found: Search, system: AbstractSystem, unknown: float, weighed: Contain
             merged[r.effects] = r
     merged[("unknown",)] = Ranked(("unknown",), (), unknown, (), {}, {}, None, None)
     return tuple(sorted(merged.values(), key=lambda r: -r.probability))
+
+
+def with_equals(ranked: Sequence[Ranked], top: Contender, rivals: Iterable[Rival]) -> tuple[Ranked, ...]:
+    """Return a ranking in which an explanation stands for what is one with it, whether a search has come across or not.
+
+    Args:
+        ranked: Likeliest first.
+        top: The contender that rivals are of.
+        rivals: What could be taken for its effects.
+    """
+    names = top.fit.explanation.names
+    equal = {r.instead.explanation.names for r in rivals if r.one and r.instead is not None} - {names}
+    place = next((k for k, r in enumerate(ranked) if r.effects == names), None)
+    if not equal or place is None:
+        return tuple(ranked)
+    own, others = ranked[place], [r for k, r in enumerate(ranked) if k != place]
+    share = sum((r.probability for r in others if r.effects in equal), own.probability)
+    equivalent = tuple(dict.fromkeys((*own.equivalent, *sorted(equal))))
+    whole = replace(own, equivalent=equivalent, probability=share)
+    return tuple(sorted((whole, *(r for r in others if r.effects not in equal)), key=lambda r: -r.probability))
 
 
 def _commonness(fit: Fit) -> tuple[int, ...]:

@@ -34,6 +34,7 @@ class Rival:
             where it is alike, otherwise from the sensitivities.
         instead: The explanation with the rival in the effect's place, fitted to what the fitted model does; None: it
             has not been tried.
+        one: Whether the two are two words for one motion, see `are_one`.
     """
 
     effect: str
@@ -41,6 +42,7 @@ class Rival:
     alike: float
     log_odds: float
     instead: Fit | None = field(default=None, repr=False, compare=False)
+    one: bool = False
 
     @property
     def confounded(self) -> bool:
@@ -55,10 +57,15 @@ def are_one(a: Fit, b: Fit, context: Scope) -> bool:
     what either effect does, by its derivatives: two causes that are merely alike part by more, however small they are.
     Both are of the same episodes with the same noise.
     """
+    apart = sum(float(((p - q) ** 2).sum()) for p, q in zip(a.residual, b.residual, strict=True))
+    return _are_one(a, b, apart, context)
+
+
+def _are_one(a: Fit, b: Fit, apart: float, context: Scope) -> bool:
+    """The same of fits whose motions are apart by that sum of squares, in noises."""
     own, other = (set(f.explanation.candidates) for f in (a, b))
     if len(own - other) != 1 or len(other - own) != 1:
         return False
-    apart = sum(float(((p - q) ** 2).sum()) for p, q in zip(a.residual, b.residual, strict=True))
     done = []
     for fit, only in ((a, own - other), (b, other - own)):
         part = next(p for c, p in fit.explanation.parts(context) if c in only)
@@ -113,7 +120,8 @@ def _tried(rival: Rival, fit: Fit, fitter: Fitter, found: Mapping[Key, Fit]) -> 
                 )
             )
     instead = min(fits, key=lambda f: f.total)
-    return replace(rival, log_odds=0.5 * instead.total, instead=instead)
+    one = _are_one(fit, instead, instead.total, context)
+    return replace(rival, log_odds=0.5 * instead.total, instead=instead, one=one)
 
 
 def _screened(around: NormalEquations, evidence: Evidence, system: AbstractSystem) -> tuple[Rival, ...]:
