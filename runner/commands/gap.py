@@ -92,7 +92,7 @@ def main(config: GapConfig, job: Job) -> None:
             tables.append(found.table.assign(case=str(case.path)))
             episodes.append(found.episodes.assign(case=str(case.path)))
             if len(cases) == 1:
-                _print(case.system, found, console)
+                _print(case.system, found, console, config.model)
     table = _case_first(pd.concat(tables, ignore_index=True))
     write_parquet(folder / GAP, table.assign(**job.provenance))
     write_parquet(folder / EPISODES_FILE, _case_first(pd.concat(episodes, ignore_index=True)).assign(**job.provenance))
@@ -108,10 +108,11 @@ def _case_first(table: pd.DataFrame) -> pd.DataFrame:
     return table.loc[:, ["case", *(c for c in table.columns if c != "case")]]
 
 
-def _print(system: AbstractSystem, found: Gap, console: Console) -> None:
+def _print(system: AbstractSystem, found: Gap, console: Console, corrected: Path | None) -> None:
     """Print what the model misses: in a sentence, then in a table, then what the table's words mean."""
     recording = system.recording
-    console.print(Text(f"{recording.path}: {_in_short(found, recording)}", style="bold"))
+    by = "" if corrected is None else f", with the corrected model of {corrected}"
+    console.print(Text(f"{recording.path}{by}: {_in_short(found, recording)}", style="bold"))
     for note in recording.notes:
         console.print(Text(f"{introduced(note)}."), soft_wrap=True)
     table = _table(system, found, " = ")

@@ -83,6 +83,8 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
     lacks = rough.loss - [cut.measured.count([i]) for i in rough.episodes]
     if flown:
         cut = replace(cut, part="flights until the first hit")
+    elif cuttable:
+        cut = replace(cut, part=f"stretches of {piece_s:.2g} s")
     first = np.array([s.begin == 0 for s in spans])
     chosen = np.flatnonzero(first | (lacks > np.quantile(lacks, 1.0 - limits.searched_share)))
     found = search(cut, chosen.tolist(), starts=rough.starts[chosen], pieces=True)

@@ -30,8 +30,10 @@ def unseen(contender: Contender, fitter: Fitter, held_out: Sequence[int], nomina
     if held.until_hit(held_out):
         starts = improved_starts(held, held_out, best.starts)
         best = held.fit(NONE, held_out, starts=starts, iterations=0)
-    # what is replayed much worse than all that was fitted may begin where it did not: a motion forgets its start
-    worst = max(float(excesses(contender.fit, fitter).max()), SETTINGS.search.near_excess)
+    # what is replayed much worse than all that was fitted may begin where it did not: a motion forgets its start. Of
+    # the nominal model no start is known to be a good one, and what it misses from a bad one would be called the gap.
+    usual = float(excesses(contender.fit, fitter).max()) if nominal is not None else 0.0
+    worst = max(usual, SETTINGS.search.near_excess)
     off = np.flatnonzero(excesses(best, fitter) > worst)
     if not len(off):
         return fitter.fit(explanation, held_out, x=x, near=best, iterations=0)

@@ -157,11 +157,13 @@ def ranking(diagnosis: Diagnosis, said: Statement) -> dict[str, Any]:
 
 
 def _parameters(system: AbstractSystem, ranked: Ranked) -> list[tuple[str, str]]:
-    """Return each parameter as it stands in `corrected.yaml`, with its standard error and its unit."""
+    """Return each parameter as it stands in `corrected.yaml`, with its standard error and its unit, or not fitted."""
     out = []
     for effect, values in ranked.parameters.items():
         errors, units = ranked.errors.get(effect, {}), system.vocabulary.units(effect, system.context)
-        out += [(f"{effect}.{name}", plus_minus(v, errors.get(name), units[name])) for name, v in values.items()]
+        for name, v in values.items():
+            fixed = " (not fitted)" if errors.get(name) == 0.0 else ""
+            out.append((f"{effect}.{name}", f"{plus_minus(v, errors.get(name), units[name])}{fixed}"))
     return out
 
 

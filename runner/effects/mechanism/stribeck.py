@@ -21,8 +21,8 @@ from runner.errors import check_range
 class Stribeck(MechanismEffect):
     """Dry friction is Fc (1 + relative_excess exp(-(|v| / speed)^exponent)), Fc the model's `frictionloss`.
 
-    Fc is friction at high speed. Solved in the compiled law of joints. `speed` in rad/s or m/s, fitted as the log
-    of its ratio to a share of the usual speed.
+    Fc is friction at high speed. A diagnosis does not fit the exponent, but has it at 2. Solved in the compiled law of
+    joints. `speed` in rad/s or m/s, fitted as the log of its ratio to a share of the usual speed.
     """
 
     name: ClassVar[str] = "stribeck"

@@ -114,7 +114,7 @@ class Compared:
     @property
     def sentence(self) -> str:
         """What a reader of the file has to know."""
-        pushed = f"Pushed at the floor, off its centre, {self.pushed}, it"
+        pushed = f"Pushed at the height of its centre and beside it, {self.pushed}, it"
         if not np.isfinite(self.theirs).all():
             return f"{pushed} diverges: it can't stand for the diagnosis' own simulator."
         way = f"{np.linalg.norm(np.diff(self.ours[:, :2], axis=0), axis=1).sum():.3g} m"
@@ -124,7 +124,7 @@ class Compared:
         if max(corrected) > 0.0:
             out += f" (uncorrected, that is {_told(corrected)} away)"
             if all(f >= c for f, c in zip(far, corrected, strict=True)):
-                out += ", so that it is no nearer than what was believed"
+                out += ", so that it is no nearer than what was believed (here a box can tip)"
         if self.creep_m_s > VISIBLE_M_S:
             return out + f". Where that rests this one moves on at {number(self.creep_m_s, 2)} m/s: here a box can tip."
         return out + ("." if math.isnan(self.creep_m_s) else f". At rest it creeps {1e6 * self.creep_m_s:.2f} µm/s.")
@@ -143,7 +143,7 @@ def _told(apart: tuple[float, float]) -> str:
 def compare(model: mujoco.MjModel, effects: Effects, simulator: Simulator) -> Compared:
     """Push both from rest, off the centre, over about the length of the box, and let them coast.
 
-    The push is at the height of the floor, where it tips the box no more than friction does as it coasts.
+    The push is at the height of the geometric centre, as those of a recording that states none are.
 
     Args:
         model: The box for plain MuJoCo.
@@ -152,10 +152,10 @@ def compare(model: mujoco.MjModel, effects: Effects, simulator: Simulator) -> Co
     """
     corrected = simulator.model(effects)
     body = corrected.body(OBJECT).id
-    hx, hy, hz = simulator.recording.nominal.half_size_m
+    hx, hy, _ = simulator.recording.nominal.half_size_m
     braking = max(FrictionView(corrected, body)["mu"], SLIPPERY) * -float(corrected.opt.gravity[2])
     force_n, last_s = 2.0 * braking * float(corrected.body_mass[body]), math.sqrt((hx + hy) / braking)
-    recording = _pushed(simulator.recording, (force_n, last_s), (0.0, 0.25 * hy, -hz), model.opt.timestep)
+    recording = _pushed(simulator.recording, (force_n, last_s), (0.0, 0.25 * hy, 0.0), model.opt.timestep)
     own = replace(simulator, recording=recording, spans=None, threads=1)
     ours, uncorrected = own.predict(0, [Run(effects, np.zeros(6)), Run((), np.zeros(6))])
     theirs = _moved(model, recording.episodes[0])
