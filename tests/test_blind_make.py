@@ -37,7 +37,7 @@ PLAIN = PlanarBoxMaker(Reality(
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> make.MadeCases:
     folder = tmp_path_factory.mktemp("blind")
-    return make_cases(3, 3, folder / "cases", folder / "answers.json", BOX, workers=2)
+    return make_cases(2, 3, folder / "cases", folder / "answers.json", BOX, workers=1)
 
 
 def unplanted(world: World = CUBE, seed: int = 0) -> plants.UnplantedCase:
