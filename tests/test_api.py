@@ -6,6 +6,7 @@ import errno
 import gc
 import inspect
 import io
+import json
 import os
 import re
 import shutil
@@ -29,7 +30,7 @@ from runner.recording import write_case
 from runner.recording.model_form import read_model_case
 from runner.storage.reading import read_json
 from tests.cases import made
-from tests.pages import ROOT, run_page
+from tests.pages import ROOT, run_cell, run_page
 
 FRICTION_NM = 0.15  # of the lever of the page
 LEVER = """<mujoco><option timestep="0.001"/><worldbody><body name="lever">
@@ -119,6 +120,35 @@ def test_the_page_on_python_is_true(page: Page) -> None:
     out = "\n".join(page.printed)
     assert "fitting joint_friction[hinge]" in out
     assert "Joint 'hinge' has more dry friction than in the model: 0.1" in out
+
+
+def test_the_notebook_is_true(
+    page: Page, found: runner.CaseDiagnosis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cell after cell: its masses come to 3 kg, its lever is the page's, and what it shows can be shown."""
+    (tmp_path / "lever").symlink_to(page.folder / "lever")
+    monkeypatch.chdir(tmp_path)
+
+    def diagnosed(case: runner.Case, **how: bool) -> runner.CaseDiagnosis:
+        assert how == {"advise": False}
+        pd.testing.assert_frame_equal(case.data, found.case.data)
+        pd.testing.assert_frame_equal(case.effects, found.case.effects)
+        return found
+
+    monkeypatch.setattr(runner, "diagnose", diagnosed)
+    content = json.loads((ROOT / "examples" / "first_hour.ipynb").read_text(encoding="utf-8"))
+    assert (content["nbformat"], len({c["id"] for c in content["cells"]})) == (4, len(content["cells"]))
+    names: dict = {}
+    shown = []
+    for cell in content["cells"]:
+        if cell["cell_type"] == "code":
+            assert (cell["outputs"], cell["execution_count"]) == ([], None)
+            shown.append(run_cell("".join(cell["source"]), names))
+    assert names["runs"]["mass_final_kg"].to_numpy() == pytest.approx(3.0, rel=0.01)
+    assert len(names["axes"].lines) == 5
+    assert names["found"] is found
+    assert all(hasattr(thing, "_repr_html_") for thing in (shown[0], shown[2], found, found.where))
+    assert (tmp_path / "corrected" / "corrected.yaml").is_file()
 
 
 def test_importing_it_imports_nothing_else() -> None:
