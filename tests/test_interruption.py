@@ -176,7 +176,7 @@ def test_a_run(number: int, all_of_them: bool, tmp_path: Path) -> None:
     ("number", "all_of_them", "launcher"),
     [
         pytest.param(*CTRL_C, ONE, id="ctrl-c-one"),
-        pytest.param(*SIGTERM, JOBLIB, id="sigterm-joblib"),
+        pytest.param(*SIGTERM, JOBLIB, id="sigterm-joblib", marks=pytest.mark.slow),
         pytest.param(*SIGTERM, ONE, id="sigterm-one", marks=pytest.mark.slow),
         pytest.param(*CTRL_C, JOBLIB, id="ctrl-c-joblib", marks=pytest.mark.slow),
     ],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from itertools import product
+from itertools import islice, product
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -86,21 +86,16 @@ def made(
 
 
 EXPLAINED = [(FRICTION, 0.97), (BOTH, 0.8), (FRICTION, 0.4), ((("none",), {}), 0.9), ((("unknown",), {}), 0.9)]
-FIGURES = {
-    "gap_closed": (0.003, 0.6),
-    "closable": (None, 0.985, 0.9999),
-    "after": (0.99, 1.3, 3.0),
-    "excess": (-0.01, 0.2, 5.48),
-    "nominal_excess": (0.01, 2e4),
-    "drive_excess": (0.0, 3e4),
-}
 
 
 def every(step: int) -> list[Any]:
     """Return diagnoses with all explanations and figures, or one in so many of them."""
+    figures = product(
+        EXPLAINED, (0.003, 0.6), (None, 0.985, 0.9999), (0.99, 1.3, 3.0), (-0.01, 0.2, 5.48), (0.01, 2e4), (0.0, 3e4)
+    )
     return [
-        made(explained, chance, **dict(zip(FIGURES, figures, strict=True)))
-        for (explained, chance), *figures in list(product(EXPLAINED, *FIGURES.values()))[::step]
+        made(explained, chance, gap_closed=g, closable=c, after=a, excess=e, nominal_excess=n, drive_excess=d)
+        for (explained, chance), g, c, a, e, n, d in islice(figures, 0, None, step)
     ]
 
 
