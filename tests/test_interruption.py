@@ -266,7 +266,7 @@ def test_a_single_diagnosis(number: int, all_of_them: bool, tmp_path: Path) -> N
     [
         pytest.param(("diagnose", "cases", "workers=2", "report=false", "out=o"), id="diagnose"),
         pytest.param(
-            ("-m", "seed=range(0,4000)", "log.rrd=off", "out=o", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2"),
+            ("-m", "seed=range(0,400)", "log.rrd=off", "out=o", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2"),
             id="sweep",
         ),
         # by joblib, as a sweep has it

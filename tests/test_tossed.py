@@ -511,10 +511,10 @@ def test_moments_of_inertia_are_named_by_their_proportions(tmp_path: Path):
 
 
 def begun(
-    folder: Path, truth: mujoco.MjModel, *, height_m: float = 0.16, spin_rad_s: float = 3.0
+    folder: Path, truth: mujoco.MjModel, *, tosses: int = 4, height_m: float = 0.16, spin_rad_s: float = 3.0
 ) -> tuple[Fitter, Fit]:
     """Return the fitter of some tosses in the stretches that are searched, and the fit without effects, some steps."""
-    system = open_case(toss_case(folder, truth, tosses=4, height_m=height_m, spin_rad_s=spin_rad_s))
+    system = open_case(toss_case(folder, truth, tosses=tosses, height_m=height_m, spin_rad_s=spin_rad_s))
     whole = Fitter(system, system.simulator(threads=1), measure(system, scatter=system.scatter()))
     fitter = whole.stretched(system.stretches())
     return fitter, fitter.fit(NONE, range(len(fitter.measured.spans)), iterations=5)
@@ -526,7 +526,7 @@ def offered(fitter: Fitter, name: str) -> Candidate:
 
 def test_what_shows_after_a_hit_alone_is_tried_from_the_air(tmp_path: Path):
     """Of a friction far lower than believed an amount near it is tried, from starts with which most of it is gone."""
-    fitter, nominal = begun(tmp_path, world(friction=0.1))
+    fitter, nominal = begun(tmp_path, world(friction=0.1), tosses=2)
     (found,) = tried_from_the_air(fitter, nominal, [(0.0, offered(fitter, "friction[box]"), np.zeros(1))])
     assert math.exp(found.x[0]) == pytest.approx(0.1 / BELIEVED["friction"], rel=0.5)
     assert found.total < 0.5 * nominal.total
@@ -537,7 +537,7 @@ def test_what_shows_after_a_hit_alone_is_tried_from_the_air(tmp_path: Path):
 def test_a_flight_rules_out_nothing_that_shows_after_a_hit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Whatever explains the flights, and where the model misses little that is anything: friction is still tried."""
     monkeypatch.setattr(multiple_shooting, "explains", lambda *_: True)
-    seen = multiple_shooting.look(*begun(tmp_path, world()))
+    seen = multiple_shooting.look(*begun(tmp_path, world(), tosses=2))
     assert seen is not None
     assert seen.beginning.seeds
     assert not seen.beginning.ruled_out
