@@ -6,12 +6,14 @@ import errno
 import gc
 import inspect
 import io
+import json
 import os
 import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,19 +30,18 @@ from runner.recording import write_case
 from runner.recording.model_form import read_model_case
 from runner.storage.reading import read_json
 from tests.cases import made
+from tests.pages import ROOT, run_cell, run_page
 
-FRICTION_NM = 0.15
+FRICTION_NM = 0.15  # of the lever of the page
 LEVER = """<mujoco><option timestep="0.001"/><worldbody><body name="lever">
 <joint name="hinge" axis="0 -1 0" damping="0.05"/><inertial pos="0 0 -0.3" mass="1" diaginertia="0.01 0.01 0.01"/>
 <site name="imu"/></body></worldbody><actuator><motor name="drive" joint="hinge"/></actuator>
 <sensor><jointpos name="encoder" joint="hinge"/></sensor></mujoco>"""
 
 
-def swung(friction_nm: float) -> dict[str, np.ndarray]:
+def swung() -> dict[str, np.ndarray]:
     """Return a lever that was swung three times, by plain MuJoCo, with noise."""
-    model = mujoco.MjModel.from_xml_string(
-        LEVER.replace('damping="0.05"', f'damping="0.05" frictionloss="{friction_nm}"')
-    )
+    model = mujoco.MjModel.from_xml_string(LEVER)
     data, rng, rows = mujoco.MjData(model), np.random.default_rng(0), []
     for episode in range(3):
         mujoco.mj_resetData(model, data)
@@ -62,8 +63,8 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def lever(model: Path, friction_nm: float = FRICTION_NM, folder: Path | None = None) -> runner.Case:
-    table = swung(friction_nm)
+def lever(model: Path, folder: Path | None = None) -> runner.Case:
+    table = swung()
     return runner.case_from_arrays(
         model,
         t=table["t"],
@@ -74,14 +75,80 @@ def lever(model: Path, friction_nm: float = FRICTION_NM, folder: Path | None = N
     )
 
 
-@pytest.fixture(scope="module")
-def told() -> list[str]:
-    return []
+@dataclass(frozen=True)
+class Page:
+    """What the page on Python did.
+
+    Attributes:
+        folder: Where.
+        names: What its blocks made.
+        printed: What they printed, in calls.
+    """
+
+    folder: Path
+    names: dict[str, Any]
+    printed: list[str]
 
 
 @pytest.fixture(scope="module")
-def found(model: Path, told: list[str]) -> runner.CaseDiagnosis:
-    return runner.diagnose(lever(model), threads=1, progress=told.append)
+def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
+    """Run the page in a folder of its own, once for all tests: it diagnoses a lever of its own arrays."""
+    folder, printed = tmp_path_factory.mktemp("page"), []
+    (folder / "examples").symlink_to(ROOT / "examples")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        names = run_page("docs/python.md", print=lambda *told: printed.append(" ".join(map(str, told))))
+    return Page(folder, names, printed)
+
+
+@pytest.fixture
+def found(page: Page, monkeypatch: pytest.MonkeyPatch) -> runner.CaseDiagnosis:
+    """The diagnosis of the page, where its case lies."""
+    monkeypatch.chdir(page.folder)
+    return page.names["diagnosis"]
+
+
+def test_the_page_on_python_is_true(page: Page) -> None:
+    """Every block, in order; the friction that the lever has is found."""
+    names = page.names
+    assert names["gap"].table["noises"].to_numpy().max() > 10
+    assert names["diagnosis"].effects == ("joint_friction[hinge]",)
+    assert names["after"].table["noises"].to_numpy().max() < names["before"].table["noises"].to_numpy().max()
+    (friction,) = names["table"].query("effects == 'joint_friction[hinge]'")["value"]
+    assert friction == pytest.approx(0.15, abs=0.005)
+    assert {"diagnosis.png", "results", "corrected", "lever.xml", "lever"} <= {p.name for p in page.folder.iterdir()}
+    out = "\n".join(page.printed)
+    assert "fitting joint_friction[hinge]" in out
+    assert "Joint 'hinge' has more dry friction than in the model: 0.1" in out
+
+
+def test_the_notebook_is_true(
+    page: Page, found: runner.CaseDiagnosis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cell after cell: its masses come to 3 kg, its lever is the page's, and what it shows can be shown."""
+    (tmp_path / "lever").symlink_to(page.folder / "lever")
+    monkeypatch.chdir(tmp_path)
+
+    def diagnosed(case: runner.Case, **how: bool) -> runner.CaseDiagnosis:
+        assert how == {"advise": False}
+        pd.testing.assert_frame_equal(case.data, found.case.data)
+        pd.testing.assert_frame_equal(case.effects, found.case.effects)
+        return found
+
+    monkeypatch.setattr(runner, "diagnose", diagnosed)
+    content = json.loads((ROOT / "examples" / "first_hour.ipynb").read_text(encoding="utf-8"))
+    assert (content["nbformat"], len({c["id"] for c in content["cells"]})) == (4, len(content["cells"]))
+    names: dict = {}
+    shown = []
+    for cell in content["cells"]:
+        if cell["cell_type"] == "code":
+            assert (cell["outputs"], cell["execution_count"]) == ([], None)
+            shown.append(run_cell("".join(cell["source"]), names))
+    assert names["runs"]["mass_final_kg"].to_numpy() == pytest.approx(3.0, rel=0.01)
+    assert len(names["axes"].lines) == 5
+    assert names["found"] is found
+    assert all(hasattr(thing, "_repr_html_") for thing in (shown[0], shown[2], found, found.where))
+    assert (tmp_path / "corrected" / "corrected.yaml").is_file()
 
 
 def test_importing_it_imports_nothing_else() -> None:
@@ -126,14 +193,16 @@ def test_friction_is_found_in_arrays(found: runner.CaseDiagnosis) -> None:
     (row,) = found.table().query("effects == 'joint_friction[hinge]'").to_dict("records")
     assert abs(row["value"] - FRICTION_NM) < 4 * row["standard_error"]
     assert list(found.corrected.values["value"]) == [row["value"]]
-    assert list(found.closure["channel"]) == ["q_hinge", "dq_hinge"]
+    assert list(found.closure["channel"]) == ["q_hinge"]
     assert (found.closure["after"].to_numpy() < 0.1 * found.closure["before"].to_numpy()).all()
     assert found.where.sentence
     assert {"share", "q"} <= set(found.where.cells)
 
 
-def test_it_says_what_it_is_at(found: runner.CaseDiagnosis, told: list[str]) -> None:
+def test_it_says_what_it_is_at(page: Page) -> None:
     """Noise, search, check, place, advice; the effects that are fitted, and the best so far."""
+    begun = next(i for i, line in enumerate(page.printed) if line.startswith("measuring the noise"))
+    told = page.printed[begun : page.printed.index(page.names["diagnosis"].sentence)]
     stages = list(dict.fromkeys(re.split("[,;]", line)[0] for line in told))
     assert stages[:4] == [
         "measuring the noise",
@@ -189,8 +258,8 @@ def test_figure_and_page_for_notebooks(found: runner.CaseDiagnosis, tmp_path: Pa
 
 def test_case_of_arrays_is_a_case_on_disk(model: Path, tmp_path: Path) -> None:
     """What is read back are the numbers that were given; a case without a folder lasts as long as it is used."""
-    table = swung(0.0)
-    kept = lever(model, 0.0, tmp_path / "kept")
+    table = swung()
+    kept = lever(model, tmp_path / "kept")
     recording = read_model_case(tmp_path / "kept")
     assert [len(e) for e in recording.episodes] == [121] * 3
     np.testing.assert_array_equal(np.concatenate([e.values[:, 0] for e in recording.episodes]), table["q"])
@@ -199,7 +268,7 @@ def test_case_of_arrays_is_a_case_on_disk(model: Path, tmp_path: Path) -> None:
     assert list(kept.episodes["samples"]) == [121] * 3
     assert "joint_friction[hinge]" in set(kept.effects["effect"])
     assert repr(kept) == f"Case('{tmp_path / 'kept'}': 3 episodes, 363 samples of q_hinge, dq_hinge)"
-    passing = lever(model, 0.0)
+    passing = lever(model)
     path = passing.path
     assert path.name == "lever"
     assert path.is_dir()
@@ -319,9 +388,9 @@ def test_a_folder_that_cannot_be_looked_into_is_one_line(model: Path, monkeypatc
 
 def test_folders_that_hold_something_are_left_alone(model: Path, found: runner.CaseDiagnosis, tmp_path: Path) -> None:
     """A case is not written over anything, a report not over a case."""
-    lever(model, 0.0, tmp_path / "kept")
+    lever(model, tmp_path / "kept")
     with pytest.raises(runner.RunnerError, match="is not empty; name a new one, or write over it with overwrite=True"):
-        lever(model, 0.0, tmp_path / "kept")
+        lever(model, tmp_path / "kept")
     with pytest.raises(runner.RunnerError, match="holds a recording"):
         found.report(tmp_path / "kept")
     with pytest.raises(runner.RunnerError, match="no folder 'nowhere'"):

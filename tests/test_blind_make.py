@@ -37,7 +37,7 @@ PLAIN = PlanarBoxMaker(Reality(
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> make.MadeCases:
     folder = tmp_path_factory.mktemp("blind")
-    return make_cases(3, 3, folder / "cases", folder / "answers.json", BOX, workers=2)
+    return make_cases(2, 3, folder / "cases", folder / "answers.json", BOX, workers=1)
 
 
 def unplanted(world: World = CUBE, seed: int = 0) -> plants.UnplantedCase:
@@ -204,7 +204,7 @@ def test_pushes_at_a_height_do_not_tip_the_box() -> None:
 def test_an_interrupted_set_is_taken_up_again(tmp_path: Path) -> None:
     """Cases that were made are kept with their answers, the rest is made; other settings are refused."""
     mix, whole = Mix(singles=0.0, pairs=0.0, nulls=1.0, unknowns=0.0), tmp_path / "whole"
-    with_all = make_cases(2, 5, whole / "cases", whole / "answers.json", BOX, mix=mix, workers=1)
+    with_all = make_cases(2, 5, whole / "cases", whole / "answers.json", PLAIN, mix=mix, workers=1)
     count = []
 
     def interrupted(plan: CasePlan, folder: Path) -> dict:
@@ -213,18 +213,18 @@ def test_an_interrupted_set_is_taken_up_again(tmp_path: Path) -> None:
             (folder / "nominal.yaml").parent.mkdir(parents=True)
             (folder / "nominal.yaml").write_text("half_size:")  # begun, not done
             raise KeyboardInterrupt
-        return BOX.make(plan, folder)
+        return PLAIN.make(plan, folder)
 
     part = tmp_path / "part"
     arguments = (2, 5, part / "cases", part / "answers.json")
-    broken = PlanarBoxMaker()
+    broken = PlanarBoxMaker(PLAIN.reality)
     object.__setattr__(broken, "make", interrupted)
     with pytest.raises(KeyboardInterrupt):
         make_cases(*arguments, broken, mix=mix, workers=1)
     assert not (part / "answers.json").exists()
     assert not (part / "cases" / make.HASH_FILE).exists()
     with pytest.raises(ResultError, match="seed 5 instead of 6"):
-        make_cases(2, 6, *arguments[2:], BOX, mix=mix, workers=1)
+        make_cases(2, 6, *arguments[2:], PLAIN, mix=mix, workers=1)
     again = make_cases(*arguments, broken, mix=mix, workers=1)
     assert count[2:] == [count[1]]
     assert again.sha256 == with_all.sha256

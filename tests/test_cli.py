@@ -8,6 +8,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Callable
+from itertools import zip_longest
 from pathlib import Path
 
 import pytest
@@ -323,17 +324,34 @@ NOT_IN_A_RUN = {  # what these need is said
 
 
 def test_every_option_of_every_group_is_usable() -> None:
-    """Each file in `conf/` makes a config that passes all checks, or says what it needs or where it belongs."""
+    """Each file in `conf/` makes a config that passes all checks, or says what it needs or where it belongs.
+
+    An option of each group and all effects at a time: an error names the key. An experiment sets many, so it is alone.
+    """
     command = commands.load("run")
     said: dict[str, str] = {}
     with _compose.composer("run", command) as hydra:
+
+        def build(*choices: str) -> None:
+            built(command, _compose.without_hydra(composed_for(hydra, choices)), dict)
+
+        beside, alone = [], [*NOT_IN_A_RUN]
         for group, names in hydra.groups().items():
             assert set(names) == {p.stem for p in (CONF_FOLDER / group).glob("*.yaml")}
-            for choice in (f"{group}=[{name}]" if group == "effect" else f"{group}={name}" for name in names):
-                try:
-                    built(command, _compose.without_hydra(composed_for(hydra, [choice])), dict)
-                except ConfigError as error:
-                    said[choice] = str(error)
+            if group == "effect":
+                fine = [name for name in names if f"effect=[{name}]" not in NOT_IN_A_RUN]
+                beside.append([f"effect=[{','.join(fine)}]"])
+            elif group == "experiment":
+                alone += [f"{group}={name}" for name in names]
+            else:
+                beside.append([c for name in names if (c := f"{group}={name}") not in NOT_IN_A_RUN])
+        for together in zip_longest(*beside):
+            build(*filter(None, together))
+        for choice in alone:
+            try:
+                build(choice)
+            except ConfigError as error:
+                said[choice] = str(error)
     assert said.keys() == NOT_IN_A_RUN.keys(), said
     assert all(NOT_IN_A_RUN[choice] in text for choice, text in said.items())
 

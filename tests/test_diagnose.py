@@ -20,11 +20,12 @@ from runner.diagnosis.verdict import read_verdicts, verdict
 from runner.effects import planar_box as fx
 from runner.effects.vocabulary import Candidate
 from runner.errors import RecordingError, ResultError
-from runner.inference.contender import Contender
+from runner.inference.contender import Contender, contend, likeliest_first
 from runner.inference.doubts import doubted, faint, further, unsure
 from runner.inference.evidence import NormalEquations, directions, evidence, normal_equations, sensitivities
 from runner.inference.held_out import Confirmed, confirm
 from runner.inference.least_squares import NONE, Explanation, Fitter
+from runner.inference.outside import is_outside, said_of_outside, with_outside
 from runner.inference.search import Search, search
 from runner.noise.measured import measure
 from runner.recording import Episode, Form, Noise, Nominal, Recording
@@ -115,26 +116,44 @@ def test_the_same_recording_gives_the_same_verdict(fewer: Recording, found: Diag
         assert a["probability"] == pytest.approx(b["probability"], abs=1e-6)
 
 
-def test_a_turned_world_turns_the_answer(fewer: Recording, found: Diagnosis) -> None:
-    """Turning the world by 90 degrees adds that to the direction and leaves the size."""
+def turned(recording: Recording) -> Recording:
+    """Return a recording of the same in a world that is turned by 90 degrees."""
     turn = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])  # row vectors
     quarter = np.array([0, 0, math.pi / 2])
-    turned = dataclasses.replace(
-        fewer,
-        episodes=tuple(
-            dataclasses.replace(e, pose=e.pose @ turn + quarter, twist=e.twist @ turn, force_n=e.force_n @ turn)
-            for e in fewer.episodes
-        ),
+    episodes = tuple(
+        dataclasses.replace(e, pose=e.pose @ turn + quarter, twist=e.twist @ turn, force_n=e.force_n @ turn)
+        for e in recording.episodes
     )
-    before, after = found.ranked[0], diagnose(PlanarBox(turned), threads=1, advise=False).ranked[0]
-    assert after.effects == before.effects
-    name = before.effects[0]
-    for key, value in before.parameters[name].items():
+    return dataclasses.replace(recording, episodes=episodes)
+
+
+def assert_turned(before: dict[str, float], after: dict[str, float], errors: dict[str, float]) -> None:
+    """Directions are 90 degrees further, within their errors; all else is the same."""
+    for key, value in before.items():
         expected = value + math.pi / 2 if key in ("downhill_rad", "direction_rad") else value
-        difference = after.parameters[name][key] - expected
+        difference = after[key] - expected
         if key.endswith("_rad") and key != "angle_rad":
             difference = (difference + math.pi) % (2 * math.pi) - math.pi
-        assert abs(difference) < max(before.errors[name][key], 1e-6)
+        assert abs(difference) < max(errors[key], 1e-6)
+
+
+def test_a_turned_world_turns_a_fit(fewer: Recording, found: Diagnosis) -> None:
+    """Turning the world by 90 degrees adds that to the direction and leaves the size."""
+    (name,), told = found.ranked[0].effects, []
+    for recording in (fewer, turned(fewer)):
+        fitter = fitter_of(recording)
+        fit = fitter.fit(Explanation(fitter.system.vocabulary.by_name[name][:1]), (0, 1))
+        told.append(fit.explanation.make(fit.x, fitter.context)[0].report())
+    assert_turned(*told, found.ranked[0].errors[name])
+
+
+@pytest.mark.slow
+def test_a_turned_world_turns_the_answer(fewer: Recording, found: Diagnosis) -> None:
+    """As it turns a fit."""
+    before, after = found.ranked[0], diagnose(PlanarBox(turned(fewer)), threads=1, advise=False).ranked[0]
+    assert after.effects == before.effects
+    (name,) = before.effects
+    assert_turned(before.parameters[name], after.parameters[name], before.errors[name])
 
 
 def test_fitted_and_checked_episodes_do_not_overlap() -> None:
@@ -214,17 +233,18 @@ def test_what_fails_on_unseen_episodes_loses_its_lead(tilted: Recording) -> None
         assert (confirmed.after[id(fit)].total < confirmed.before.total) == stays
 
 
+@pytest.mark.slow
 def test_a_hair_s_breadth_is_no_effect() -> None:
-    """Friction off by 0.05 % explains some of the noise's whims and nothing that matters."""
+    """Friction off by 0.05 % explains some of the noise's whims and nothing that matters, less than several errors."""
     hardly = recorded((fx.Friction(NOMINAL.friction * 1.0005),), episodes=4)
     diagnosis = diagnose(PlanarBox(hardly), threads=1, advise=False)
     assert diagnosis.ranked[0].effects == ("none",)
 
 
 def test_a_dead_band_is_unknown_and_is_said() -> None:
-    """It is not taken for the heavier body or the weaker push that it nearly is; a weaker push is not taken for it.
+    """It is not taken for the heavier body or the weaker push that it nearly is.
 
-    What is said of a dead band of 0.6 N is found anew, to every number, by `test_golden`.
+    What is said of a dead band of 0.6 N is found anew, to every number, by `make slow` and `make golden`.
     """
     assert golden.SMALL["small_dead_band"][0] == (fx.DeadBand(0.6),)
     lost = json.loads(golden.FILE.read_text(encoding="utf-8"))["small_dead_band"]
@@ -234,6 +254,26 @@ def test_a_dead_band_is_unknown_and_is_said() -> None:
     assert float(said.rstrip(".").split()[-1]) == pytest.approx(0.6, abs=0.1)
     assert all("unknown" not in r["effects"] for r in lost["ranked"][1:])
     assert sum(r["probability"] for r in lost["ranked"]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("planted", "outside"), [(fx.DeadBand(0.6), True), (fx.ActuatorGain(0.95), False)])
+def test_a_dead_band_is_weighed_beside_what_it_nearly_is(planted: fx.PlanarEffect, outside: bool) -> None:
+    """Beside a heavier body that was fitted it is the best answer where it is at work, and only there."""
+    fitter = fitter_of(recorded((planted,), episodes=4))
+    nominal = fitter.fit(NONE, range(3))
+    heavier = fitter.fit(Explanation((Candidate(fx.Mass),)), range(3), near=nominal)
+    every = directions(fitter.system)
+    contenders = (contend(fitter, fit, sensitivities(fitter, fit, every)) for fit in (heavier, nominal))
+    found = with_outside(Search(tuple(likeliest_first(contenders)), nominal), fitter)
+    assert is_outside(found.best, fitter.system.vocabulary) is outside
+    said = said_of_outside(found, fitter.system)
+    assert [s.split()[-2] for s in said] == ["force_n"] * outside
+    assert all(float(s.rstrip(".").split()[-1]) == pytest.approx(0.6, abs=0.1) for s in said)
+
+
+@pytest.mark.slow
+def test_a_weaker_push_is_no_dead_band() -> None:
+    """It is as it is of a heavier body, and nothing is unknown."""
     weaker = diagnose(PlanarBox(recorded((fx.ActuatorGain(0.95),), episodes=4)), threads=1, advise=False)
     assert {weaker.ranked[0].effects, *weaker.ranked[0].equivalent} >= {("mass",), ("actuator_gain",)}
     assert not weaker.abstain

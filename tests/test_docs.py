@@ -28,21 +28,10 @@ from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.planar_box.system import PlanarBox
 from tests import report_case
 from tests.cases import made
+from tests.pages import ROOT, blocks, run_page
 
-ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "docs" / "reference"))
-from make_reference import PAGES, described_columns  # noqa: E402
-
-
-def blocks(page: str) -> str:
-    """Return the Python blocks of a page, one below the other at their own lines, so that errors name those."""
-    lines, inside = [], False
-    for line in (ROOT / page).read_text(encoding="utf-8").splitlines():
-        if line.startswith("```"):
-            inside = line == "```python"
-            line = ""
-        lines.append(line if inside else "")
-    return "\n".join(lines)
+from make_reference import PAGES, described_columns
 
 
 def test_effects_that_may_be_of_all_are_named() -> None:
@@ -68,26 +57,6 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]
         for key, cls in list(registry.items()):
             if getattr(sys.modules.get(cls.__module__), cls.__name__, None) is not cls:
                 del registry[key]  # ty: ignore[invalid-argument-type]  # the key is of the same one
-
-
-def run_page(page: str, **names: object) -> dict:
-    """Run the blocks of a page, in order, and return what they made."""
-    exec(compile(blocks(page), page, "exec", dont_inherit=True), names)
-    return names
-
-
-def test_the_page_on_python_is_true(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Every block, in order, in a folder of its own; the friction that the lever has is found."""
-    names = run_page("docs/python.md")
-    assert names["gap"].table["noises"].to_numpy().max() > 10
-    assert names["diagnosis"].effects == ("joint_friction[hinge]",)
-    assert names["after"].table["noises"].to_numpy().max() < names["before"].table["noises"].to_numpy().max()
-    (friction,) = names["table"].query("effects == 'joint_friction[hinge]'")["value"]
-    assert friction == pytest.approx(0.15, abs=0.005)
-    assert {"diagnosis.png", "results", "corrected", "lever.xml", "lever"} <= {p.name for p in elsewhere.iterdir()}
-    out = capsys.readouterr().out
-    assert "fitting joint_friction[hinge]" in out
-    assert "Joint 'hinge' has more dry friction than in the model: 0.1" in out
 
 
 def test_the_pages_on_tables_and_viewing_are_true(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -172,7 +172,7 @@ def test_its_parameters_are_recovered(name: str) -> None:
     scale = np.array([p.scale for p in explanation.parameters(fitter.context)])
     candidates = starts if len(starts) else [0.05 * scale]
     rough = [
-        short.fit(explanation, pieces, x=x, near=near, iterations=6) for x in candidates[:: max(len(starts) // 8, 1)]
+        short.fit(explanation, pieces, x=x, near=near, iterations=6) for x in candidates[:: max(len(starts) // 3, 1)]
     ]
     best, nominal = min(rough, key=lambda f: f.total), fitter.fit(NONE, episodes)
     fits = [fitter.fit(explanation, episodes, x=best.x, starts=begun(best, spans, nominal), iterations=25)]

@@ -18,9 +18,10 @@ from runner.__main__ import main
 from runner.diagnosis.pipeline import diagnose
 from runner.effects import import_all, planar_box
 from runner.effects.planar_box import EFFECTS
+from runner.inference.least_squares import NONE, Explanation
 from runner.report import words
 from runner.systems.planar_box.system import PlanarBox, vocabulary
-from tests.cases import made
+from tests.cases import fitter_of, made
 
 EFFECT = '''"""A pusher that is weaker towards one side of the world."""
 
@@ -101,7 +102,22 @@ def one_sided_gain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[
 
 
 def test_a_new_effect_is_one_file(one_sided_gain: type) -> None:
-    """Registered by its class alone, it is planted, fitted, named and put into words."""
+    """Registered by its class alone, it is planted, in the vocabulary, fitted, and put into words."""
+    fitter = fitter_of(made((one_sided_gain(0.8),), seed=4, episodes=2, seconds=3.0)[0])
+    (candidate,) = fitter.system.vocabulary.by_name["one_sided_gain"]
+    count, nominal = fitter.measured.count(range(2)), fitter.fit(NONE, range(2))
+    fit = fitter.fit(Explanation((candidate,)), range(2), near=nominal)
+    assert fit.total < 1.2 * count < 0.1 * nominal.total
+    (effect,) = fit.explanation.make(fit.x, fitter.context)
+    assert effect.report()["share"] == pytest.approx(0.8, abs=0.02)
+    phrase = words.phrase(fitter.system, effect.full_name, effect.report(), {"share": 0.01})
+    assert phrase.what == "the pusher is weaker to the left"
+    assert phrase.amount.startswith("0.80")
+
+
+@pytest.mark.slow
+def test_a_new_effect_is_an_answer(one_sided_gain: type) -> None:
+    """A whole diagnosis names it, and no other."""
     recording, _ = made((one_sided_gain(0.8),), seed=4, episodes=3, seconds=3.0)
     found = diagnose(PlanarBox(recording), threads=1, advise=False)
     assert found.ranked[0].effects == ("one_sided_gain",)

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from tests.faults.harness import compiler
+from tests.faults.harness import compiler, start
 from tests.faults.scenarios import PART
 
 ROOT = Path(__file__).parents[1]
 
 
 @pytest.mark.skipif(compiler() is None, reason="no C compiler for the library that makes calls fail")
-def test_a_slice_of_the_faults() -> None:
+def test_a_slice_of_the_faults(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     """Some calls of a table that is written over another; `make faults` goes through all, of everything."""
-    words = [sys.executable, "-m", "tests.faults", "only=table", "every=3", "first=2"]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-    assert "table: " in done.stdout
-    assert "0 left something between old and new" in done.stdout
+    monkeypatch.chdir(ROOT)
+    code = start(["only=table", "every=3", "first=2"])
+    out, err = capfd.readouterr()
+    assert code == 0, out[-2000:] + err[-2000:]
+    assert "table: " in out
+    assert "0 left something between old and new" in out
 
 
 def test_temporary_names_are_told_from_others() -> None:

@@ -5,14 +5,20 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
+
 from tests import golden
 
 
-def test_verdicts_are_as_they_were(tmp_path: Path) -> None:
-    """Every number of three verdicts is what was agreed upon: nothing is at work, an effect, one that has no name."""
+# what a dead band is taken for is weighed in `test_diagnose`, too
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n == "small_dead_band" else n for n in golden.SMALL]
+)
+def test_verdicts_are_as_they_were(name: str, tmp_path: Path) -> None:
+    """Every number of a verdict is what was agreed upon: nothing is at work, an effect, one that has no name."""
     known = json.loads(golden.FILE.read_text(encoding="utf-8"))
-    found = golden.diagnosed_here(golden.small(tmp_path / "cases"), tmp_path / "verdicts")
-    assert {n: list(golden.differences(v, known[n])) for n, v in found.items()} == {n: [] for n in golden.SMALL}
+    found = golden.diagnosed_here({name: golden.small(tmp_path / "cases")[name]}, tmp_path / "verdicts")
+    assert {n: list(golden.differences(v, known[n])) for n, v in found.items()} == {name: []}
 
 
 def test_a_difference_is_found() -> None:

@@ -121,7 +121,6 @@ def begun_anew(line: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 
 CTRL_C, SIGTERM = (signal.SIGINT, True), (signal.SIGTERM, False)
-SIGNALS = pytest.mark.parametrize(("number", "all_of_them"), [CTRL_C, SIGTERM], ids=["ctrl-c", "sigterm"])
 ONE, JOBLIB = (), ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
 
 
@@ -159,7 +158,10 @@ def _interrupted_at(number: int, ledger: tables.Ledger) -> bool:
     return lines > number
 
 
-@SIGNALS
+@pytest.mark.parametrize(
+    ("number", "all_of_them"),
+    [pytest.param(*CTRL_C, id="ctrl-c"), pytest.param(*SIGTERM, id="sigterm", marks=pytest.mark.slow)],
+)
 def test_a_run(number: int, all_of_them: bool, tmp_path: Path) -> None:
     """A single run says how to begin again, and `run.yaml` that it was interrupted."""
     process = begin(tmp_path, "forces.pushes=3000", "log.rrd=off", "out=r")
@@ -174,7 +176,7 @@ def test_a_run(number: int, all_of_them: bool, tmp_path: Path) -> None:
     ("number", "all_of_them", "launcher"),
     [
         pytest.param(*CTRL_C, ONE, id="ctrl-c-one"),
-        pytest.param(*SIGTERM, JOBLIB, id="sigterm-joblib"),
+        pytest.param(*SIGTERM, JOBLIB, id="sigterm-joblib", marks=pytest.mark.slow),
         pytest.param(*SIGTERM, ONE, id="sigterm-one", marks=pytest.mark.slow),
         pytest.param(*CTRL_C, JOBLIB, id="ctrl-c-joblib", marks=pytest.mark.slow),
     ],
@@ -262,11 +264,16 @@ def test_a_single_diagnosis(number: int, all_of_them: bool, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     "command",
     [
-        ("diagnose", "cases", "workers=2", "report=false", "out=o"),
-        ("-m", "seed=range(0,4000)", "log.rrd=off", "out=o", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2"),
-        ("blind", "make", "n=40", "out=o", "workers=2", "seed=1"),
+        pytest.param(("diagnose", "cases", "workers=2", "report=false", "out=o"), id="diagnose"),
+        pytest.param(
+            ("-m", "seed=range(0,400)", "log.rrd=off", "out=o", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2"),
+            id="sweep",
+        ),
+        # by joblib, as a sweep has it
+        pytest.param(
+            ("blind", "make", "n=40", "out=o", "workers=2", "seed=1"), id="blind make", marks=pytest.mark.slow
+        ),
     ],
-    ids=["diagnose", "sweep", "blind make"],
 )
 def test_workers_end_with_their_parent(command: tuple[str, ...], tmp_path: Path) -> None:
     """SIGKILL leaves the parent no time for anything; the kernel ends its workers."""

@@ -25,7 +25,7 @@ from tests.servo_arm import JOINTS, NOMINAL, recorded, written
 def arm(tmp_path_factory: pytest.TempPathFactory) -> MechanismSystem:
     """Servos of 0.8 times the believed stiffness, both of them, and a forearm of 1.3 times the believed mass."""
     world = written(8.0, 0.52)
-    episodes = [recorded(world, seed, samples=301, step_s=2e-4) for seed in range(3)]
+    episodes = [recorded(world, seed, samples=151, step_s=2e-4) for seed in range(3)]
     folder = write_case(tmp_path_factory.mktemp("arm"), written(10.0, 0.4), episodes, NOMINAL)
     return system_of(folder)
 

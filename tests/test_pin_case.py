@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import runpy
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -52,8 +51,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     corners = pd.DataFrame(CORNERS, columns=["x", "y"])
     pd.concat([corners.assign(shape=s) for s in ("square", "other")]).to_csv(folder / "outlines.csv", index=False)
     for way in ("path", "force"):
-        command = [sys.executable, str(MAKER), str(folder), str(tmp_path / way), "--driven-by", way]
-        subprocess.run(command, check=True, capture_output=True)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("sys.argv", [str(MAKER), str(folder), str(tmp_path / way), "--driven-by", way])
+            runpy.run_path(str(MAKER), run_name="__main__")
     return tmp_path
 
 
