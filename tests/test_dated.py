@@ -25,8 +25,10 @@ def found_in(folder: Path, friction: float, push: Push | None) -> tuple[DatedDis
 
 @pytest.mark.parametrize(
     ("friction", "push"),
-    [(0.0, (1, 3.33, 4.12, 0.15)), (0.05, (0, 6.1, 6.4, -0.8))],
-    ids=["a good model", "a model without friction"],
+    [
+        pytest.param(0.0, (1, 3.33, 4.12, 0.15), id="a good model"),
+        pytest.param(0.05, (0, 6.1, 6.4, -0.8), id="a model without friction", marks=pytest.mark.slow),
+    ],
 )
 def test_a_push_is_dated(friction: float, push: Push, tmp_path: Path) -> None:
     """Episode, joint, beginning and end within 50 ms, size within 20 %."""

@@ -43,6 +43,13 @@ def test_what_was_put_in_comes_out(kind: str, tmp_path: Path, runs: list[Run], r
     record = yaml.safe_load(Path("case/import.yaml").read_text())
     assert record["clocks"][0]["rate_hz"] == pytest.approx(RATE_HZ, rel=1e-3)
     assert record["map"] == keys
+    sources = record["episodes"]
+    first, middle, last = sources
+    assert [e.index for e in read_model_case("case").episodes] == [first, middle, last]
+    several = len(set(sources.values())) > 1
+    said = f"Episode {first} is {sources[first]}, {last} is {sources[last]}; the others stand in import.yaml."
+    assert several is (said in " ".join(out.split()))
+    assert several or kind != "csv"
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet", "rrd", "mcap_json", "mcap_ros2", "db3", "lerobot_v3", "npz"])

@@ -25,7 +25,7 @@ from runner.commands._print import print_table
 from runner.effects.wording import counted
 from runner.errors import ConfigError, check_range
 from runner.importing.build import Built, build
-from runner.importing.case import check_out, write_case
+from runner.importing.case import RECORD, check_out, write_case
 from runner.importing.clocks import ClockReport
 from runner.importing.map_file import FILE
 from runner.importing.readers import read_log
@@ -127,6 +127,9 @@ def _import(config: ImportConfig, map_file: Path, console: Console) -> None:
         _say(console, f"{introduced(note)}.")
     episodes = counted(len(built.table["episode"].unique()), "episode")
     _say(console, f"{episodes}, {counted(len(built.table), 'row')}: {config.out}")
+    if len(set(built.sources.values())) > 1:
+        (first, *_, last) = built.sources.items()
+        _say(console, f"Episode {first[0]} is {first[1]}, {last[0]} is {last[1]}; the others stand in {RECORD}.")
     _say_whole(console, f"  runner gap {config.out}")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,12 +30,14 @@ class Built:
         table: `episode`, `t` and a column for each entry.
         clocks: How each clock ran.
         notes: What was done and what is odd, one sentence each.
+        sources: Of each episode, by its number: the part of the log that it is from.
     """
 
     plan: Plan
     table: pd.DataFrame
     clocks: tuple[ClockReport, ...]
     notes: tuple[str, ...]
+    sources: Mapping[int, str]
 
 
 def build(log: Log, path: Path, wanted: AnyMap, planned: Plan) -> Built:
@@ -55,21 +57,24 @@ def build(log: Log, path: Path, wanted: AnyMap, planned: Plan) -> Built:
         raise RecordingError(f"{path}: rows.at: unknown '{wanted.rows.at}'. {nearest(wanted.rows.at, names)}")
     told = Told()
     cuts: list[Cut] = []
+    parts: list[str] = []
     try:
         for part in log.parts:
             cuts += _episodes(part, planned.entries, wanted, told)
+            parts += [part.name] * (len(cuts) - len(parts))
         clocks = _reports(cuts, log, wanted)
-        made = [
-            r for one in cuts if (r := rows(_aligned(one), wanted.rows, told, sparse=wanted.log.sparse)) is not None
-        ]
+        each = [rows(_aligned(one), wanted.rows, told, sparse=wanted.log.sparse) for one in cuts]
+        made = [r for r in each if r is not None]
         if not made:
             raise RecordingError(f"no episode is left: {'; '.join(told.sentences())}.")
         table = _table(made, planned, told)
+        left = (name for name, r in zip(parts, each, strict=True) if r is not None)
+        sources = dict(zip(pd.unique(table["episode"]).tolist(), left, strict=True))
         stopped = [note for one in cuts if wanted.episodes.by is By.PART and (note := pauses(one)) is not None]
         notes = [*log.notes, *told.sentences(), *stopped[:1], *_odd(table, planned)]
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
-    return Built(planned, table, clocks, tuple(notes))
+    return Built(planned, table, clocks, tuple(notes), sources)
 
 
 def _odd(table: pd.DataFrame, planned: Plan) -> list[str]:

@@ -120,6 +120,7 @@ def _make(built: Built, folder: Path, *, model: Path, log: Sequence[Path], map_f
         {
             "log": [str(p) for p in log],
             "model": str(model),
+            "episodes": dict(built.sources),
             "clocks": [report.row() for report in built.clocks],
             "notes": [*built.notes, *recording.notes],
             "map": yaml.safe_load(map_file.read_text(encoding="utf-8-sig")),
