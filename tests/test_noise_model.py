@@ -139,23 +139,6 @@ def test_outliers_stand_out_of_slow_noise() -> None:
     assert len(dropped) <= len(at) + 2
 
 
-def test_where_a_smooth_course_turns_round_nothing_sticks_out() -> None:
-    """A model that goes astray leaves a course with a bend; beside a lost sample it goes on, an outlier does not."""
-    n, top = 60, 33
-    left = 0.3 * noise(n, 1, 0.0, 0.0, 5)
-    left[:, 0] -= 40.0 * np.abs(np.arange(n) - top) - 300.0 * np.exp(-(((np.arange(n) - top) / 4.0) ** 2))
-    values = np.where(np.arange(n)[:, None] == top - 1, np.nan, -left)
-    model = NoiseModel(np.zeros(1), np.zeros(1))
-    measured = Measured((Span(0, 0, n),), (values,), np.ones(1), model, (np.isfinite(values),), np.ones(1))
-    kept = without_outliers(measured, {0: left + 0.0 * values}).valid[0]
-    assert np.array_equal(kept, np.isfinite(values))
-    for row in (12, top):
-        hit = left.copy()
-        hit[row] += 400.0
-        dropped = without_outliers(measured, {0: hit + 0.0 * values}).valid[0]
-        assert np.flatnonzero(np.isfinite(values) & ~dropped).tolist() == [row]
-
-
 def test_third_differences_leave_nothing_of_a_parabola_by_an_uneven_clock() -> None:
     """Whatever the clock does, a parabola leaves nothing, and white noise 20 of its variances; even: -1, 3, -3, 1."""
     rng = np.random.default_rng(0)

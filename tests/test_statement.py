@@ -155,11 +155,11 @@ def test_a_memory_is_held_against_what_matters(everything: list[tuple[Any, Any, 
     """Beside "nothing is left that would matter" a test that finds something says how little that is."""
     for _, said, _ in everything:
         text = words.memory(said, "yaw", 20, 1200)
-        assert text.startswith("The Ljung–Box test (20 lags, 1200 samples)")
+        assert text.startswith("The portmanteau test (20 lags, 1200 samples)")
         told = re.search(r"misses (less than )?([\d.]+ %) more than the noise", text)
         assert (told is not None) is (said.left is Left.NOISE)
         assert told is None or told[2] == percent(max(said.over_noise, 0.005))
-        assert words.memory(said, "", 20, 1200) == "All channels pass the Ljung–Box test (20 lags, 1200 samples)."
+        assert words.memory(said, "", 20, 1200) == "All channels pass the portmanteau test (20 lags, 1200 samples)."
 
 
 def test_headline_tiles_and_ranking_give_the_same_gain(everything: list[tuple[Any, Any, str]]) -> None:

@@ -330,40 +330,6 @@ def _inliers(values: np.ndarray, new: np.ndarray) -> np.ndarray:
         there = np.flatnonzero(inliers[:, c])
         if len(there):
             own = values[there, c]
-            middle = median_filter(own, size=5, mode="nearest")
-            distance = np.abs(own - middle)
-            near = distance < SETTINGS.noise.outlier_sigmas * level + 3.0 * np.median(distance)
-            off = np.flatnonzero(~near)
-            near[off] = _goes_on(there, own, middle, near, off)
-            inliers[there, c] = near
+            distance = np.abs(own - median_filter(own, size=5, mode="nearest"))
+            inliers[there, c] = distance < SETTINGS.noise.outlier_sigmas * level + 3.0 * np.median(distance)
     return inliers
-
-
-def _goes_on(rows: np.ndarray, values: np.ndarray, middle: np.ndarray, near: np.ndarray, off: np.ndarray) -> np.ndarray:
-    """Tell which values a curve through their neighbours foretells better than it does their median, (N,).
-
-    Where a motion turns round, or a model that misses it does, a value lies beyond all its neighbours, the further the
-    more samples were lost there; on a slope, an outlier beside it shifts the median. The curve is the cubic through the
-    two on either side that don't stick out.
-
-    Args:
-        rows, values: Of a channel where it is measured, (T,).
-        middle: The median of the values around each, (T,).
-        near: Which of them don't stick out of that, (T,).
-        off: Which of them are wanted, (N,); without two on either side nothing foretells a value.
-    """
-    foretold, known = np.zeros(len(off), dtype=bool), np.flatnonzero(near)
-    behind = np.searchsorted(known, off)
-    inside = (behind >= 2) & (behind <= len(known) - 2)
-    wanted = off[inside]
-    around = known[behind[inside, None] + np.arange(-2, 2)]
-    x = (rows[around] - rows[wanted, None]).astype(float)  # (N, 4), rows from the one that is wanted
-    cubic = np.sum(np.stack([_lagrange(x, k) for k in range(4)], axis=1) * values[around], axis=1)
-    foretold[inside] = np.abs(values[wanted] - cubic) < np.abs(cubic - middle[wanted])
-    return foretold
-
-
-def _lagrange(x: np.ndarray, k: int) -> np.ndarray:
-    """Return the weight at 0 of the value at `x[:, k]` in the polynomial through all, (N,)."""
-    others = np.delete(x, k, axis=1)
-    return np.asarray(np.prod(others / (others - x[:, k, None]), axis=1))

@@ -232,7 +232,7 @@ def left_at_large(said: Statement) -> tuple[str, str]:
 
 
 def memory(said: Statement, structured: str, lags: int, count: int) -> str:
-    """Return what the Ljung-Box test says of what the best model leaves, beside what that amounts to.
+    """Return what the portmanteau test says of what the best model leaves, beside what that amounts to.
 
     Args:
         said: What is left at large.
@@ -240,7 +240,7 @@ def memory(said: Statement, structured: str, lags: int, count: int) -> str:
         lags: Of the test.
         count: Samples of the channel that has most of them.
     """
-    test = f"Ljung–Box test ({lags} lags, {count} samples)"
+    test = f"portmanteau test ({lags} lags, {count} samples)"
     if not structured:
         return f"All channels pass the {test}."
     if said.left is not Left.NOISE:
