@@ -28,8 +28,9 @@ from runner.effects.mechanism import (
 )
 from runner.errors import ResultError
 from runner.physics import joint_law
+from runner.physics.joint_law import written_law
 from runner.physics.joint_law.record import FIELDS, MAGIC
-from runner.systems.mechanism import MechanismSystem, model_file, written_law
+from runner.systems.mechanism import MechanismSystem, model_file
 
 ARM = """<mujoco><option timestep="0.0005" integrator="implicitfast"/>
 <default><joint axis="0 -1 0" solreffriction="0.001 1" solimpfriction="0.99 0.999 0.001 0.5 2"/></default>

@@ -132,14 +132,8 @@ def _made_beside_starts(fitter: Fitter, systems: Sequence[AbstractSystem]) -> fl
         fitter: Of what was recorded.
         systems: The same with more noise on the drive.
     """
-    episodes, others = range(len(fitter.measured.values)), [fitter.with_system(s) for s in systems]
-    fit = fitter.fit(NONE, episodes, iterations=SETTINGS.fit.nominal_steps)
-    made = 0.0
-    for k in range(len(episodes)):
-        for other in others:
-            moved = _moved_beside_starts(fit, k, (), other)
-            made += float(moved @ moved) / len(others)
-    return made / max(fitter.measured.count(episodes), 1)
+    fit = fitter.fit(NONE, range(len(fitter.measured.values)), iterations=SETTINGS.fit.nominal_steps)
+    return by_noise((fit,), fitter, [fitter.with_system(s) for s in systems]).excess
 
 
 def as_told(

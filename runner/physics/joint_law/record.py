@@ -10,30 +10,11 @@ from dataclasses import dataclass, field
 
 import mujoco
 
+from runner.physics.joint_law import written_law
+
 MAGIC = 314159.2653
 
-FIELDS = (
-    "magic",
-    "offset",  # a constant force, N m or N
-    # dry friction times 1 + excess exp(-(|v| / excess_speed)^excess_power)
-    "excess",
-    "excess_speed",
-    "excess_power",
-    # dry friction plus load_share times the load; its actuators act on the degree of freedom so many after the joint's
-    "load_share",
-    "drive_after",
-    # friction of positive less that of negative motion, over their mean, which is the model's
-    "dry_difference",
-    "viscous_difference",
-    # ripple_sin sin(a) + ripple_cos cos(a), a = ripple_rate q; N m or N, rad per rad or m
-    "ripple_sin",
-    "ripple_cos",
-    "ripple_rate",
-    # a force from one time until another, N m or N, s
-    "push",
-    "push_from",
-    "push_until",
-)
+FIELDS = ("magic", *written_law.FIELDS)  # which says what each of them means
 SIZE = len(FIELDS)
 COLUMN = {name: i for i, name in enumerate(FIELDS)}
 

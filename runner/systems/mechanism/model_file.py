@@ -16,10 +16,9 @@ from runner.effects.mechanism import Command, MechanismEffect
 from runner.errors import ResultError
 from runner.numerics.arrays import FloatArray
 from runner.physics import joint_law
-from runner.physics.joint_law import SIZE, JointLaw
+from runner.physics.joint_law import SIZE, JointLaw, written_law
 from runner.recording.model_form_mjcf import quiet
 from runner.storage.writing import own_folder, replacing, write_text
-from runner.systems.mechanism import written_law
 from runner.systems.mechanism.models import OWN, Models, shortest_contact_s
 from runner.systems.mechanism.simulator import SHORTEST_STEP_S
 
