@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -22,6 +22,7 @@ from runner.settings import SETTINGS
 from runner.simulate.gap import measure_gap
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.simulator import Run
+from tests.contended import Contended
 
 RATE_HZ, MASS_KG, FRICTION, G = 30.0, 2.0, 0.3, 9.81
 SEEN_M, SEEN_RAD, NOISE_N = 2e-4, 2e-3, 0.08
@@ -112,15 +113,6 @@ def test_a_force_that_was_commanded_is_replayed_as_it_is() -> None:
     added = np.array([n.recording.episodes[0].force_n - recording.episodes[0].force_n for n in noisy])
     assert added[..., :2].std() == pytest.approx(NOISE_N, rel=0.2)
     assert not added[..., 2].any()
-
-
-@dataclass(frozen=True)
-class Contended:
-    """As much of a contender as its odds need."""
-
-    fit: Any
-    log_posterior: float
-    against: float = 0.0
 
 
 def contended(log_posterior: float, effects: int = 1) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,24 +9,16 @@ import pytest
 
 from runner.inference.held_out import _with_what_is_left
 from runner.settings import SETTINGS
+from tests.contended import Contended
 
 COUNT = 1000
-
-
-@dataclass(frozen=True)
-class Contended:
-    """As much of a contender as its odds need."""
-
-    fit: Any
-    evidence: Any
-    log_posterior: float
 
 
 def contended(log_posterior: float, left: float, *names: str) -> Any:
     """Return one that leaves so much beyond the noise."""
     explanation = SimpleNamespace(candidates=names)
     fit = SimpleNamespace(explanation=explanation, episodes=(0,))
-    return Contended(fit, SimpleNamespace(left=COUNT + left), log_posterior)
+    return Contended(fit, log_posterior, SimpleNamespace(left=COUNT + left))
 
 
 def lead(*contenders: Any) -> float:
