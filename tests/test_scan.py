@@ -14,7 +14,7 @@ from runner.inference.contender import contend
 from runner.inference.least_squares import NONE, Explanation, Fitter
 from runner.inference.start_draws import begun_elsewhere
 from runner.inference.unseen import unstuck
-from runner.inference.warm_start import where_to_begin
+from runner.inference.warm_start import _raced, where_to_begin
 from runner.noise.measured import measure
 from runner.settings import SETTINGS
 from runner.systems.mechanism import MechanismSystem
@@ -75,6 +75,24 @@ def test_a_fit_of_elasticity_begins_in_the_valley_of_its_resonance(elastic: Mech
     (found,) = fit.explanation.make(fit.x, fitter.context)
     assert isinstance(found, Compliance)
     assert found.stiffness == pytest.approx(STIFFNESS, rel=0.005)
+
+
+def test_sizes_that_are_far_behind_are_not_looked_at_in_further_episodes(elastic: MechanismSystem) -> None:
+    """Those that stay have the loss of all episodes; where none gains, none between them is looked at either."""
+    fitter = Fitter(elastic, elastic.simulator(threads=1), measure(elastic))
+    right = Explanation(elastic.vocabulary.by_name["compliance[slide]"])
+    best = fitter.fit(right, range(2), x=np.array([1.0 / STIFFNESS]))
+    models = [right.make(best.x * by, fitter.context) for by in (1.0, 1.0 + 1e-6, 30.0)]
+    all_of_them = fitter.losses(models, best.starts, range(2))
+    raced = _raced(fitter, models, best)
+    np.testing.assert_allclose(raced[:2], all_of_them[:2], rtol=1e-12)
+    assert np.isinf(raced[2])
+    assert np.isfinite(all_of_them[2])
+    sizes, before = right.candidates[-1].scan(fitter.context), fitter.simulator.simulated_s
+    begin = where_to_begin(fitter, right, best.x, best, None)
+    np.testing.assert_array_equal(begin["x"], best.x)
+    episodes = (fitter.simulator.simulated_s - before) / sum(fitter.seconds(e) for e in range(2))
+    assert episodes < len(sizes)
 
 
 def test_a_start_that_is_stuck_is_sought_anew_where_another_explanation_leaves_less(elastic: MechanismSystem) -> None:

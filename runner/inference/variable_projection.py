@@ -224,9 +224,8 @@ class Descent:
         limits = SETTINGS.fit
         hoped = promised * point.gained_share if self.jumps else promised
         enough = self.tolerance + limits.rest_share * max(point.total - self.count, 0.0)
-        behind = limits.behind_share * max(self.target - self.count, 0.0)
-        hopeless = self.target + behind + limits.behind_excess * self.count + limits.behind_loss
-        if iteration > self.patience and point.total - limits.promise_factor * hoped > hopeless:
+        expected = point.total - limits.promise_factor * hoped
+        if iteration > self.patience and expected > hopeless(self.target, self.count):
             if not point.taken:  # it is judged by derivatives of its own, which are what comparisons go by as well
                 return Trial(self._renewed(point, checked=False))
             return Trial(replace(point, ending=Ending.BEHIND), rests=True)
@@ -289,6 +288,13 @@ class Descent:
     def _carried(new: FitPoint, before: FitPoint) -> FitPoint:
         """Return a point with what is known of steps from the one before it."""
         return replace(new, reach=before.reach, gained_share=before.gained_share)
+
+
+def hopeless(target: float, count: int) -> float:
+    """Return the loss, of so many values, above which a descent is no longer expected to reach a target."""
+    limits = SETTINGS.fit
+    behind = limits.behind_share * max(target - count, 0.0)
+    return target + behind + limits.behind_excess * count + limits.behind_loss
 
 
 def _step(point: FitPoint, parameters: Sequence[Parameter], damping: float) -> tuple[np.ndarray, np.ndarray, float]:

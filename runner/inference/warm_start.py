@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from runner.effects.base import Effects
 from runner.effects.vocabulary import Candidate
 from runner.inference.least_squares import Explanation, Fit, Fitter
+from runner.inference.variable_projection import hopeless
 from runner.settings import SETTINGS
 
 Key = tuple[Candidate, ...]
@@ -72,18 +74,37 @@ def where_to_begin(
 def _scanned(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit, sizes: np.ndarray) -> np.ndarray:
     """Return the parameters with the size of the last effect that leaves least at the start states of a fit nearby.
 
-    Of some sizes (K,), ascending, and of finer ones about the best of them.
+    Of some sizes (K,), ascending, and of finer ones about the best of them, where that leaves less than the fit does.
     """
     place = _size_of_last(explanation, fitter)
 
-    def best(some: Sequence[float] | np.ndarray) -> int:
-        models = [explanation.make(_with(x, place, size), fitter.context) for size in some]
-        return int(np.argmin(fitter.losses(models, near.starts, near.episodes)))
+    def left(some: Sequence[float] | np.ndarray) -> np.ndarray:
+        return _raced(fitter, [explanation.make(_with(x, place, size), fitter.context) for size in some], near)
 
-    i = best(sizes)
-    finer = np.linspace(sizes[max(i - 1, 0)], sizes[min(i + 1, len(sizes) - 1)], SETTINGS.fit.scanned_sizes)
-    among = np.array([x[place], *finer])
-    return _with(x, place, float(among[best(among)]))
+    among = np.array([x[place], *sizes])
+    first = left(among)
+    i = int(np.argmin(first[1:]))
+    if first[1 + i] < near.total:
+        finer = np.linspace(sizes[max(i - 1, 0)], sizes[min(i + 1, len(sizes) - 1)], SETTINGS.fit.scanned_sizes)
+        among = np.array([x[place], *finer])
+        first = left(among)
+    return _with(x, place, float(among[np.argmin(first)]))
+
+
+def _raced(fitter: Fitter, models: Sequence[Effects], near: Fit) -> np.ndarray:
+    """Return the loss of each of several models, (M,), at the start states of a fit nearby; infinite where it is out.
+
+    Episode by episode, without those that are as far behind the best by then as no descent makes up for: soft springs
+    and low limits miss an episode as badly as the next.
+    """
+    left, count = np.zeros(len(models)), 0
+    for k, e in enumerate(near.episodes):
+        running = np.flatnonzero(np.isfinite(left))
+        left[running] += fitter.losses([models[i] for i in running], near.starts[[k]], [e])
+        count += fitter.measured.count([e])
+        least = min(float(near.loss[: k + 1].sum()), float(left.min()))
+        left[left > hopeless(least, count)] = np.inf
+    return left
 
 
 def _size_of_last(explanation: Explanation, fitter: Fitter) -> int:
