@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -74,21 +74,26 @@ def where_to_begin(
 def _scanned(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit, sizes: np.ndarray) -> np.ndarray:
     """Return the parameters with the size of the last effect that leaves least at the start states of a fit nearby.
 
-    Of some sizes (K,), ascending, and of finer ones about the best of them, where that leaves less than the fit does.
+    Of some sizes (K,), ascending, as a survey shows them, and of finer ones about the best of them; not where the
+    least of them, which is next to none of the effect, is best and worse than none.
     """
     place = _size_of_last(explanation, fitter)
 
-    def left(some: Sequence[float] | np.ndarray) -> np.ndarray:
-        return _raced(fitter, [explanation.make(_with(x, place, size), fitter.context) for size in some], near)
+    def with_each(some: np.ndarray) -> list[Effects]:
+        return [explanation.make(_with(x, place, size), fitter.context) for size in some]
 
-    among = np.array([x[place], *sizes])
-    first = left(among)
-    i = int(np.argmin(first[1:]))
-    if first[1 + i] < near.total:
-        finer = np.linspace(sizes[max(i - 1, 0)], sizes[min(i + 1, len(sizes) - 1)], SETTINGS.fit.scanned_sizes)
-        among = np.array([x[place], *finer])
-        first = left(among)
-    return _with(x, place, float(among[np.argmin(first)]))
+    simulator = fitter.simulator.surveying()
+    surveying, before_s = replace(fitter, simulator=simulator), simulator.simulated_s
+    left = _raced(surveying, with_each(sizes), near)
+    i = int(np.argmin(left))
+    gains = i > 0 or left[0] < surveying.loss(near.explanation, near.x, near.starts, near.episodes)
+    if simulator is not fitter.simulator:
+        fitter.simulator.simulated_s += simulator.simulated_s - before_s
+    if not gains:
+        return x
+    finer = np.linspace(sizes[max(i - 1, 0)], sizes[min(i + 1, len(sizes) - 1)], SETTINGS.fit.scanned_sizes)
+    among = np.array([x[place], *finer])
+    return _with(x, place, float(among[np.argmin(_raced(fitter, with_each(among), near))]))
 
 
 def _raced(fitter: Fitter, models: Sequence[Effects], near: Fit) -> np.ndarray:
@@ -102,8 +107,7 @@ def _raced(fitter: Fitter, models: Sequence[Effects], near: Fit) -> np.ndarray:
         running = np.flatnonzero(np.isfinite(left))
         left[running] += fitter.losses([models[i] for i in running], near.starts[[k]], [e])
         count += fitter.measured.count([e])
-        least = min(float(near.loss[: k + 1].sum()), float(left.min()))
-        left[left > hopeless(least, count)] = np.inf
+        left[left > hopeless(float(left.min()), count)] = np.inf
     return left
 
 
