@@ -23,6 +23,17 @@ EVERY_S, EVERY_SHARE = 10.0, 1 / 6  # between two lines where there is no termin
 COLUMNS = 80  # as wide as lines are where there is no terminal that says how wide it is
 AS_NOISE = 1.05  # what would be told as 1.0 times the noise
 UNLIKELY = 0.005  # what would be told as 0.00
+# How stages of a diagnosis begin, step by step. How long one takes is not known beforehand: a search is made anew
+# wherever it finds other noise, and then goes back to its step.
+STEPS = (
+    ("measuring the noise",),
+    ("searching",),
+    ("checking", "fitting flights"),
+    ("telling where",),
+    ("trying what could be taken",),
+    ("writing",),
+)
+COMPILING = "compiling, once after an installation, which takes up to a minute"
 NAMED = 2  # effects of a fit that are named; of more there are as many as make no difference to somebody who waits
 Advance = Callable[[int], object]  # told of the steps that were taken since its last call
 
@@ -75,7 +86,8 @@ class Spoken:
 
     def stage(self, name: str) -> None:
         """A stage begins."""
-        self._stage, self._fitting = name, ""
+        step = next((k for k, begins in enumerate(STEPS, 1) if name.startswith(begins)), None)
+        self._stage, self._fitting = name if step is None else f"step {step} of {len(STEPS)}, {name}", ""
         self._changed()
 
     def fitting(self, effects: Sequence[str]) -> None:
@@ -124,6 +136,36 @@ def observed(description: str) -> Generator[ProgressObserver]:
 
 
 @contextmanager
+def _compiling(now: Callable[[bool], object]) -> Generator[None]:
+    """Call whenever numba begins (True) or ends (False) to compile what it has not kept of an earlier time.
+
+    Where numba is not loaded by now, nothing is told of it: importing it would take longer than most commands.
+    """
+    event = sys.modules.get("numba.core.event")
+    if event is None:
+        yield
+        return
+    depth = [0]
+
+    class Listener(event.Listener):
+        def on_start(self, _: object) -> None:
+            depth[0] += 1
+            now(True)
+
+        def on_end(self, _: object) -> None:
+            depth[0] -= 1
+            if not depth[0]:
+                now(False)
+
+    listener = Listener()
+    event.register("numba:compile", listener)
+    try:
+        yield
+    finally:
+        event.unregister("numba:compile", listener)
+
+
+@contextmanager
 def _shown(description: str, line: Callable[[], str]) -> Generator[None]:
     """Show what changes until the end, behind the time that went by: after a second, or every ten.
 
@@ -131,12 +173,12 @@ def _shown(description: str, line: Callable[[], str]) -> Generator[None]:
     Where there is no terminal, what is longer than a line goes on in the next ones, indented.
     """
     began, over = time.monotonic(), threading.Event()
-    console = Console(stderr=True)
+    console, compiles = Console(stderr=True), [False]
     moving = console.is_terminal
     status = console.status("", refresh_per_second=4)
 
     def text() -> str:
-        head, said = f"{description} ({time.monotonic() - began:.0f} s)", line()
+        head, said = f"{description} ({time.monotonic() - began:.0f} s)", COMPILING if compiles[0] else line()
         return f"{head}: {said}" if said else head
 
     def pause_s() -> float:
@@ -156,7 +198,8 @@ def _shown(description: str, line: Callable[[], str]) -> Generator[None]:
     thread = threading.Thread(target=show, daemon=True)
     thread.start()
     try:
-        yield
+        with _compiling(lambda now: compiles.__setitem__(0, now)):
+            yield
     finally:
         over.set()
         thread.join(PATIENCE_S)
@@ -209,8 +252,13 @@ def progress(
     patience = threading.Timer(PATIENCE_S, bar.start)
     patience.daemon = True
     patience.start()
+
+    def told(compiles: bool) -> None:
+        bar.update(task, description=f"{description}, {COMPILING}" if compiles else description)
+
     try:
-        yield advance
+        with _compiling(told):
+            yield advance
     finally:
         patience.cancel()
         bar.stop()
