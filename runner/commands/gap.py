@@ -32,7 +32,7 @@ from runner.commands import Command, Job
 from runner.diagnosis.corrected import corrected_file
 from runner.effects.wording import listed, number
 from runner.errors import ConfigError, check_range
-from runner.progress import progress
+from runner.progress import progress, waiting
 from runner.recording import find_cases
 from runner.recording.case import content_hash
 from runner.recording.data import introduced, warnings
@@ -81,9 +81,10 @@ def main(config: GapConfig, job: Job) -> None:
     """Measure, print and write the gap of each case."""
     folder = job.results
     # read them all before the first is simulated: a broken one is found at once
-    cases = [read(path) for path in find_cases(config.recording)]
-    systems = [case.system for case in cases]
-    models = [None if config.model is None else Corrected.read(config.model, case) for case in cases]
+    with waiting("Reading"):
+        cases = [read(path) for path in find_cases(config.recording)]
+        systems = [case.system for case in cases]
+        models = [None if config.model is None else Corrected.read(config.model, case) for case in cases]
     console = Console()
     # of one case the model as believed stands beside the corrected one; whole episodes are the smaller part of the time
     beside = len(cases) == 1 and config.model is not None
