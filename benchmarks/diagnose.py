@@ -97,8 +97,8 @@ def main(folder: str | None = None) -> None:
             bare_s = 1e-6 * bare_us_per_s(case) * found.simulated_s
             first = "+".join(found.ranked[0].effects)
             print(
-                f"{name:24s}{first:>30s}{found.seconds:9.1f}{found.simulated_s:13.0f}{bare_s:9.1f}"
-                f"{found.seconds / bare_s:8.2f}"
+                f"{name:24s}{first:>30s}{found.wall_s:9.1f}{found.simulated_s:13.0f}{bare_s:9.1f}"
+                f"{found.wall_s / bare_s:8.2f}"
             )
 
 

@@ -14,7 +14,15 @@ from contextlib import contextmanager
 from typing import Protocol, TypeVar
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
 from rich.text import Text
 
 T = TypeVar("T")
@@ -23,6 +31,17 @@ EVERY_S, EVERY_SHARE = 10.0, 1 / 6  # between two lines where there is no termin
 COLUMNS = 80  # as wide as lines are where there is no terminal that says how wide it is
 AS_NOISE = 1.05  # what would be told as 1.0 times the noise
 UNLIKELY = 0.005  # what would be told as 0.00
+# How stages of a diagnosis begin, step by step. How long one takes is not known beforehand: a search is made anew
+# wherever it finds other noise, and then goes back to its step.
+STEPS = (
+    ("measuring the noise",),
+    ("searching",),
+    ("checking", "fitting flights"),
+    ("telling where",),
+    ("trying what could be taken",),
+    ("writing",),
+)
+COMPILING = "compiling, the first time only, a minute or two"
 NAMED = 2  # effects of a fit that are named; of more there are as many as make no difference to somebody who waits
 Advance = Callable[[int], object]  # told of the steps that were taken since its last call
 
@@ -75,7 +94,8 @@ class Spoken:
 
     def stage(self, name: str) -> None:
         """A stage begins."""
-        self._stage, self._fitting = name, ""
+        step = next((k for k, begins in enumerate(STEPS, 1) if name.startswith(begins)), None)
+        self._stage, self._fitting = name if step is None else f"step {step} of {len(STEPS)}, {name}", ""
         self._changed()
 
     def fitting(self, effects: Sequence[str]) -> None:
@@ -112,6 +132,13 @@ def silent(_: int) -> None:
 
 
 @contextmanager
+def waiting(description: str) -> Generator[None]:
+    """Show that something is under way which has no steps, and that it compiles if it does, as `observed` does."""
+    with _shown(description, lambda: ""):
+        yield
+
+
+@contextmanager
 def observed(description: str) -> Generator[ProgressObserver]:
     """Give an observer of a diagnosis, which shows what it is at: on a terminal at once, else a line now and then."""
     current = [""]
@@ -121,6 +148,46 @@ def observed(description: str) -> Generator[ProgressObserver]:
 
     with _shown(description, lambda: current[0]):
         yield Spoken(say)
+
+
+@contextmanager
+def _compiling() -> Generator[Callable[[], bool]]:
+    """Give a function that says whether numba is compiling: whether it has its compiler locked for a second or more.
+
+    It locks that for a moment, too, to load what it has kept of an earlier time. Where numba is not loaded by now,
+    nothing is told of it: importing it would take longer than most commands.
+    """
+    event = sys.modules.get("numba.core.event")
+    if event is None:
+        yield lambda: False
+        return
+    since: list[float] = []  # one for each lock, as one that compiles has others compiled
+
+    class Listener(event.Listener):
+        def on_start(self, _: object) -> None:
+            since.append(time.monotonic())
+
+        def on_end(self, _: object) -> None:
+            del since[-1:]
+
+    listener = Listener()
+    event.register("numba:compiler_lock", listener)
+    try:
+        yield lambda: any(time.monotonic() - began > PATIENCE_S for began in since[:1])
+    finally:
+        event.unregister("numba:compiler_lock", listener)
+
+
+class _Description(ProgressColumn):
+    """What a bar is of, or that it waits for the compiler."""
+
+    def __init__(self, compiles: Callable[[], bool]) -> None:
+        super().__init__()
+        self._compiles = compiles
+
+    def render(self, task: Task) -> Text:
+        """Return it."""
+        return Text(f"{task.description}: {COMPILING}" if self._compiles() else task.description)
 
 
 @contextmanager
@@ -135,32 +202,33 @@ def _shown(description: str, line: Callable[[], str]) -> Generator[None]:
     moving = console.is_terminal
     status = console.status("", refresh_per_second=4)
 
-    def text() -> str:
-        head, said = f"{description} ({time.monotonic() - began:.0f} s)", line()
+    def text(compiles: bool) -> str:
+        head, said = f"{description} ({time.monotonic() - began:.0f} s)", COMPILING if compiles else line()
         return f"{head}: {said}" if said else head
 
     def pause_s() -> float:
         return PATIENCE_S if moving else max(EVERY_S, EVERY_SHARE * (time.monotonic() - began))
 
-    def show() -> None:
+    def show(compiles: Callable[[], bool]) -> None:
         while not over.wait(pause_s()):
             try:
                 if moving:
-                    status.update(Text(text(), overflow="ellipsis", no_wrap=True))
+                    status.update(Text(text(compiles()), overflow="ellipsis", no_wrap=True))
                     status.start()
                 else:
-                    print(_folded(text()), flush=True)
+                    print(_folded(text(compiles())), flush=True)
             except (OSError, ValueError):  # who read it has gone
                 return
 
-    thread = threading.Thread(target=show, daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join(PATIENCE_S)
-        status.stop()
+    with _compiling() as compiles:
+        thread = threading.Thread(target=show, args=(compiles,), daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            over.set()
+            thread.join(PATIENCE_S)
+            status.stop()
 
 
 def _folded(line: str) -> str:
@@ -191,29 +259,30 @@ def progress(
         with _shown(description, lambda: f"{done[0]:g} of {total:g} {unit}"):
             yield count
         return
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn(unit),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-        refresh_per_second=5,
-    )
-    task = bar.add_task(description, total=total)
+    with _compiling() as compiles:
+        bar = Progress(
+            _Description(compiles),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn(unit),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+            transient=True,
+            refresh_per_second=5,
+        )
+        task = bar.add_task(description, total=total)
 
-    def advance(steps: float = 1) -> None:
-        bar.advance(task, steps)
+        def advance(steps: float = 1) -> None:
+            bar.advance(task, steps)
 
-    patience = threading.Timer(PATIENCE_S, bar.start)
-    patience.daemon = True
-    patience.start()
-    try:
-        yield advance
-    finally:
-        patience.cancel()
-        bar.stop()
+        patience = threading.Timer(PATIENCE_S, bar.start)
+        patience.daemon = True
+        patience.start()
+        try:
+            yield advance
+        finally:
+            patience.cancel()
+            bar.stop()
 
 
 def track(items: Iterable[T], description: str, *, total: int | None = None, unit: str = "") -> Iterator[T]:

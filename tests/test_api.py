@@ -201,14 +201,14 @@ def test_friction_is_found_in_arrays(found: runner.CaseDiagnosis) -> None:
 
 def test_it_says_what_it_is_at(page: Page) -> None:
     """Noise, search, check, place, advice; the effects that are fitted, and the best so far."""
-    begun = next(i for i, line in enumerate(page.printed) if line.startswith("measuring the noise"))
+    begun = next(i for i, line in enumerate(page.printed) if line.startswith("step 1 of 6, measuring the noise"))
     told = page.printed[begun : page.printed.index(page.names["diagnosis"].sentence)]
-    stages = list(dict.fromkeys(re.split("[,;]", line)[0] for line in told))
+    stages = list(dict.fromkeys(", ".join(re.split("[,;] ", line)[:2]) for line in told))
     assert stages[:4] == [
-        "measuring the noise",
-        "searching",
-        "checking on the episodes left out",
-        "telling where the gap lies",
+        "step 1 of 6, measuring the noise",
+        "step 2 of 6, searching",
+        "step 3 of 6, checking on the episodes left out",
+        "step 4 of 6, telling where the gap lies",
     ]
     assert any("fitting joint_friction[hinge]" in line for line in told)
     assert "so far best joint_friction[hinge]" in told[-1]

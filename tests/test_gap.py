@@ -273,7 +273,7 @@ def test_units_follow_from_names() -> None:
 def test_command_reproduces_the_gap_with_the_model_that_was_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`runner gap DIR model=PATH` writes the same table as the effects give directly."""
+    """`runner gap DIR model=PATH` writes the same table as the effects give directly; what is believed is told, too."""
     effect = (Friction(0.26),)
     recording, _ = made(effect, episodes=2, seconds=4.0)
     write_case(recording, tmp_path / "case")
@@ -287,6 +287,7 @@ def test_command_reproduces_the_gap_with_the_model_that_was_written(
     out = capsys.readouterr().out
     assert out.index("the model") < out.index("starts fitted") < out.index("starts fitted: from the start states")
     assert max(map(len, out.splitlines()[:-1])) <= 80
+    assert "As believed, without the correction: over all 2 episodes the model misses" in " ".join(out.split())
     episodes = pd.read_parquet(tmp_path / "out" / "gap_episodes.parquet")
     assert set(episodes["episode"]) == {0, 1}
 

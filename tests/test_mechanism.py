@@ -349,6 +349,9 @@ def test_windows_are_labelled_by_what_was_done(tmp_path: Path):
     assert "reversal" in regimes[10:]
     assert {"moving joint", "direction", "position", "speed", "load", "time"} <= set(table.columns)
     assert table["direction"].tolist()[5] == "'slide' moves up"
+    usual = f"{system.context.speed['slide']:.2g} m/s of 'slide')"
+    assert all(said.endswith(f"times the usual {usual}") for said in table["speed"].dropna())
+    assert table["speed"].notna().sum() >= 6
     assert system.phrase("regime", "reversal") == "when a joint turns round"
     assert [s.start for e, s in system.rests()] == [100]
     views = system.missing_force_views(

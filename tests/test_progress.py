@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import time
+from pathlib import Path
 
 import pytest
+from numba.core.compiler_lock import global_compiler_lock
 
 from runner import progress
 from runner.progress import Spoken, observed
@@ -21,12 +24,42 @@ def test_a_line_holds_stage_fit_and_best() -> None:
     observer.best(("friction",), 1.0312, 0.934)
     observer.stage("checking")
     assert said == [
-        "searching",
-        "searching, fitting the nominal model",
-        "searching, fitting friction",
-        "searching, fitting friction; so far best friction (leaves no more than the noise)",
-        "checking; so far best friction (leaves no more than the noise)",
+        "step 2 of 6, searching",
+        "step 2 of 6, searching, fitting the nominal model",
+        "step 2 of 6, searching, fitting friction",
+        "step 2 of 6, searching, fitting friction; so far best friction (leaves no more than the noise)",
+        "step 3 of 6, checking; so far best friction (leaves no more than the noise)",
     ]
+
+
+def test_every_stage_of_a_diagnosis_has_its_step() -> None:
+    """Whatever the program says that it is at, as it stands in its text; steps come in their order."""
+    room = Path(progress.__file__).parent
+    texts = "".join((room / name).read_text() for name in ("diagnosis/attempt.py", "diagnosis/pipeline.py"))
+    texts += (room / "diagnosis" / "flights.py").read_text() + (room / "commands" / "diagnose.py").read_text()
+    stages = re.findall(r"observer\.stage\(f?\"([^\"]+)\"\)", texts)
+    assert len(stages) >= 9
+    said: list[str] = []
+    for stage in stages:
+        Spoken(said.append).stage(stage)
+    told = {int(found[1]) for line in said if (found := re.match(r"step (\d) of 6, ", line))}
+    assert len([line for line in said if line.startswith("step ")]) == len(stages), said
+    assert told == set(range(1, 7))
+
+
+def test_compiling_is_told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a replay and of a diagnosis, as long as it lasts: there nothing else would move."""
+    monkeypatch.setattr(progress, "EVERY_S", 0.02)
+    monkeypatch.setattr(progress, "PATIENCE_S", 0.05)
+    with progress.progress("Replaying", total=8, unit="steps", minutes=True):
+        with global_compiler_lock:
+            with global_compiler_lock:  # of what it calls
+                pass
+            time.sleep(0.3)
+        compiled = capsys.readouterr().out
+        time.sleep(0.2)
+    assert " s): compiling, the first time only" in compiled
+    assert capsys.readouterr().out.splitlines()[-1].endswith(" s): 0 of 8 steps")
 
 
 def test_lines_fit_80_columns(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -42,7 +75,7 @@ def test_lines_fit_80_columns(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     assert max(map(len, lines)) <= 80
     first = " ".join(" ".join(lines).split("Diagnosing")[1].split())
     assert first == (
-        f"(0 s): checking on the episodes left out, fitting {' + '.join(sets[:2])} + 1 more; "
+        f"(0 s): step 3 of 6, checking on the episodes left out, fitting {' + '.join(sets[:2])} + 1 more; "
         f"so far best {' + '.join(sets)} (leaves 9.35 times the noise)"
     )
 

@@ -225,6 +225,7 @@ def test_terminal_summary(found: Any) -> None:
     assert "The floor is more slippery than believed" in text
     assert re.search(r"friction +0\.98 +friction 0\.2704 ± 0\.0012 instead of 0\.300 +87 %", text)
     assert re.search(r"position x \[mm\] +4\.5 +0\.55 +0\.50", text)
+    assert "It took 12 s of wall time, and 20 s of CPU time in all threads together" in " ".join(text.split())
 
 
 def test_nothing_is_said_of_commands_where_there_are_none(found: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import islice, product
 from pathlib import Path
 from types import SimpleNamespace
@@ -215,11 +216,48 @@ def test_what_noise_of_a_measured_force_makes_has_no_other_cause() -> None:
     assert words.PIN_PATH in words.next_steps(made(FRICTION, 0.6, drive_excess=1500.0, **few))
     open_steps = words.next_steps(made(FRICTION, 0.4, drive_excess=1500.0, **few))
     assert open_steps[0] == words.PIN_PATH
-    assert open_steps[1].startswith("To try the likeliest: set the friction coefficient")
+    assert open_steps[1].startswith("To try the likeliest: take the corrected model")
+    assert open_steps[2].startswith("Or change your own model. Set the friction coefficient")
     text = words.verdict(made(FRICTION, 0.6, drive_excess=100.0, **few))
     assert text.endswith("; what is left is 31 times the noise.")
     null = words.verdict(made((("none",), {}), 0.86, nominal_excess=960.0, drive_excess=1500.0))
     assert "times the noise: noise of the measured force)" in null
+
+
+@pytest.mark.parametrize(
+    ("explained", "equal", "told", "tail"),
+    [
+        (FRICTION, [("floor_tilt",)], "0.300; or, equally well, a floor that is not level (", "With either "),
+        (FRICTION, [("mass",), ("wind", "floor_tilt")], "a different mass; or, equally well, wind + floor tilt (",
+         "With any of these "),
+        (BOTH, [("friction", "floor_tilt")], "the x axis; or, equally well, a floor that is not level) (",
+         "With them, whichever it is, "),
+    ],
+)  # fmt: skip
+def test_the_first_of_several_equals_is_not_told_as_the_one(
+    explained: Any, equal: list[tuple[str, ...]], told: str, tail: str
+) -> None:
+    """The first sentence names what can't be told from it, whose the probability is, and that all close as much."""
+    diagnosis = made(explained, 0.97)
+    alone = words.verdict(diagnosis)
+    diagnosis.ranked[1].equivalent = tuple(equal)
+    text = words.verdict(diagnosis)
+    assert told in text
+    assert "equally well" not in alone
+    assert f"(probability 0.97 of {'any of these' if len(equal) > 1 else 'either'}). {tail}the simulator misses" in text
+    assert "closes the gap as far: they make the same motion." in words.confounded(diagnosis)
+    assert words.confounded(made(explained, 0.97)) == ""
+
+
+def test_an_episode_is_told_with_its_file(tmp_path: Path) -> None:
+    """Its number is that of the column `episode`; where an import kept of which file it is, that stands beside it."""
+    diagnosis = made(FRICTION, 0.97, closable=0.99999, after=1.02, excess=3.77, left={0: 900.0, 1: -5.0})
+    record = "episodes: {0: run_01.csv, 1: run_02.csv}"
+    (tmp_path / "import.yaml").write_text(record, encoding="utf-8")
+    diagnosis.recording = replace(diagnosis.recording, path=tmp_path)
+    assert words.verdict(diagnosis).endswith("2.2 times the noise, most of it in episode 0 (run_01.csv).")
+    (tmp_path / "import.yaml").write_text(record.replace("02", "01"), encoding="utf-8")
+    assert words.verdict(diagnosis).endswith("most of it in episode 0.")  # all of one file
 
 
 def test_small_errors_are_neither_noise_nor_a_cause() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from runner.effects.wording import counted
+from runner.importing.record import episode_sources
 from runner.recording.case import content_hash
 from runner.systems.base import AbstractSystem
 from runner.systems.case import open_case
@@ -53,9 +54,13 @@ class Case:
 
     @property
     def episodes(self) -> pd.DataFrame:
-        """A row for each: `episode`, `samples`, `start_s`, `length_s`."""
-        rows = [(e.index, len(e), float(e.t_s[0]), float(e.t_s[-1] - e.t_s[0])) for e in self.system.recording.episodes]
-        return pd.DataFrame(rows, columns=["episode", "samples", "start_s", "length_s"])
+        """A row for each: `episode`, `samples`, `start_s`, `length_s`, `source` (its file, if an import kept it)."""
+        sources = episode_sources(self.path)
+        rows = [
+            (e.index, len(e), float(e.t_s[0]), float(e.t_s[-1] - e.t_s[0]), sources.get(e.index, ""))
+            for e in self.system.recording.episodes
+        ]
+        return pd.DataFrame(rows, columns=["episode", "samples", "start_s", "length_s", "source"])
 
     @property
     def data(self) -> pd.DataFrame:

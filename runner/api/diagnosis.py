@@ -65,6 +65,16 @@ class CaseDiagnosis:
         return self.result.gap_closed
 
     @property
+    def wall_s(self) -> float:
+        """How long it took by the clock, s, without report."""
+        return self.result.wall_s
+
+    @property
+    def cpu_s(self) -> float:
+        """How long it took of the processor, s, all threads together: more than `wall_s` where several were at work."""
+        return self.result.cpu_s
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What to know before believing it."""
         return caveats(self.result)

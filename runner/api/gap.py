@@ -23,7 +23,7 @@ def gap(
     Args:
         case: What was recorded.
         model: A corrected model, or the folder or file that holds one; None: the model as it is believed.
-        horizons_s: Lengths of windows, s; whole episodes are measured in any case.
+        horizons_s: Lengths of windows, s, or none; whole episodes are measured in any case.
         advance: Called after each horizon and each episode.
 
     Raises:

@@ -25,7 +25,7 @@ from runner.diagnosis.verdict import ALL
 from runner.errors import check_workers
 from runner.outputs.many import check_results, collect, diagnose_many
 from runner.outputs.so_far import kept_so_far
-from runner.progress import observed
+from runner.progress import observed, waiting
 from runner.recording import find_cases
 from runner.recording.case import content_hash
 from runner.recording.data import warnings
@@ -76,7 +76,8 @@ def _one(config: DiagnoseConfig, job: Job, console: Console) -> None:
     from runner.api.diagnosis import diagnose
     from runner.report.terminal import summary
 
-    case = read(config.recording)
+    with waiting("Reading"):
+        case = read(config.recording)
     with observed("Diagnosing") as shown, kept_so_far(shown, job.results) as observer:
         diagnosis = diagnose(case, progress=observer)
         observer.stage("writing the report")

@@ -3,7 +3,8 @@
 `runner gap DIR` reads a case, or every case below a folder, replays the recorded commands through the nominal model,
 and prints the RMS error of each channel, in physical units and in multiples of the noise: over windows of each
 horizon, begun at regular times, and over whole episodes. `model=PATH` takes the corrected model that a diagnosis
-wrote instead. The results folder holds `gap.parquet`, and `gap_episodes.parquet` with the whole episodes one by one.
+wrote instead; of a single case it is then said, too, what the nominal one misses of whole episodes. The results
+folder holds `gap.parquet`, and `gap_episodes.parquet` with the whole episodes one by one.
 
 Start states are measured with noise, and it spreads. "measured" is the gap from the start states as they were
 measured, beside what the noise alone would make of it; "fitted" is the gap from start states fitted to the window,
@@ -31,7 +32,7 @@ from runner.commands import Command, Job
 from runner.diagnosis.corrected import corrected_file
 from runner.effects.wording import listed, number
 from runner.errors import ConfigError, check_range
-from runner.progress import progress
+from runner.progress import progress, waiting
 from runner.recording import find_cases
 from runner.recording.case import content_hash
 from runner.recording.data import introduced, warnings
@@ -80,11 +81,14 @@ def main(config: GapConfig, job: Job) -> None:
     """Measure, print and write the gap of each case."""
     folder = job.results
     # read them all before the first is simulated: a broken one is found at once
-    cases = [read(path) for path in find_cases(config.recording)]
-    systems = [case.system for case in cases]
-    models = [None if config.model is None else Corrected.read(config.model, case) for case in cases]
+    with waiting("Reading"):
+        cases = [read(path) for path in find_cases(config.recording)]
+        systems = [case.system for case in cases]
+        models = [None if config.model is None else Corrected.read(config.model, case) for case in cases]
     console = Console()
-    total = sum(len(config.horizons_s) + len(s.recording.episodes) for s in systems)
+    # of one case the model as believed stands beside the corrected one; whole episodes are the smaller part of the time
+    beside = len(cases) == 1 and config.model is not None
+    total = sum(len(config.horizons_s) + len(s.recording.episodes) * (1 + beside) for s in systems)
     tables, episodes = [], []
     with progress("Replaying", total=total, unit="steps", minutes=True) as advance:
         for case, model in zip(cases, models, strict=True):
@@ -92,7 +96,8 @@ def main(config: GapConfig, job: Job) -> None:
             tables.append(found.table.assign(case=str(case.path)))
             episodes.append(found.episodes.assign(case=str(case.path)))
             if len(cases) == 1:
-                _print(case.system, found, console, config.model)
+                believed = gap(case, horizons_s=(), advance=advance) if beside else None
+                _print(case.system, found, console, config.model, believed)
     table = _case_first(pd.concat(tables, ignore_index=True))
     write_parquet(folder / GAP, table.assign(**job.provenance))
     write_parquet(folder / EPISODES_FILE, _case_first(pd.concat(episodes, ignore_index=True)).assign(**job.provenance))
@@ -108,11 +113,13 @@ def _case_first(table: pd.DataFrame) -> pd.DataFrame:
     return table.loc[:, ["case", *(c for c in table.columns if c != "case")]]
 
 
-def _print(system: AbstractSystem, found: Gap, console: Console, corrected: Path | None) -> None:
+def _print(system: AbstractSystem, found: Gap, console: Console, corrected: Path | None, believed: Gap | None) -> None:
     """Print what the model misses: in a sentence, then in a table, then what the table's words mean."""
     recording = system.recording
     by = "" if corrected is None else f", with the corrected model of {corrected}"
     console.print(Text(f"{recording.path}{by}: {_in_short(found, recording)}", style="bold"))
+    if believed is not None:
+        console.print(Text(f"As believed, without the correction: {_in_short(believed, recording)}"))
     for note in recording.notes:
         console.print(Text(f"{introduced(note)}."), soft_wrap=True)
     table = _table(system, found, " = ")

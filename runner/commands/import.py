@@ -25,10 +25,11 @@ from runner.commands._print import print_table
 from runner.effects.wording import counted
 from runner.errors import ConfigError, check_range
 from runner.importing.build import Built, build
-from runner.importing.case import RECORD, check_out, write_case
+from runner.importing.case import check_out, write_case
 from runner.importing.clocks import ClockReport
 from runner.importing.map_file import FILE
 from runner.importing.readers import read_log
+from runner.importing.record import RECORD
 from runner.importing.signals import ReadOptions
 from runner.importing.target import target_of
 from runner.recording.data import introduced

@@ -48,5 +48,6 @@ def said_of_engine_steps(
         f"MuJoCo alone, in the model's steps of {1000 * step_s:g} ms, is {noises[worst]:.2g} noises of "
         f"'{system.channels[worst].name}' off the motion that the model stands for, much as if it were half a step "
         "ahead and its dampers had inertia. A recording that MuJoCo made in such steps shows that too, one that it "
-        "made in shorter steps does not.",
+        "made in shorter steps does not. Where MuJoCo alone is to move as the corrected model does, give it a shorter "
+        "`timestep`.",
     )

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from runner.effects.wording import listed
+from runner.importing.record import called
 from runner.inference.contender import Contender
 from runner.noise.measured import Measured, off_from_stated
 from runner.recording import Span
@@ -57,15 +58,20 @@ def notes(
     for e, sample in measured.hung.items():
         episode = recording.episodes[e]
         out.append(
-            f"What episode {episode.index} shows from {episode.t_s[sample]:.2f} s on counts for the closure alone: "
-            "whether a push there starts the body hangs on less friction than surfaces are even in."
+            f"What episode {called(recording.path, episode.index)} shows from {episode.t_s[sample]:.2f} s on counts "
+            "for the closure alone: whether a push there starts the body hangs on less friction than surfaces are "
+            "even in."
         )
     if measured.noise_model.lag_one.any():
         out.append("The noise is correlated from sample to sample; this was taken into account.")
     if dropped := _left_out(measured, system):
         out.append(dropped)
     if not top.fit.converged:
-        out.append("The fit of the best explanation had not fully come to rest; its errors may be too small.")
+        out.append(
+            "The fit of the best explanation had not fully come to rest when its steps were used up; its errors may be "
+            "too small. Before relying on its numbers let the corrected model predict another recording, by "
+            "`runner gap`, or diagnose that and this one together."
+        )
     if hit and top.fit.explanation.candidates:
         out.append(
             "Of what hits something standard errors hold only roughly what contact models lack: in a test on tosses "
@@ -78,12 +84,14 @@ def notes(
     for span in astray:
         episode = recording.episodes[span.episode]
         out.append(
-            f"From {episode.t_s[span.begin]:.2f} to {episode.t_s[span.end - 1]:.2f} s of episode {episode.index} no "
+            f"From {episode.t_s[span.begin]:.2f} to {episode.t_s[span.end - 1]:.2f} s of episode "
+            f"{called(recording.path, episode.index)} no "
             "explanation brings the simulator much nearer, though one does on the rest of what was not fitted: that "
-            "part is in no figure here. Something else happened there, or the motion hangs on a hair."
+            "part is in no figure here. Something else happened there, or the motion hangs on a hair: look at it by "
+            "`runner view`, or leave it out."
         )
     if len(held_out) < SETTINGS.held_out.episodes:
-        out.append("Only one episode was left to check the explanation.")
+        out.append("Only one episode was left to check the explanation: with more of them the check says more.")
     return (*out, *stretched)
 
 
@@ -103,7 +111,8 @@ def _left_out(measured: Measured, system: AbstractSystem) -> str:
     episodes = system.recording.episodes
     each = listed(
         [
-            f"{system.channels[c].label} at {episodes[e].t_s[i]:.2f} s of episode {episodes[e].index}"
+            f"{system.channels[c].label} at {episodes[e].t_s[i]:.2f} s of episode "
+            f"{called(system.recording.path, episodes[e].index)}"
             for e, i, c in places
         ]
     )

@@ -50,7 +50,7 @@ def diagnose(
     Raises:
         RecordingError: If it has fewer than two episodes, or too little in them.
     """
-    began = time.perf_counter()
+    began, began_cpu = time.perf_counter(), time.process_time()
     simulator = system.simulator(threads=threads)
     recording: Recorded = system.recording
     as_believed = system.solved
@@ -111,7 +111,8 @@ def diagnose(
         nominal_excess=found.nominal_excess,
         drive_excess=confirmed.by_drive.most,
         left_by_episode=left_by_episode((top.fit, after), fitter),
-        seconds=time.perf_counter() - began,
+        wall_s=time.perf_counter() - began,
+        cpu_s=time.process_time() - began_cpu,
         simulated_s=simulator.simulated_s,
         next_push=next_push(ranked, searched, near, fitter, threads) if advise else None,
         rivals=near,

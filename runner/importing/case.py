@@ -11,6 +11,7 @@ import yaml
 
 from runner.errors import ConfigError, RecordingError, WriteError
 from runner.importing.build import Built
+from runner.importing.record import RECORD, read_record
 from runner.recording.case import TABLES, read_case
 from runner.recording.model_form import read_model_case
 from runner.recording.model_form_mjcf import referenced_files
@@ -19,7 +20,6 @@ from runner.storage.provenance import files_digest
 from runner.storage.writing import write_parquet, write_yaml
 
 MODEL = "model.xml"
-RECORD = "import.yaml"  # beside the case: what it was made of, and how its clocks ran
 
 
 def model_name(model: Path) -> str:
@@ -71,11 +71,7 @@ def _hash(file: Path) -> str:
 
 def _written(out: Path) -> dict[str, str]:
     """Return the hashes of what an import wrote, by name; none where it kept no such record."""
-    try:
-        record = yaml.safe_load((out / RECORD).read_text(encoding="utf-8"))
-    except (OSError, ValueError, yaml.YAMLError):
-        return {}
-    written = record.get("written") if isinstance(record, dict) else None
+    written = read_record(out).get("written")
     return {str(k): str(v) for k, v in written.items()} if isinstance(written, dict) else {}
 
 

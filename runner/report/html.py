@@ -12,6 +12,7 @@ import jinja2
 from markupsafe import Markup
 
 from runner.effects.wording import counted, listed, number, percent, percent_between, plus_minus, probability
+from runner.importing.record import called, episode_sources
 from runner.report import sections, unknown, words
 from runner.report.before_after import headline_miss
 from runner.report.motions import replay
@@ -88,7 +89,7 @@ def _content(diagnosis: Diagnosis, folder: Path | None) -> dict[str, Any]:
         "left": unknown.left(diagnosis),
         "looks": unknown.looks(diagnosis),
         "corrected": said.corrected,
-        "model_use": diagnosis.system.model_use(diagnosis.effects) if said.corrected else "",
+        "model_use": _with_code(diagnosis.system.model_use(diagnosis.effects)) if said.corrected else "",
         "commanded": diagnosis.system.commanded,
         "trajectories": sections.trajectories(diagnosis, paths),
         "stretch_s": longest_part_s(diagnosis.recording, diagnosis.stretches),
@@ -98,7 +99,7 @@ def _content(diagnosis: Diagnosis, folder: Path | None) -> dict[str, Any]:
         "noise": sections.noise(diagnosis),
         "believed": _believed(diagnosis),
         "notes": caveats(diagnosis),
-        "effort": _effort(diagnosis),
+        "effort": words.effort(diagnosis),
     }
 
 
@@ -110,7 +111,8 @@ def _with_code(text: str) -> Markup:
 
 def facts(diagnosis: Diagnosis, said: Statement) -> list[tuple[str, str]]:
     """Return the figures below the verdict: what, how much."""
-    out = [("probability of this answer", probability(said.top.probability))]
+    which = "this answer, or of what can't be told from it" if words.equals(said.top) else "this answer"
+    out = [(f"probability of {which}", probability(said.top.probability))]
     unseen = " on episodes that were not fitted" if said.held_out else ""
     if said.gap_closed is not None and said.corrected:
         value = percent(said.gap_closed) if said.interval is None else percent_between(said.gap_closed, *said.interval)
@@ -167,10 +169,16 @@ def _parameters(system: AbstractSystem, ranked: Ranked) -> list[tuple[str, str]]
     return out
 
 
+def _files(case: Path) -> str:
+    """Return which file each episode of an imported case is from; empty: not known, or all from one."""
+    return listed([f"{number} is {source}" for number, source in episode_sources(case).items()])
+
+
 def _believed(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     episodes = diagnosis.recording.episodes
     duration_s = sum(float(e.t_s[-1] - e.t_s[0]) for e in episodes)
-    held = listed([str(episodes[e].index) for e in diagnosis.held_out])
+    path = diagnosis.recording.path
+    held = listed([called(path, episodes[e].index) for e in diagnosis.held_out])
     count = counted(len(episodes), "episode")
     if in_parts(diagnosis.recording):
         count = f"1 episode in {len(episodes)} parts"
@@ -183,10 +191,6 @@ def _believed(diagnosis: Diagnosis) -> list[tuple[str, str]]:
             "kept from the fit",
             f"{'episode' if len(diagnosis.held_out) == 1 else 'episodes'} {held}" if held else "none",
         ),
+        *([("episodes", files)] if (files := _files(path)) else []),
         *diagnosis.system.believed(),
     ]
-
-
-def _effort(diagnosis: Diagnosis) -> str:
-    simulated = number(diagnosis.simulated_s)
-    return f"{number(diagnosis.seconds, 2)} s, in which {simulated} s of motion were simulated"

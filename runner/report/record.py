@@ -16,6 +16,7 @@ import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from runner.effects.wording import percent, probability
+from runner.importing.record import called
 from runner.numerics.arrays import over_gaps
 from runner.report import words
 from runner.report.missing_force import missing_force
@@ -84,7 +85,8 @@ def write_rrd(diagnosis: Diagnosis, path: str | Path) -> Path:
 
 
 def _name(diagnosis: Diagnosis, path: Paths) -> str:
-    return f"episode {diagnosis.recording.episodes[path.episode].index}" + (" (not fitted)" if path.held_out else "")
+    episode = called(diagnosis.recording.path, diagnosis.recording.episodes[path.episode].index)
+    return f"episode {episode}" + (" (not fitted)" if path.held_out else "")
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from markupsafe import Markup
 from scipy.special import chdtrc  # of scipy.stats' import every diagnosis would wait for a second
 
 from runner.effects.wording import counted, listed, number, percent
+from runner.importing.record import called, episode_sources
 from runner.report import motion_figures, where_figures, words
 from runner.report.before_after import Miss, misses, of_whole_episodes, small
 from runner.report.figures import GREY, ORANGE
@@ -63,7 +64,7 @@ def trajectories(diagnosis: Diagnosis, paths: list[Paths]) -> list[dict[str, Any
     """Return the figures of the held-out episodes, worst first; without any, of the episode that was missed most."""
     out = []
     for path in _shown(diagnosis, paths)[:3]:
-        episode = diagnosis.recording.episodes[path.episode].index
+        episode = called(diagnosis.recording.path, diagnosis.recording.episodes[path.episode].index)
         before, after = (_missed(diagnosis, path, which) for which in ("nominal", "corrected"))
         way, channels = motion_figures.trajectory(
             diagnosis.system, path, diagnosis.measured.sigma, f"path{path.episode}", after=_colour(diagnosis)
@@ -223,7 +224,7 @@ def _over_time(
         before, after = (missing_force(diagnosis, w, path.episode) for w in (found, alike))
         if before is not None and len(before.t_s) > 1:  # one window makes no course
             panels = where_figures.over_time(before, after, diagnosis.system.disturbance.labels, "force")
-            episode = diagnosis.recording.episodes[path.episode].index
+            episode = called(diagnosis.recording.path, diagnosis.recording.episodes[path.episode].index)
             return {"episode": episode, "panels": _marked(panels)} if panels else None
     return None
 
@@ -259,6 +260,8 @@ def _factor(diagnosis: Diagnosis, cells: pd.DataFrame, factor: str) -> dict[str,
     order = (*labels, *diagnosis.system.regimes, *QUARTERS)
     part = cells.loc[cells["factor"] == factor]
     part = part.iloc[sorted(range(len(part)), key=lambda i: _place(str(part["cell"].iloc[i]), order))]
+    sources = episode_sources(diagnosis.recording.path) if factor == "episode" else {}
+    files = {f"episode {number}": f"episode {number} ({source})" for number, source in sources.items()}
     top = max(float(part["share"].max()), float((part["share"] / part["lift"]).max()), 1e-9)
     rows = []
     for row in part.to_dict("records"):
@@ -266,7 +269,7 @@ def _factor(diagnosis: Diagnosis, cells: pd.DataFrame, factor: str) -> dict[str,
         even = share / lift if lift else 0.0
         rows.append(
             {
-                "name": labels.get(str(row["cell"]), re.sub(r"(?<!\w)-(?=\d)", "−", str(row["cell"]))),
+                "name": (labels | files).get(str(row["cell"]), re.sub(r"(?<!\w)-(?=\d)", "−", str(row["cell"]))),
                 "share": percent(max(share, 0.0)) if np.isfinite(share) else "–",
                 "width": f"{100 * float(np.clip(np.nan_to_num(share) / top, 0, 1)):.1f}",
                 "even": f"{100 * float(np.clip(np.nan_to_num(even) / top, 0, 1)):.1f}",

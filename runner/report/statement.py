@@ -10,7 +10,6 @@ like another answer; which of them decides is settled here, once.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from runner.importing.record import called
 from runner.systems.recorded import longest_part_s
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class Statement:
         over_noise: How much more than the noise that is on episodes that were not fitted, or on those that were where
             that is more: root mean squares, as a share of the noise's.
         in_fitted: Whether it is left of episodes that were fitted alone: those that were not leave the noise.
-        mostly_in: Number of the episode that leaves more than half of it; None: there is none.
+        mostly_in: The episode that leaves more than half of it, as it is told to a reader; None: there is none.
     """
 
     kind: Kind
@@ -88,7 +88,7 @@ class Statement:
     left: Left
     over_noise: float
     in_fitted: bool
-    mostly_in: int | None
+    mostly_in: str | None
 
     @property
     def top(self) -> Ranked:
@@ -158,7 +158,7 @@ def state(diagnosis: Diagnosis) -> Statement:
         left=left,
         over_noise=math.sqrt(1.0 + over_noise) - 1.0,
         in_fitted=in_fitted,
-        mostly_in=_mostly(diagnosis.left_by_episode) if left is Left.SOMETHING else None,
+        mostly_in=_mostly(diagnosis) if left is Left.SOMETHING else None,
     )
     none = found.closes_nothing_seen
     return replace(found, gap_closed=None, interval=None, closable_closed=None) if none else found
@@ -211,11 +211,13 @@ def _left(diagnosis: Diagnosis, kind: Kind) -> tuple[Left, float, bool]:
     return (Left.NOISE if as_noise else Left.SMALL_ERRORS), unseen, False
 
 
-def _mostly(left: Mapping[int, float]) -> int | None:
-    """Return the episode that leaves more than half of what all leave beyond the noise."""
-    beyond = {e: max(of, 0.0) for e, of in left.items()}
+def _mostly(diagnosis: Diagnosis) -> str | None:
+    """Return the episode that leaves more than half of what all leave beyond the noise, as it is told to a reader."""
+    beyond = {e: max(of, 0.0) for e, of in diagnosis.left_by_episode.items()}
     most = max(beyond, key=beyond.__getitem__, default=None)
-    return most if most is not None and len(left) > 1 and beyond[most] > HALF * sum(beyond.values()) else None
+    if most is None or len(beyond) < 2 or not beyond[most] > HALF * sum(beyond.values()):
+        return None
+    return called(diagnosis.recording.path, most)
 
 
 def _unseen_excess(diagnosis: Diagnosis) -> float:

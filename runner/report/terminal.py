@@ -40,6 +40,7 @@ def summary(diagnosis: Diagnosis) -> RenderableType:
     if diagnosis.next_push:
         parts.append(Text(f"Next {diagnosis.system.experiment}: {diagnosis.next_push}"))
     parts += [Text(introduced(note), style="dim") for note in caveats(diagnosis)]
+    parts.append(Text(f"It took {words.effort(diagnosis)}.", style="dim"))
     return Group(*parts)
 
 

@@ -30,6 +30,7 @@ SURE = 0.9  # an answer less likely than this asks for more data
 ROUNDED = 0.01  # of a probability: less is the same in words
 LEAST_SHARE = 0.005  # of anything: less is told as nothing
 PLACE = {"x_m", "y_m", "radius_m"}  # of an effect that is somewhere
+WHOLE_S = 10.0  # from here on seconds are told without decimals
 MANIFOLD = 1.0  # from twice the noise on it is told as so many times
 
 CAUSES = {  # of what is left
@@ -113,15 +114,40 @@ def _placed_nowhere(values: Numbers, errors: Numbers) -> bool:
 
 
 def explanation(system: AbstractSystem, ranked: Ranked) -> str:
-    """Return an explanation in one clause, without a full stop."""
+    """Return an explanation in one clause, without a full stop; what can't be told from it stands beside it."""
     if not ranked.effects or ranked.effects[0] in (NONE, UNKNOWN):
         return label(system, ranked.effects[0] if ranked.effects else NONE, {})
-    found = phrases(system, ranked)
+    found, (instead, whole) = phrases(system, ranked), _otherwise(system, ranked)
+    told = [
+        "; ".join(part for part in (p.amount, _or(instead.get(e, ()))) if part)
+        for e, p in zip(ranked.effects, found, strict=True)
+    ]
+    tail = f"; {_or(whole)}" if whole else ""
     if len(found) == 1:
-        return f"{found[0].what}: {found[0].amount}" if found[0].amount else found[0].what
-    parts = [f"{p.what} ({p.amount})" if p.amount else p.what for p in found]
+        return (f"{found[0].what}: {told[0]}" if told[0] else found[0].what) + tail
+    parts = [f"{p.what} ({of})" if of else p.what for p, of in zip(found, told, strict=True)]
     count = {2: "two", 3: "three"}.get(len(parts), str(len(parts)))
-    return f"{count} things differ from the model: {listed(parts)}"
+    return f"{count} things differ from the model: {listed(parts)}{tail}"
+
+
+def _otherwise(system: AbstractSystem, ranked: Ranked) -> tuple[dict[str, list[str]], list[str]]:
+    """Return what can't be told from an explanation: what may stand in the place of each of its effects, and the rest.
+
+    The rest are explanations that differ from it in more than one effect.
+    """
+    instead: dict[str, list[str]] = {}
+    whole, own = [], set(ranked.effects)
+    for other in equals(ranked):
+        gone, come = sorted(own - set(other)), sorted(set(other) - own)
+        if len(gone) == len(come) == 1:
+            instead.setdefault(gone[0], []).append(label(system, come[0], {}))
+        else:
+            whole.append(title(other))
+    return instead, whole
+
+
+def _or(others: Sequence[str]) -> str:
+    return f"or, equally well, {listed(others, 'or')}" if others else ""
 
 
 def gain(said: Statement, applied: str = "With it") -> str:
@@ -172,8 +198,9 @@ def in_noises(said: Statement) -> str:
 def verdict(diagnosis: Diagnosis) -> str:
     """Return what was found, in one or two sentences; the same in report, log and terminal."""
     said, system = state(diagnosis), diagnosis.system
-    top = said.top
-    chance = f"(probability {probability(top.probability)})"
+    top, others = said.top, equals(said.top)
+    of = " of any of these" if len(others) > 1 else " of either" if others else ""
+    chance = f"(probability {probability(top.probability)}{of})"
     if said.kind is Kind.NONE:
         tail = (
             f" The likeliest alternative is {title(said.named[0].effects)} (probability "
@@ -193,8 +220,19 @@ def verdict(diagnosis: Diagnosis) -> str:
         others = listed([f"{title(r.effects)} ({probability(r.probability)})" for r in rivals], "or")
         but = f", but it may also be {others}" if rivals else ""
         return f"This recording does not settle it. Likeliest {chance}{but}: {text}."
-    with_it = gain(said, "With them" if len(top.effects) > 1 else "With it")
+    with_it = gain(said, _with(said))
     return f"{text[0].upper()}{text[1:]} {chance}. {with_it}".strip()
+
+
+def _with(said: Statement) -> str:
+    """Return what the model is corrected by, as a sentence about the gap begins: what can't be told apart does as much.
+
+    Those make the same motion, so that they need not be simulated one by one.
+    """
+    others = equals(said.top)
+    if len(said.top.effects) > 1:
+        return "With them, whichever it is," if others else "With them"
+    return "With any of these" if len(others) > 1 else "With either" if others else "With it"
 
 
 def beyond(said: Statement) -> str:
@@ -291,6 +329,9 @@ def confounded(diagnosis: Diagnosis) -> str:
             f"These data would fit {names} just as well as {title(said.top.effects)}: nothing in the recording tells "
             "which of them it is."
         )
+        if said.settled and said.gap_closed is not None:
+            each = "Each" if len(others) > 1 else "Either"
+            parts.append(f"{each} closes the gap as far: they make the same motion.")
     known = {n for e in others for n in e}
     rivals: dict[str, list[str]] = {}
     for r in diagnosis.rivals if said.settled else ():
@@ -300,6 +341,16 @@ def confounded(diagnosis: Diagnosis) -> str:
         pairs = [f"{listed(those, 'or')} from {title((effect,))}" for effect, those in rivals.items()]
         parts.append(f"Such data can hardly tell {'; nor '.join(pairs)}.")
     return " ".join(parts)
+
+
+def effort(diagnosis: Diagnosis) -> str:
+    """Return how long a diagnosis took, by the clock and of the processor, and how much was simulated in it."""
+    wall, cpu = (f"{s:.0f}" if s >= WHOLE_S else number(s, 2) for s in (diagnosis.wall_s, diagnosis.cpu_s))
+    return (
+        f"{wall} s of wall time, and {cpu} s of CPU time in all threads together, in which "
+        f"{number(diagnosis.simulated_s)} s of motion were simulated; starting the program and writing the report "
+        "come on top"
+    )
 
 
 def equals(ranked: Ranked) -> list[tuple[str, ...]]:
@@ -391,9 +442,12 @@ def _corrections(system: AbstractSystem, top: Ranked) -> list[str]:
     remedies = [together.get(e, p.remedy) for e, p in zip(top.effects, found, strict=True)]
     remedies.append(system.solver_remedy(top.values))
     steps = [
-        " ".join(r for r in remedies if r) + " The corrected model is ready in corrected.yaml "
-        f"(and model.xml, {system.model_use(top.values)}), in the folder of this report."
+        "Take the corrected model from the folder of this report: corrected.yaml is for `runner gap`; model.xml "
+        f"{system.model_use(top.values)}."
     ]
+    if change := [r for r in dict.fromkeys(remedies) if r]:
+        counted = change if len(change) == 1 else [f"({k}) {r}" for k, r in enumerate(change, 1)]
+        steps.append(f"Or change your own model. {' '.join(counted)}")
     steps += system.said_together(top.values, top.errors)
     if others:
         steps.append(

@@ -81,7 +81,7 @@ def measure_gap(
         system: What was recorded, and what its owner believes.
         signals: Its measured channels, and their noise.
         effects: What the corrected model holds; none: the nominal model.
-        horizons_s: Lengths of windows, s. Longer than any episode they are left out, but for the shortest of them.
+        horizons_s: Lengths of windows, s, or none. Longer than any episode they are left out, but for the shortest.
         episodes: Positions of the episodes that count; None: all.
         whole_episodes: Whether the gap over whole episodes, and their start states, are wanted, too.
         advance: Called after each horizon and each episode: `len(horizons_s) + len(episodes)` times.

@@ -241,8 +241,8 @@ class AbstractSystem(ABC):
         """
 
     def model_use(self, effects: Effects) -> str:
-        """Return what the `model.xml` that `write_model` writes is for."""
-        return "for plain MuJoCo; what MJCF can't express its first lines name"
+        """Return how the `model.xml` that `write_model` writes is used."""
+        return "runs in plain MuJoCo; what MJCF can't express its first lines name"
 
     @abstractmethod
     def write_model(self, effects: Effects, folder: Path) -> tuple[str, ...]:

@@ -139,7 +139,7 @@ def label(
                 moves, [way[j] and f"'{motion.called[j]}' {way[j]}" for way, j in zip(motion.way, most, strict=True)]
             ),
             "position": _thirds(motion, most, moves),
-            "speed": _quarters(np.abs(share[rows, 1, most]), moves),
+            "speed": _thirds_of_speed(np.abs(share[rows, 1, most]), moves, _usual(motion, usual)),
             "load": load,
             "time": np.array([f"the {q} quarter" for q in ("first", "second", "third", "last")])[quarter],
         }
@@ -303,11 +303,33 @@ def _thirds(motion: _Motion, most: np.ndarray, moves: np.ndarray) -> np.ndarray:
     return out
 
 
-def _quarters(share: FloatArray, moves: np.ndarray) -> np.ndarray:
-    """Return how fast the joint that moves most is, in words with its share of the usual speed, (W,)."""
+def _usual(motion: _Motion, usual: FloatArray) -> str:
+    """Return the usual speed of joints, (J,), in words: of one or two each, of more the least and the largest."""
+    each = [f"{v:.2g} {unit}/s of '{n}'" for v, unit, n in zip(usual, motion.units, motion.called, strict=True)]
+    if len(each) <= 2:
+        return " or ".join(each)
+    out = []
+    for unit in dict.fromkeys(motion.units):
+        of = [v for v, u in zip(usual, motion.units, strict=True) if u == unit]
+        out.append(f"{min(of):.2g} to {max(of):.2g} {unit}/s" if len(of) > 1 else f"{of[0]:.2g} {unit}/s")
+    return f"{' or '.join(out)} of its joint"
+
+
+def _thirds_of_speed(share: FloatArray, moves: np.ndarray, usual: str) -> np.ndarray:
+    """Return how fast the joint that moves most is, in words with its share of the usual speed, (W,).
+
+    Args:
+        share: Of the usual speed, (W,).
+        moves: Whether anything moves, (W,).
+        usual: What that speed is, in words.
+    """
     out = np.full(len(share), None, dtype=object)
     if moves.sum() >= 6:
         edges = np.quantile(share[moves], [0, 1 / 3, 2 / 3, 1])
         third = np.clip(np.searchsorted(edges, share[moves], side="right") - 1, 0, 2)
-        out[moves] = [f"{THIRDS[i]} speed ({edges[i]:.2g} to {edges[i + 1]:.2g} times the usual speed)" for i in third]
+        said = [
+            f"{name} speed ({a:.2g} to {b:.2g} times the usual {usual})"
+            for name, (a, b) in zip(THIRDS, pairwise(edges), strict=True)
+        ]
+        out[moves] = [said[i] for i in third]
     return out

@@ -296,8 +296,9 @@ class MechanismSystem(AbstractSystem):
 
     def model_use(self, effects: Effects) -> str:
         """See `AbstractSystem`."""
-        law = f"with {LAW} beside it, " if needing_law(self._models, effects) else ""
-        return f"for plain MuJoCo, {law}and what is no part of a model its first lines name"
+        needed = needing_law(self._models, effects)
+        law = f', loaded by `import model; m = model.load("model.xml")` with {LAW} beside it' if needed else ""
+        return f"runs in plain MuJoCo{law}; what is no part of a model its first lines name"
 
     def write_model(self, effects: Effects, folder: Path) -> tuple[str, ...]:
         """See `AbstractSystem`."""

@@ -195,6 +195,13 @@ class PlanarBox(AbstractSystem):
         system.context = self.context
         return found, system, start
 
+    def model_use(self, effects: Effects) -> str:
+        """See `AbstractSystem`."""
+        return (
+            "runs in plain MuJoCo, pushed by `mujoco.mj_applyFT` as docs/contact.md shows; what MJCF can't express its "
+            "first lines name"
+        )
+
     def write_model(self, effects: Effects, folder: Path) -> tuple[str, ...]:
         """See `AbstractSystem`."""
         return write_model(planar(effects), folder, self.simulator())

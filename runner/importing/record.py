@@ -1,0 +1,38 @@
+"""What an import leaves beside a case of how that was made, and what of it is told of episodes afterwards."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import yaml
+
+RECORD = "import.yaml"  # beside the case: what it was made of, and how its clocks ran
+
+
+def read_record(case: Path) -> Mapping[str, object]:
+    """Return what an import has left in the folder of a case; nothing where it left nothing that can be read."""
+    try:
+        record = yaml.safe_load((case / RECORD).read_text(encoding="utf-8"))
+    except (OSError, ValueError, yaml.YAMLError):
+        return {}
+    return record if isinstance(record, dict) else {}
+
+
+def episode_sources(case: Path) -> dict[int, str]:
+    """Return which file, or part of a log, each episode of a case is from, by its number in the column `episode`.
+
+    Nothing where the case was not imported, or all of it is from one file.
+    """
+    found = read_record(case).get("episodes")
+    sources = {k: str(v) for k, v in found.items() if isinstance(k, int)} if isinstance(found, dict) else {}
+    return sources if len(set(sources.values())) > 1 else {}
+
+
+def called(case: Path, episode: int) -> str:
+    """Return how an episode is told to a reader: its number in the column `episode`, with its file where that is known.
+
+    Such as "4 (run_05.csv)".
+    """
+    source = episode_sources(case).get(episode)
+    return f"{episode}" if source is None else f"{episode} ({source})"
