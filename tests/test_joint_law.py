@@ -54,25 +54,44 @@ def test_without_numbers_the_law_is_absent() -> None:
         assert np.array_equal(a, b)
 
 
-@pytest.mark.parametrize("speed", [0.8, -0.8])
-def test_stribeck_coasts_like_its_equation(speed: float) -> None:
-    """Time and distance until rest are those of F = Fc (1 + e exp(-(v/vs)^2)) + b v."""
+@pytest.mark.parametrize("exponent", [0.5, 1.0, 2.0])
+def test_steady_friction_is_the_excess_at_each_speed(exponent: float) -> None:
+    """Fc (1 + e exp(-(v/vs)^d)): at vs 1/e of the excess is left whatever the exponent, elsewhere what d says."""
+    model = slider(excess=0.7, excess_speed=0.2, excess_power=exponent)
+    data = mujoco.MjData(model)
+    left = {
+        0.5: {0.05: math.exp(-0.5), 0.2: math.exp(-1.0), 0.8: math.exp(-2.0)},
+        1.0: {0.05: math.exp(-0.25), 0.2: math.exp(-1.0), 0.8: math.exp(-4.0)},
+        2.0: {0.05: math.exp(-0.0625), 0.2: math.exp(-1.0), 0.8: math.exp(-16.0)},
+    }[exponent]
+    for speed, share in left.items():
+        for sign in (1.0, -1.0):
+            data.qvel[0] = sign * speed
+            mujoco.mj_forward(model, data)
+            assert data.qfrc_constraint[0] == pytest.approx(-sign * SLIDER_DRY_N * (1 + 0.7 * share), rel=1e-9)
+
+
+@pytest.mark.parametrize(("speed", "exponent"), [(0.8, 2.0), (-0.8, 2.0), (0.8, 1.0), (-0.8, 0.5)])
+def test_stribeck_coasts_like_its_equation(speed: float, exponent: float) -> None:
+    """Time and distance until rest are those of F = Fc (1 + e exp(-(v/vs)^d)) + b v, however steep it is at rest."""
     excess, at = 0.7, 0.15
 
     def resistance(v: float) -> float:
-        return math.copysign(SLIDER_DRY_N * (1 + excess * math.exp(-((v / at) ** 2))), v) + SLIDER_DAMPING * v
+        fall = math.exp(-((abs(v) / at) ** exponent))
+        return math.copysign(SLIDER_DRY_N * (1 + excess * fall), v) + SLIDER_DAMPING * v
 
-    model = slider(excess=excess, excess_speed=at, excess_power=2.0)
+    model = slider(excess=excess, excess_speed=at, excess_power=exponent)
     found = stopped(*move(model, 1.2, speed={"slide": speed}))
     np.testing.assert_allclose(found, coast(speed, resistance), rtol=3e-3)
 
 
-def test_stribeck_breaks_away_at_its_peak() -> None:
+@pytest.mark.parametrize("exponent", [0.5, 1.0, 2.0])
+def test_stribeck_breaks_away_at_its_peak(exponent: float) -> None:
     """At rest it holds up to Fc (1 + e); beyond, it goes as its equation says."""
-    model = slider(excess=0.5, excess_speed=0.05, excess_power=2.0)
+    model = slider(excess=0.5, excess_speed=0.05, excess_power=exponent)
 
     def acceleration(v: float) -> float:
-        friction = SLIDER_DRY_N * (1 + 0.5 * math.exp(-((v / 0.05) ** 2)))
+        friction = SLIDER_DRY_N * (1 + 0.5 * math.exp(-((abs(v) / 0.05) ** exponent)))
         return (1.1 * peak - friction - SLIDER_DAMPING * v) / SLIDER_KG
 
     peak = 1.5 * SLIDER_DRY_N

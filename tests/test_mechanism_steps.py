@@ -9,6 +9,8 @@ import mujoco
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from runner.effects.mechanism import Stribeck
+from runner.recording.model_form import read_model_case
 from runner.systems.mechanism import MechanismSystem
 from runner.systems.simulator import Run
 from tests.mechanism_cases import PENDULUM, joint_channels, slide_case, system_of, write_case
@@ -85,6 +87,35 @@ def missed(system: MechanismSystem) -> float:
 def test_no_fit_notices_the_steps_of_an_arm(tmp_path: Path):
     """By equations and an integrator that are not ours: all readings together are off by less than one noise."""
     assert missed(arm_system(tmp_path, 2e-4)) < 1.0
+
+
+def test_friction_that_falls_with_speed_is_of_second_order(tmp_path: Path):
+    """A carriage is slowed down, and turns round at the peak of its friction: half the step, a quarter of the error."""
+    folder = slide_case(tmp_path, friction=3.0, step_s=0.01, length_s=1.0, command=lambda t: np.full_like(t, -8.0))
+    t, speeds = np.arange(101) * 0.01, np.linspace(0.4, 0.7, 12)
+
+    def moved(speed: float) -> np.ndarray:
+        def change(way: float, v: float) -> float:
+            return (-8.0 - way * 3.0 * (1.0 + np.exp(-abs(v) / 0.2))) / 2.0
+
+        slowing = solve_ivp(
+            lambda _, y: [y[1], change(1.0, y[1])], (0, 1), [0.0, speed], t_eval=t, events=lambda _, y: y[1],
+            dense_output=True, rtol=1e-9, atol=1e-11,
+        )  # fmt: skip
+        turn, state = float(slowing.t_events[0][0]), slowing.y_events[0][0]
+        back = solve_ivp(
+            lambda _, y: [y[1], change(-1.0, y[1])], (turn, 1), state, t_eval=t[t > turn], rtol=1e-9, atol=1e-11
+        )
+        return np.concatenate([slowing.sol(t[t <= turn])[0], back.y[0]])
+
+    expected = np.array([moved(speed) for speed in speeds])
+    runs = [Run((Stribeck("slide", 1.0, 0.2, 1.0),), np.array([0.0, speed])) for speed in speeds]
+    recording = read_model_case(folder)
+    errors = [
+        np.linalg.norm(MechanismSystem(recording, step_s=step_s).simulator().predict(0, runs)[..., 0] - expected)
+        for step_s in (0.005, 0.0025)
+    ]
+    assert errors[1] < errors[0] / 3.0
 
 
 def test_where_the_noise_is_coarse_steps_are_long(tmp_path: Path):

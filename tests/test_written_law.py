@@ -48,6 +48,7 @@ PAIR = SLIDER.replace(
 ).replace("<actuator>", '<equality><joint joint1="slide" joint2="beside" active="false"/></equality><actuator>')
 LAWS: Mapping[str, Effects] = {
     "stribeck": (Stribeck("elbow", 2.0, 3.0),),
+    "stribeck of another exponent": (Stribeck("elbow", 2.0, 3.0, 0.5),),
     "load": (LoadFriction("shoulder", 0.2), Mass("forearm", 0.9)),
     "load without dry friction": (LoadFriction("shoulder", 0.2),),
     "load on a drive": (Backlash("shoulder", 0.02), LoadFriction("shoulder", 0.2)),
@@ -56,7 +57,7 @@ LAWS: Mapping[str, Effects] = {
     "ripple": (TorqueRipple("elbow", 0.11, 3.0, 0.7),),
     "push": (Disturbance("elbow", 0.4, 0.1013, 0.2017),),
     "several": (
-        Stribeck("shoulder", 0.8, 0.3),
+        Stribeck("shoulder", 0.8, 0.3, 1.0),
         LoadFriction("shoulder", 0.1),
         TorqueOffset("shoulder", 0.2),
         TorqueOffset("elbow", -0.1),

@@ -14,6 +14,8 @@ import llvmlite.binding
 import mujoco
 from numba import cfunc, types
 
+# in `o_margin`, which counts for nothing unless contacts are overridden: steps of this model are to be of second order
+SECOND_ORDER = 0.00027182818284
 SIGNATURE = types.void(types.uint64, types.uint64)
 _LAWS: list[Any] = []
 _INSTALLED: list[Any] = []  # keeps what MuJoCo may call alive

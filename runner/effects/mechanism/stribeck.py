@@ -21,8 +21,10 @@ from runner.errors import check_range
 class Stribeck(MechanismEffect):
     """Dry friction is Fc (1 + relative_excess exp(-(|v| / speed)^exponent)), Fc the model's `frictionloss`.
 
-    Fc is friction at high speed. A diagnosis does not fit the exponent, but has it at 2. Solved in the compiled law of
-    joints. `speed` in rad/s or m/s, fitted as the log of its ratio to a share of the usual speed.
+    Fc is friction at high speed. What was measured of exponents goes from 1/2 to 2, Tustin's of 1947 is 1
+    (Armstrong-Helouvry, Dupont & Canudas de Wit 1994). Solved in the compiled law of joints. `speed` in rad/s or m/s,
+    fitted as the log of its ratio to a share of the usual speed; at that speed 63 % of the excess are gone, whatever
+    the exponent.
     """
 
     name: ClassVar[str] = "stribeck"
@@ -54,21 +56,25 @@ class Stribeck(MechanismEffect):
         return (
             Parameter("relative_excess", "", 0.3, -0.9, 5.0),
             Parameter("log_speed_ratio", "", 1.0, -3.0, 3.0, may_rest=True),
+            # as of a box; an exponent at an end of what was measured is an exponent
+            Parameter("log_exponent", "", 0.5, math.log(0.5), math.log(2.5), may_rest=True),
         )
 
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:
-        return cls(str(context.target), float(x[0]), 0.2 * parts.typical_speed(context) * math.exp(x[1]))
+        speed = 0.2 * parts.typical_speed(context) * math.exp(x[1])
+        return cls(str(context.target), float(x[0]), speed, math.exp(x[2]))
 
     @classmethod
     def starts(cls, context: Scope) -> np.ndarray:
-        return np.array([[0.3, -1.2], [0.3, 0.0], [0.3, 1.2]])
+        """Of one exponent: what another does differently, a fit finds, and each start is a motion for each joint."""
+        return np.array([[0.3, ratio, math.log(2.0)] for ratio in (-1.2, 0.0, 1.2)])
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
         unit = parts.speed_unit(beliefs.model, target)
         more = of["relative_excess"] > 0
-        factor = f"1 {of['relative_excess']:+.3g} exp(-(v / {of['speed']:.3g})^2)"
+        factor = f"1 {of['relative_excess']:+.3g} exp(-(|v| / {of['speed']:.3g})^{of['exponent']:.3g})"
         return Phrase(
             f"dry friction of joint '{target}' {'falls' if more else 'rises'} with speed",
             f"at rest it is {of.show('relative_excess', '%', 100, magnitude=True)} {'more' if more else 'less'} than "

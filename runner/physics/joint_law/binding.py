@@ -18,6 +18,10 @@ And it adds forces: a constant, the difference between directions, a ripple over
 Friction that differs by direction, F (1 +- dry_difference / 2), is exactly the mean friction with a constant force of
 -F dry_difference / 2, moving and at rest; the viscous difference is -1/2 viscous_difference damping |v|.
 
+Both are taken at the start of the step, as MuJoCo takes all passive forces. In a model whose steps are to be of second
+order (`passive.SECOND_ORDER`) the speed is that of the step's middle, v + (h / 2) a, with the acceleration a of the
+step before: otherwise friction that falls with speed lags behind by half a step.
+
 A row's limit is written from the model's `frictionloss`, so a second call of the step changes nothing. A joint without
 a row (its `frictionloss` is zero) has no dry friction to change.
 """
@@ -56,10 +60,11 @@ LOAD_SHARE, DRIVE_AFTER = COLUMN["load_share"], COLUMN["drive_after"]
 DRY_DIFFERENCE, VISCOUS_DIFFERENCE = COLUMN["dry_difference"], COLUMN["viscous_difference"]
 RIPPLE_SIN, RIPPLE_COS, RIPPLE_RATE = COLUMN["ripple_sin"], COLUMN["ripple_cos"], COLUMN["ripple_rate"]
 PUSH, PUSH_FROM, PUSH_UNTIL = COLUMN["push"], COLUMN["push_from"], COLUMN["push_until"]
+SECOND_ORDER = passive.SECOND_ORDER
 FRICTION_OF_DOF = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 
 # taken when this is imported: the files may be others by the time that something is compiled
-SOURCES = fingerprint(engine_memory.__file__, *Path(__file__).parent.glob("*.py"))
+SOURCES = fingerprint(engine_memory.__file__, passive.__file__, *Path(__file__).parent.glob("*.py"))
 
 _actuation = types.ExternalFunction("mj_fwdActuation", types.void(types.uint64, types.uint64))
 _inverse = types.ExternalFunction("mj_rne", types.void(types.uint64, types.uint64, types.int32, types.uint64))
@@ -80,6 +85,8 @@ class JointLawOffsets(NamedTuple):
     rows: int  # of equality and of friction, two int32
     qpos: int
     qvel: int
+    o_margin: int
+    qacc_warmstart: int
     qfrc_passive: int
     qfrc_applied: int
     qfrc_actuator: int
@@ -94,7 +101,9 @@ class JointLawOffsets(NamedTuple):
     sources: int  # a fingerprint of the text that was compiled
 
 
-def _measure() -> JointLawOffsets:
+@functools.cache
+def measured() -> JointLawOffsets:
+    """Return where this MuJoCo build keeps it, told from a model whose numbers and counts are like no others."""
     # 20 joints, of which there are as many as of nothing else
     slides = "".join(
         f"""<body pos="{i} 0 0"><joint name="j{i}" type="slide" frictionloss="1"/><joint type="slide" axis="1 0 0"/>
@@ -102,7 +111,8 @@ def _measure() -> JointLawOffsets:
         for i in range(9)
     )
     model = mujoco.MjModel.from_xml_string(
-        f"""<mujoco><size nuser_jnt="7919"/><option timestep="0.00123456789"/><worldbody>{slides}
+        f"""<mujoco><size nuser_jnt="7919"/>
+        <option timestep="0.00123456789" o_margin="{passive.SECOND_ORDER}"/><worldbody>{slides}
         <body><freejoint/><geom size=".1"/></body><body><joint type="ball"/><geom size=".1"/></body></worldbody>
         <equality><joint joint1="j0"/><joint joint1="j1"/><joint joint1="j2"/></equality>
         <actuator><general joint="j0" dyntype="integrator"/></actuator></mujoco>"""
@@ -131,6 +141,8 @@ def _measure() -> JointLawOffsets:
         rows=_of_ints(d, (data.ncon, data.ne, data.nf, data.nl, data.nefc)) + 4,
         qpos=of_data("qpos"),
         qvel=of_data("qvel"),
+        o_margin=offset_of(m, passive.SECOND_ORDER, 4000),
+        qacc_warmstart=of_data("qacc_warmstart"),
         qfrc_passive=of_data("qfrc_passive"),
         qfrc_applied=of_data("qfrc_applied"),
         qfrc_actuator=of_data("qfrc_actuator"),
@@ -157,17 +169,31 @@ def _of_ints(address: int, wanted: tuple[int, ...]) -> int:
 
 
 @njit(error_model="numpy")
-def _bound_friction(at, m, d, dof, limit):
-    """Set the limit of a degree of freedom's dry friction in the step that is being made."""
-    counts = carray(as_pointer(types.uint64(d + at.rows)), (2,), types.int32)
-    kind, of = ints(d, at.efc_type, BIG), ints(d, at.efc_id, BIG)
+def row_of(rows, efc_type, efc_id, d, dof):
+    """Return the row of a degree of freedom's dry friction in the step that is being made, -1 without one.
+
+    Args:
+        rows, efc_type, efc_id: Where these are kept, see `JointLawOffsets`.
+        d: Address of mjData.
+        dof: Number of the degree of freedom.
+    """
+    counts = carray(as_pointer(types.uint64(d + rows)), (2,), types.int32)
+    kind, of = ints(d, efc_type, BIG), ints(d, efc_id, BIG)
     for row in range(counts[0], counts[0] + counts[1]):
         if kind[row] == FRICTION_OF_DOF and of[row] == dof:
-            doubles(d, at.efc_frictionloss, BIG)[row] = limit
-            # constraints of separate islands are solved from copies, which have been made by now
-            if integer(d, at.map_efc2iefc) != 0:
-                doubles(d, at.iefc_frictionloss, BIG)[ints(d, at.map_efc2iefc, BIG)[row]] = limit
-            return
+            return row
+    return -1
+
+
+@njit(error_model="numpy")
+def _bound_friction(at, d, dof, limit):
+    """Set the limit of a degree of freedom's dry friction in the step that is being made."""
+    row = row_of(at.rows, at.efc_type, at.efc_id, d, dof)
+    if row >= 0:
+        doubles(d, at.efc_frictionloss, BIG)[row] = limit
+        # constraints of separate islands are solved from copies, which have been made by now
+        if integer(d, at.map_efc2iefc) != 0:
+            doubles(d, at.iefc_frictionloss, BIG)[ints(d, at.map_efc2iefc, BIG)[row]] = limit
 
 
 @njit(error_model="numpy")
@@ -202,6 +228,8 @@ def _compile(at: JointLawOffsets):
             dof = ints(m, at.jnt_dofadr, BIG)[joint]
             q = doubles(d, at.qpos, BIG)[ints(m, at.jnt_qposadr, BIG)[joint]]
             v = doubles(d, at.qvel, BIG)[dof]
+            if double(m, at.o_margin) == SECOND_ORDER:
+                v += 0.5 * double(m, at.timestep) * doubles(d, at.qacc_warmstart, BIG)[dof]
             dry = doubles(m, at.dof_frictionloss, BIG)[dof]
 
             limit = dry
@@ -213,7 +241,7 @@ def _compile(at: JointLawOffsets):
                     evaluated = True
                 limit += record[LOAD_SHARE] * _load(at, m, d, dof, dof + int(record[DRIVE_AFTER]))
             if limit != dry:
-                _bound_friction(at, m, d, dof, limit)
+                _bound_friction(at, d, dof, limit)
 
             force = record[OFFSET] - 0.5 * record[DRY_DIFFERENCE] * dry
             force -= 0.5 * record[VISCOUS_DIFFERENCE] * doubles(m, at.dof_damping, BIG)[dof] * abs(v)
@@ -234,4 +262,4 @@ def _compile(at: JointLawOffsets):
 def install() -> None:
     """Give the law of joints to MuJoCo, once per process. The first call on a machine compiles it (a second or two)."""
     load_engine()
-    passive.install(_compile(_measure()))
+    passive.install(_compile(measured()))

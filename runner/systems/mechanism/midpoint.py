@@ -8,7 +8,8 @@ Bashforth's second method for these forces alone).
 
 Dry friction F of a joint that turns round within a step is taken as that of after the turn. Before the turn, a share
 s = |v| / (h |a|) of the step, it acts the other way: its mean over the step is less by 2 F s. If the joint stops
-instead of turning round, it is held for the rest of the step: also then, to this order, that force is right.
+instead of turning round, it is held for the rest of the step: also then, to this order, that force is right. F is the
+limit that the law of joints has set, which may be far from `frictionloss` where a joint turns round.
 
 A servo at the limit of its force has no damping, and MuJoCo gives it none. What was taken off the armature for it
 (`models`) is given back as a force.
@@ -23,7 +24,7 @@ import mujoco
 import numpy as np
 from numba import carray, cfunc, types
 
-from runner.physics import engine_memory, passive
+from runner.physics import passive
 from runner.physics.engine_memory import (
     BIG,
     DATA_BYTES,
@@ -36,9 +37,10 @@ from runner.physics.engine_memory import (
     offset_of,
     offset_of_array,
 )
+from runner.physics.joint_law.binding import SOURCES, measured, row_of
+from runner.physics.passive import SECOND_ORDER
 from runner.storage.numba_cache import fingerprint
 
-MARK = 0.00027182818284  # in `o_margin`, which counts for nothing unless contacts are overridden: this model takes part
 SLIDING = 0.99  # a joint whose constraints bear this share of its dry friction slides
 USER = 2  # numbers of an actuator, at the end of its `user` data: what its damping took off the armature; of which dof
 
@@ -65,6 +67,10 @@ class MidpointOffsets(NamedTuple):
     qfrc_constraint: int
     qfrc_bias: int
     qfrc_smooth: int
+    rows: int  # this and the next three: as the law of joints finds them
+    efc_type: int
+    efc_id: int
+    efc_frictionloss: int
     sources: int  # a fingerprint of the text that was compiled
 
 
@@ -76,12 +82,12 @@ def _measure() -> MidpointOffsets:
     )
     motors = "".join(f'<motor joint="j{i % 17}"/>' for i in range(31))  # as many as of nothing else
     model = mujoco.MjModel.from_xml_string(
-        f"""<mujoco><size nuser_actuator="7919"/><option timestep="0.00123456789" o_margin="{MARK}"/>
+        f"""<mujoco><size nuser_actuator="7919"/><option timestep="0.00123456789" o_margin="{SECOND_ORDER}"/>
         <worldbody>{slides}<body><freejoint/><geom size=".1"/></body></worldbody>
         <actuator>{motors}</actuator></mujoco>"""
     )
     data = mujoco.MjData(model)
-    m, d = model._address, data._address
+    m, d, law = model._address, data._address, measured()
 
     def of_data(name: str) -> int:
         return offset_of_array(d, getattr(data, name), DATA_BYTES)
@@ -94,7 +100,7 @@ def _measure() -> MidpointOffsets:
         actuator_forcerange=offset_of_array(m, model.actuator_forcerange, MODEL_BYTES),
         actuator_force=of_data("actuator_force"),
         timestep=offset_of(m, 0.00123456789, 4000),
-        o_margin=offset_of(m, MARK, 4000),
+        o_margin=offset_of(m, SECOND_ORDER, 4000),
         dof_frictionloss=offset_of_array(m, model.dof_frictionloss, MODEL_BYTES),
         qvel=of_data("qvel"),
         qacc_warmstart=of_data("qacc_warmstart"),
@@ -103,7 +109,11 @@ def _measure() -> MidpointOffsets:
         qfrc_constraint=of_data("qfrc_constraint"),
         qfrc_bias=of_data("qfrc_bias"),
         qfrc_smooth=of_data("qfrc_smooth"),
-        sources=fingerprint(engine_memory.__file__, __file__),
+        rows=law.rows,
+        efc_type=law.efc_type,
+        efc_id=law.efc_id,
+        efc_frictionloss=law.efc_frictionloss,
+        sources=SOURCES ^ fingerprint(__file__),
     )
 
 
@@ -112,7 +122,7 @@ def _compile(at: MidpointOffsets):
 
     @cfunc("void(uint64, uint64)", cache=True)
     def midpoint(m, d):
-        if double(m, at.o_margin) != MARK:
+        if double(m, at.o_margin) != SECOND_ORDER:
             return
         nv, step = integer(m, at.nv), double(m, at.timestep)
         v, a = doubles(d, at.qvel, BIG), doubles(d, at.qacc_warmstart, BIG)
@@ -124,9 +134,13 @@ def _compile(at: MidpointOffsets):
         if not known:
             return
         for i in range(nv):
-            slides = constraint[i] * v[i] < 0.0 and abs(constraint[i]) >= SLIDING * dry[i]
-            if dry[i] > 0.0 and slides and a[i] * v[i] < 0.0 and abs(v[i]) < step * abs(a[i]):
-                passive_force[i] -= 2.0 * dry[i] * v[i] / (step * abs(a[i]))
+            turns = constraint[i] * v[i] < 0.0 and a[i] * v[i] < 0.0 and abs(v[i]) < step * abs(a[i])
+            if dry[i] > 0.0 and turns:
+                row = row_of(at.rows, at.efc_type, at.efc_id, d, i)
+                limit = doubles(d, at.efc_frictionloss, BIG)[row] if row >= 0 else dry[i]
+                # that of the step before, at another speed, may have been anything between the two
+                if abs(constraint[i]) >= SLIDING * min(dry[i], limit):
+                    passive_force[i] -= 2.0 * limit * v[i] / (step * abs(a[i]))
         for k in range(integer(m, at.nu)):
             given = doubles(m, at.actuator_user, BIG)[(k + 1) * integer(m, at.nuser_actuator) - USER :]
             if given[0] != 0.0:
@@ -174,7 +188,7 @@ def mark(model: mujoco.MjModel, taken: np.ndarray) -> None:
         model: Compiled with the room that `reserve` makes.
         taken: What was taken off the armature of its joint for the damping of each actuator, (nu,).
     """
-    model.opt.o_margin = MARK
+    model.opt.o_margin = SECOND_ORDER
     for k in np.flatnonzero(taken):
         if model.actuator_forcelimited[k]:
             model.actuator_user[k, -USER:] = taken[k], model.jnt_dofadr[model.actuator_trnid[k, 0]]
