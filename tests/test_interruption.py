@@ -31,7 +31,7 @@ WITHIN_S = 2.0
 PATIENCE_S = 120.0
 WORK_S = 3.0  # of a worker, by which it has imported what it needs and is at work
 MANY = 100_000  # ledgers
-RUNS = 40  # of a sweep, in tasks of five
+RUNS = 20  # of a sweep, in tasks of five
 TICKS = os.sysconf("SC_CLK_TCK")  # to a second
 
 
