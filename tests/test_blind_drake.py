@@ -219,7 +219,7 @@ def test_the_same_seed_makes_the_same_cases_and_answers_lie_outside(
 ) -> None:
     def short(drive: Drive, g: np.random.Generator) -> list[PlannedEpisode]:
         plans = [draw_episode(drive, g, k, thrown=False, elapsed_s=0.0, number=n) for n, k in enumerate((2, 6))]
-        return [replace(e, command=e.command[: round(1.5 * e.rate_hz)]) for e in plans]
+        return [replace(e, command=e.command[: round(e.rate_hz)]) for e in plans]
 
     monkeypatch.setattr(case, "draw_episodes", short)
 

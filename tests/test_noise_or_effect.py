@@ -55,12 +55,13 @@ def servo_case(folder: Path, measured: list[np.ndarray]) -> Path:
     )
 
 
+@pytest.mark.slow
 def test_what_a_servo_lacks_is_no_slow_noise(tmp_path: Path) -> None:
     """A servo whose target jumps is late and damped too little, by 25 noises that nobody stated; both are named.
 
     What the model as believed leaves of that is alike from sample to sample, as slow noise is.
     """
-    system = system_of(servo_case(tmp_path / "still", [np.zeros(401)] * 2))
+    system = system_of(servo_case(tmp_path / "still", [np.zeros(601)] * 2))
     planted = m.ActuatorDelay("drive", 0.0049), m.ServoDamping("drive", 0.94)
     rng = np.random.default_rng(3)
     motions = [system.simulator(threads=1).predict(e, [Run(planted, np.zeros(2))])[0, :, 0] for e in range(2)]
