@@ -37,7 +37,7 @@ run: $(STAMP)  ## The published experiment; other commands: make run ARGS="gap e
 
 test: $(FULL)  ## Style, types, tests
 	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target compiled_laws check compiled_worlds
-	@$(ONE_BLAS_THREAD) $(BIN)/python -m pytest --numprocesses auto --dist worksteal $(ARGS)
+	@env -u PYTHONDONTWRITEBYTECODE $(ONE_BLAS_THREAD) $(BIN)/python -m pytest --numprocesses auto --dist worksteal $(ARGS)
 
 slow: $(FULL)  ## Tests that take too long for every change: before a release
 	@$(ONE_BLAS_THREAD) $(BIN)/python -m pytest --numprocesses auto --dist worksteal -m slow $(ARGS)

@@ -162,6 +162,9 @@ def store_schemas(name: str, root: type[DataclassInstance]) -> None:
     from hydra.core.config_store import ConfigStore
 
     store = ConfigStore.instance()
+    # Hydra copies all schemas with each list of places that it makes, to write to the list alone: half a second where
+    # a command tells of all its groups. What is loaded from the store is a copy anyway.
+    vars(store).setdefault("__deepcopy__", lambda _memo: store)
     wanted = {(None, f"schema_{name}"): schema(root)}
     wanted |= {(group, f"schema_{option}"): schema(cls) for (group, option), cls in _REGISTERED.items()}
     for (group, called), node in wanted.items():

@@ -226,6 +226,7 @@ def test_corrected_model_closes_the_gap(found: runner.CaseDiagnosis, tmp_path: P
     assert friction == pytest.approx(found.corrected.values["value"].to_numpy()[0], rel=5e-6)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_report_is_that_of_the_command(
     found: runner.CaseDiagnosis, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

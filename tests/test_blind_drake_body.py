@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 from dataclasses import replace
@@ -111,14 +112,20 @@ def test_both_engines_take_a_body_alike_through_flight_and_a_slide() -> None:
     assert noises(simulate_all(world, plans), by_mujoco(mjcf(world), plans)) < 0.3
 
 
-@needs_drake
-@pytest.mark.parametrize("name", [*VOCABULARY, *OUTSIDE])
-def test_every_effect_shows_and_vanishes_with_its_size(name: str) -> None:
+@functools.cache
+def tossed_and_slid() -> tuple[list[Toss], list[np.ndarray]]:
+    """Return two plans, and how a box goes by them without any effect."""
     plans = [
         toss(0.16, spin=(2.0, -6.0, 3.0), velocity=(0.8, 0.2, 0.3), seconds=0.35),
         toss(0.03, spin=(0.0, 0.0, 2.0), velocity=(0.6, 0.2, 0.0), seconds=0.35),
     ]
-    plain = simulate_all(BOX, plans)
+    return plans, simulate_all(BOX, plans)
+
+
+@needs_drake
+@pytest.mark.parametrize("name", [*VOCABULARY, *OUTSIDE])
+def test_every_effect_shows_and_vanishes_with_its_size(name: str) -> None:
+    plans, plain = tossed_and_slid()
     plant = draw(name, UnplantedBody(BOX, plain), np.random.default_rng(2))
     large, small = (noises(simulate_all(plant.edit(BOX, size * plant.largest), plans), plain) for size in (0.7, 1e-4))
     assert large > (0.8 if name in ("restitution", "contact_stiffness") else 1.5)

@@ -40,6 +40,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> make.MadeCases:
     return make_cases(2, 3, folder / "cases", folder / "answers.json", BOX, workers=1)
 
 
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make cases of three episodes instead of seven to ten."""
+    monkeypatch.setattr("runner.blind.planar_box.case.draw_episodes", lambda drive, g: draw_episodes(drive, g)[:3])
+
+
 def unplanted(world: World = CUBE, seed: int = 0) -> plants.UnplantedCase:
     episodes = draw_episodes(Drive(world, 60.0, heights=False), np.random.default_rng(seed))[:3]
     return plants.UnplantedCase(world, episodes, simulate_all(world, episodes))
@@ -84,6 +90,7 @@ def test_every_case_is_read_without_complaint(made: make.MadeCases) -> None:
         assert len(read_case(made.folder / name).episodes) >= 7
 
 
+@pytest.mark.usefixtures("few")
 def test_the_same_seed_makes_the_same_case_and_another_seed_another(tmp_path: Path) -> None:
     plan = CasePlan("single", (("friction", "moderate"),), (5, 2, 0))
     a, b = (BOX.make(plan, tmp_path / name) for name in "ab")
@@ -94,6 +101,7 @@ def test_the_same_seed_makes_the_same_case_and_another_seed_another(tmp_path: Pa
     assert other["made"]["starts"] != a["made"]["starts"]
 
 
+@pytest.mark.usefixtures("few")
 @pytest.mark.parametrize("severity", ["subtle", "strong"])
 def test_a_severity_is_met_by_the_ratio_to_the_noise(severity: str, tmp_path: Path) -> None:
     answer = PLAIN.make(CasePlan("single", (("viscous_drag", severity),), (1, 2, 3)), tmp_path / "case")
@@ -102,6 +110,7 @@ def test_a_severity_is_met_by_the_ratio_to_the_noise(severity: str, tmp_path: Pa
     assert 0.97 * low <= answer["error_ratio"] <= 1.03 * high
 
 
+@pytest.mark.usefixtures("few")
 def test_a_null_case_without_mismatch_has_the_ratio_one(tmp_path: Path) -> None:
     answer = PLAIN.make(CasePlan("null", (), (1, 2, 4)), tmp_path / "case")
     assert answer["effects"] == []
@@ -110,6 +119,7 @@ def test_a_null_case_without_mismatch_has_the_ratio_one(tmp_path: Path) -> None:
     assert answer["made"]["mismatch_ratio"] == 0.0
 
 
+@pytest.mark.usefixtures("few")
 def test_the_mismatch_is_real_and_below_its_limit(tmp_path: Path) -> None:
     answer = BOX.make(CasePlan("null", (), (1, 2, 5)), tmp_path / "case")
     assert 0.02 < answer["made"]["mismatch_ratio"] < 1.2 * Reality().mismatch_limit
@@ -201,6 +211,7 @@ def test_pushes_at_a_height_do_not_tip_the_box() -> None:
         assert lever.max() <= 0.76 * 0.5 * CUBE.mass * CUBE.gravity
 
 
+@pytest.mark.usefixtures("few")
 def test_an_interrupted_set_is_taken_up_again(tmp_path: Path) -> None:
     """Cases that were made are kept with their answers, the rest is made; other settings are refused."""
     mix, whole = Mix(singles=0.0, pairs=0.0, nulls=1.0, unknowns=0.0), tmp_path / "whole"

@@ -280,7 +280,9 @@ def test_a_weaker_push_is_no_dead_band() -> None:
     assert not any("dead band" in n for n in weaker.notes)
 
 
-@pytest.mark.parametrize(("share", "known"), [(0.003, True), (0.03, False), (0.1, False)])
+@pytest.mark.parametrize(
+    ("share", "known"), [(0.003, True), (0.03, False), pytest.param(0.1, False, marks=pytest.mark.slow)]
+)
 def test_a_gap_without_a_name_is_unknown(share: float, known: bool) -> None:
     """Several small errors of the simulator are none, however fine the sensor; ten times as large they are not."""
     friction, mass_kg = NOMINAL.friction * (1.0 + share), NOMINAL.mass_kg * (1.0 + share / 2)

@@ -101,11 +101,11 @@ def pushes(seed: int, seconds: float = 4.0) -> np.ndarray:
 STARTS = (np.zeros(6), np.array([0.3, -0.2, 0.5, 0.9, 0.4, 1.5]), np.array([-0.2, 0.4, -1, 0.0, 0, 0]))
 
 
-def recorded(world: World, *, noise: float = 0.0) -> Recording:
+def recorded(world: World, *, noise: float = 0.0, seconds: float = 4.0) -> Recording:
     rng = np.random.default_rng(7)
     episodes = []
     for i, start in enumerate(STARTS):
-        command = pushes(i)
+        command = pushes(i, seconds)
         state = simulate(world, PlannedEpisode(start, command, RATE), points=12)
         state = state + noise * SIGMA * rng.normal(size=state.shape)
         force = np.column_stack([command[:, :2], np.zeros(len(command))])
@@ -160,7 +160,7 @@ OTHER_FORMS = ("stribeck of another exponent", "stribeck from rest", "stiction t
 def test_its_parameters_are_recovered(name: str) -> None:
     """A fit to noisy recordings of the other integrator finds what was planted."""
     effect, changes, tolerance = PLANTED[name]
-    recording = recorded(world(**changes), noise=1.0)
+    recording = recorded(world(**changes), noise=1.0, seconds=3.0)
     fitter = fitter_of(recording)
     explanation = Explanation((Candidate(type(effect)),))
     starts = type(effect).starts(fitter.context)

@@ -28,7 +28,7 @@ NOISE = {"q_slide": 1e-4, "dq_slide": 1e-3}
 
 def driven(rng: np.random.Generator, tone_hz: float) -> dict[str, np.ndarray]:
     """Return the motion of a mass on a damper that a sine drives, m dv/dt = u - d v, commands held for a sample."""
-    t = np.arange(0.0, 4.0, 0.005)
+    t = np.arange(0.0, 2.0, 0.005)
     u = 6.0 * np.sin(2 * np.pi * tone_hz * t)
 
     def slope(now: float, state: np.ndarray) -> list[float]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import replace
 
 from runner.effects import planar_box as fx
 from runner.effects.vocabulary import Candidate
-from runner.inference.least_squares import Explanation
-from runner.inference.search import resumed, search
+from runner.inference.least_squares import Explanation, Fitter
+from runner.inference.search import Search, resumed, search
 from runner.inference.warm_start import Beginning, WarmStart, key_of
 from tests.cases import fitter_of
 from tests.test_multiple_shooting import pushed, random_pushes
@@ -33,11 +34,17 @@ class Told:
         self.best_after.append((len(self.fitted), tuple(effects), probability))
 
 
+@functools.cache
+def searched() -> tuple[Fitter, Told, Search]:
+    """Return the fitter of a recording behind a gain of commands, what its search has told, and found."""
+    told = Told()
+    fitter = replace(fitter_of(pushed(random_pushes(3, 2.0), [(fx.ActuatorGain(1.3),)] * 3)), observer=told)
+    return fitter, told, search(fitter, range(3), most=1)
+
+
 def test_the_best_so_far_is_told_before_all_single_effects_are_fitted() -> None:
     """The nominal model first, then what takes most off as soon as it is fitted, with a probability."""
-    recording = pushed(random_pushes(3, 2.0), [(fx.ActuatorGain(1.3),)] * 3)
-    told = Told()
-    found = search(replace(fitter_of(recording), observer=told), range(3), most=1)
+    _, told, found = searched()
     assert found.best.fit.explanation.names == ("actuator_gain",)
     assert told.best_after[0][1] == ()
     singles = [i for i, names in enumerate(told.fitted, 1) if len(names) == 1]
@@ -49,12 +56,10 @@ def test_the_best_so_far_is_told_before_all_single_effects_are_fitted() -> None:
 
 def test_an_answer_is_told_until_a_second_search_has_fitted_it_again() -> None:
     """A search that goes on with another account of the noise does not begin by telling that nothing is needed."""
-    recording = pushed(random_pushes(3, 2.0), [(fx.ActuatorGain(1.3),)] * 3)
+    fitter, _, found = searched()
     told = Told()
-    fitter = replace(fitter_of(recording), observer=told)
-    found = search(fitter, range(3), most=1)
-    told.best_after.clear()
-    search(fitter, range(3), starts=found.nominal.starts, beginning=resumed(found, fitter), most=1)
+    again = replace(fitter, observer=told)
+    search(again, range(3), starts=found.nominal.starts, beginning=resumed(found, again), most=1)
     assert {names for _, names, _ in told.best_after} == {("actuator_gain",)}
 
 

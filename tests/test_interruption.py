@@ -31,7 +31,7 @@ WITHIN_S = 2.0
 PATIENCE_S = 120.0
 WORK_S = 3.0  # of a worker, by which it has imported what it needs and is at work
 MANY = 100_000  # ledgers
-RUNS = 40  # of a sweep, in tasks of five
+RUNS = 20  # of a sweep, in tasks of five
 TICKS = os.sysconf("SC_CLK_TCK")  # to a second
 
 
@@ -50,12 +50,13 @@ def family(process: subprocess.Popen[str]) -> set[int]:
         if not entry.name.isdigit():
             continue
         try:
-            command = (entry / "cmdline").read_bytes()
             state, _, group, *_ = (entry / "stat").read_text().rpartition(")")[2].split()
+            if int(group) != process.pid or state == "Z":
+                continue
+            if b"resource_tracker import" not in (entry / "cmdline").read_bytes():
+                found.add(int(entry.name))
         except OSError:
             continue
-        if int(group) == process.pid and state != "Z" and b"resource_tracker import" not in command:
-            found.add(int(entry.name))
     return found
 
 
@@ -81,16 +82,18 @@ def wait_for_work(process: subprocess.Popen[str], work_s: float, *, workers: int
         by = [s - before.get(k, 0.0) for k, s in now.items() if (k == process.pid) == (workers == 0)]
         return sum(s > work_s for s in by) >= max(workers, 1)
 
-    wait_until(at_work, process)
+    wait_until(at_work, process, look_s=0.2)  # to look through all processes is work, too, and delays theirs
 
 
-def wait_until(true: Callable[[], bool], process: subprocess.Popen[str] | None = None) -> float:
-    """Wait, and return how long that took."""
+def wait_until(
+    true: Callable[[], bool], process: subprocess.Popen[str] | None = None, *, look_s: float = 0.02
+) -> float:
+    """Wait, looking every so often, and return how long that took."""
     start = time.monotonic()
     while not true():
         assert time.monotonic() - start < PATIENCE_S
         assert process is None or process.poll() is None, process.communicate()[1]
-        time.sleep(0.02)
+        time.sleep(look_s)
     return time.monotonic() - start
 
 

@@ -55,6 +55,7 @@ def servo_case(folder: Path, measured: list[np.ndarray]) -> Path:
     )
 
 
+@pytest.mark.slow
 def test_what_a_servo_lacks_is_no_slow_noise(tmp_path: Path) -> None:
     """A servo whose target jumps is late and damped too little, by 25 noises that nobody stated; both are named.
 

@@ -20,7 +20,7 @@ from tests.cases import fitter_of, made
 
 def test_what_says_the_same_in_other_words_is_found_beside_the_likeliest() -> None:
     """A late push and a constant force: a late measurement, or a slope, in the place of either is the same motion."""
-    recording, starts = made((ActuatorDelay(0.05), Wind(0.7, 0.3)), episodes=2, seconds=1.5)
+    recording, starts = made((ActuatorDelay(0.05), Wind(0.7, 0.3)), episodes=2, seconds=1.0)
     fitter, episodes = fitter_of(recording), [0, 1]
     vocabulary = fitter.system.vocabulary
     pair = Explanation(tuple(c for n in ("actuator_delay", "wind") for c in vocabulary.by_name[n]))

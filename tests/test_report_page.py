@@ -50,6 +50,7 @@ def test_page_shows_everything(found: Any, page: str) -> None:
     assert page.count("<svg") >= 3
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_page_says_over_how_long_models_were_replayed(found: Any, page: str) -> None:
     """Whole episodes, or parts of them, each with a start of its own: a figure begins anew there."""
     assert "from the start to the end of an episode" in said(page)
@@ -60,6 +61,7 @@ def test_page_says_over_how_long_models_were_replayed(found: Any, page: str) -> 
     assert "s at a time, each with a start of its own" in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_page_says_that_starts_are_fitted(found: Any, page: str) -> None:
     """A model that begins beside what was measured does so because that suits it best."""
     fitted = "Positions and speeds at the start are fitted to all of {}, in each simulator so that it misses least"
@@ -88,6 +90,7 @@ def test_page_of_none_corrects_nothing(found: Any) -> None:
     assert "var(--corrected)" not in "".join(re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_commands_of_the_page_run_where_the_diagnosis_ran(found: Any, page: str, tmp_path: Path) -> None:
     """They name the folder of results, in quotes where a shell would part it."""
     written = write_html(found, tmp_path / "my results/report.html")
@@ -127,6 +130,7 @@ def test_same_diagnosis_same_page(found: Any, page: str) -> None:
     assert html.render(found) == page
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_whiteness_tells_a_right_model_from_a_wrong_one(found: Any, page: str) -> None:
     """Residuals of the true model pass; those of a model without the effect don't."""
     right = said(page)

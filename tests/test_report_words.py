@@ -29,6 +29,8 @@ from runner.systems.channels import Scatter
 from runner.systems.planar_box.system import PlanarBox
 from tests.report_case import changed, diagnosis, ranked, said
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 @pytest.fixture(scope="module")
 def found() -> Any:

@@ -149,7 +149,7 @@ EPISODES = {
 }
 
 
-@each(NATIVE)
+@each([(Dof.planar, FloorContact.corners), (Dof.free, FloorContact.feet)])
 def test_episode_on_native_contacts(dof: Dof, contact: FloorContact) -> None:
     """Over 20 s and 7 to 13 m of slide and spin, a cube on native contacts stays near an independent integration."""
     push = low_weave if dof is Dof.free else weave
@@ -165,6 +165,13 @@ def test_episode_on_native_contacts(dof: Dof, contact: FloorContact) -> None:
     far, turned = EPISODES[dof, contact]
     assert np.sqrt(np.mean(error[:, 0] ** 2 + error[:, 1] ** 2)) < far
     assert np.degrees(np.sqrt(np.mean(error[:, 2] ** 2))) < turned
+
+
+@pytest.mark.slow
+@each([(Dof.planar, FloorContact.feet), (Dof.free, FloorContact.corners)])
+def test_episode_on_the_other_native_contacts(dof: Dof, contact: FloorContact) -> None:
+    """What each of them has, another one has in the episodes above."""
+    test_episode_on_native_contacts(dof, contact)
 
 
 @each(NATIVE)

@@ -545,7 +545,7 @@ def test_a_flight_rules_out_nothing_that_shows_after_a_hit(tmp_path: Path, monke
 
 def test_a_flight_rules_out_what_leaves_much_of_it(tmp_path: Path):
     """Where a centre of mass explains the flights no other effect is tried alone, and friction beside it is."""
-    seen = multiple_shooting.look(*begun(tmp_path, world(off_m=0.008), height_m=0.4, spin_rad_s=8.0))
+    seen = multiple_shooting.look(*begun(tmp_path, world(off_m=0.008), tosses=3, height_m=0.4, spin_rad_s=8.0))
     assert seen is not None
     short, seeds = {k[0].name for k in seen.beginning.short}, {c.name for k in seen.beginning.seeds for c in k}
     assert seen.beginning.ruled_out == seen.beginning.short
@@ -616,7 +616,7 @@ def test_a_switch_is_offered_as_a_whole(tmp_path: Path):
     """Half a friction cone means nothing: it is tried as the other kind, whatever a linear model would have of it."""
     truth = world()
     truth.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
-    fitter, nominal = begun(tmp_path, truth)
+    fitter, nominal = begun(tmp_path, truth, tosses=2)
     cone = offered(fitter, "friction_cone[box]")
     every = sensitivities(fitter, nominal, directions(fitter.system))
     around = contend(fitter, nominal, every, dispersion=4.0)

@@ -79,6 +79,8 @@ def explain(error: Exception, overrides: Sequence[str], composer: Composer) -> E
                     "add -m, or quote the value if it is one."
                 )
             kept.append(override.input_line or "")
+            if kept == [*overrides]:
+                raise error  # composing it once more would say the same
             composed = composer.compose(kept)
             base = composed
     except Exception as found:

@@ -101,6 +101,7 @@ def _save(drawn: Drawn, stem: Path) -> None:
         )  # fmt: skip
         with replacing(stem.with_suffix(".png")) as png:
             drawn.figure.savefig(png, dpi=DPI, metadata={"Software": None})
+        drawn.figure.set_layout_engine("none")  # the panels stay where they are: finding their places takes a third
         with replacing(stem.with_suffix(".svg")) as svg:
             drawn.figure.savefig(svg, metadata={"Date": None, "Creator": None})
 

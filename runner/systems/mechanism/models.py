@@ -203,7 +203,9 @@ class Models:
         if key not in self._contact_time_s:
             if len(self._contact_time_s) > KEPT_COMPILED:
                 self._contact_time_s.clear()
-            self._contact_time_s[key] = shortest_contact_s(self.edited(key))
+            # no effect lets geoms touch that the file keeps apart: that is known without a copy of the model
+            apart = not can_touch(self.compiled(key).model)
+            self._contact_time_s[key] = np.inf if apart else shortest_contact_s(self.edited(key))
         return self._contact_time_s[key]
 
     def model(self, effects: Effects, step_s: float) -> mujoco.MjModel:
