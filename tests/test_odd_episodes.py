@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from runner.effects.base import Parameter
-from runner.inference.variable_projection import Descent, FitPoint, Residuals, Spread
+from runner.inference.variable_projection import Descent, Ending, FitPoint, Residuals, Spread
 from runner.noise.measured import Measured, refine
 from runner.noise.model import NoiseModel
 from runner.recording import Span
@@ -164,3 +164,11 @@ def test_through_a_hit_a_promise_is_worth_what_the_last_one_was(jumps: bool, res
     found = Lines([SHARED * T], gained_share=1e-9).descended(50, tolerance=1e-6, jumps=jumps)
     assert (found.x[0] == 0.0) == rests
     assert rests or found.x[0] == pytest.approx(SHARED, abs=1e-3)
+
+
+def test_a_descent_rests_where_what_suits_each_episode_gains_next_to_nothing() -> None:
+    """Derivatives promise all of an offset, steps of a size that an edge allows take off a thousandth of that."""
+    edge = Lines([np.full(len(T), 10.0), np.zeros(len(T))], first=lambda s: 1e-3 * s if s < 5.0 else 100.0)
+    fixed = (Parameter("slope", "", 1.0, 0.0, 0.0),)
+    assert edge.descended(50, parameters=fixed, tolerance=2.0).ending is Ending.RESTED
+    assert len(edge.taken) <= 5  # of 50 steps

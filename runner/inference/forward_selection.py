@@ -7,6 +7,7 @@ ones are fitted; a fit that falls hopelessly behind is not finished.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -143,14 +144,15 @@ def _with_one_more(
     rounds.seen.add(key)
     rounds.answered.discard(key)
     steps = SETTINGS.fit.screening_steps if size == 1 or rounds.pieces else SETTINGS.fit.warm_steps
-    how = {"target": target, "patience": _patience(rounds, size, candidate), "iterations": steps, "polish": False}
+    patience = _patience(rounds, size, candidate)
+    how: dict[str, Any] = {"target": target, "patience": patience, "iterations": steps, "polish": False}
     seed = min(
         (s for s in (rounds.seeds.pop(key, None), rounds.tried.pop(key, None)) if s),
         key=lambda s: s.total,
         default=None,
     )
     begin = where_to_begin(rounds.fitter, explanation, x, contender.fit, seed)
-    fit = rounds.fitter.fit(explanation, rounds.episodes, **begin, **how)
+    fit = rounds.fitter.fit(explanation, rounds.episodes, **(how | begin))
     if candidate.effect.discontinuous and rounds.is_far(fit):
         fit = over_edges(rounds.fitter, fit, contender.fit)
     return fit

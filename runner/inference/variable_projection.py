@@ -249,7 +249,10 @@ class Descent:
         apart = self._each_as_far_as_it_goes(point, dx, ds)
         if apart is None:
             return Trial(point, refused=True)
-        return Trial(replace(apart, gained_share=(point.total - apart.total) / promised))
+        gain = point.total - apart.total
+        if gain < self.tolerance:  # whatever these derivatives promise, as where friction holds or just doesn't
+            return Trial(replace(self._renewed(apart, checked=self.polish), ending=Ending.RESTED), rests=True)
+        return Trial(replace(apart, gained_share=gain / promised))
 
     def _each_as_far_as_it_goes(self, point: FitPoint, dx: np.ndarray, ds: np.ndarray) -> FitPoint | None:
         """Return where a step leads if every episode's start takes that share of its own which suits it best.

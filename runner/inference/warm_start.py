@@ -52,12 +52,17 @@ def key_of(explanation: Explanation) -> Key:
 def where_to_begin(
     fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit, seed: WarmStart | None
 ) -> dict[str, Any]:
-    """Return where to begin a fit: from what is near, or from the seed where that leaves less."""
+    """Return where to begin a fit: from what is near, or from the seed where that leaves less.
+
+    And in no steps where none of an effect is best of all sizes, as the linear model has promised.
+    """
     if seed is None:
         new = explanation.candidates[-1]
         sizes = new.scan(fitter.context)
         if len(sizes):
-            return {"x": _scanned(fitter, explanation, x, near, sizes), "near": near}
+            begin = _scanned(fitter, explanation, x, near, sizes)
+            rests = begin[_size_of_last(explanation, fitter)] == 0.0
+            return {"x": begin, "near": near} | ({"iterations": 0} if rests else {})
         if new.is_placed(fitter.context) and not new.effect.switch:
             # the amplitude that a linear model promises may overshoot; none of it is the fit that is near
             amplitude = len(x) - len(new.parameters(fitter.context))
@@ -86,7 +91,9 @@ def _scanned(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit,
     surveying, before_s = replace(fitter, simulator=simulator), simulator.simulated_s
     left = _raced(surveying, with_each(sizes), near)
     i = int(np.argmin(left))
-    gains = i > 0 or left[0] < surveying.loss(near.explanation, near.x, near.starts, near.episodes)
+    # a model that is built otherwise differs by rounding and steps, which is no gain
+    least = SETTINGS.search.min_gain_excess * fitter.measured.count(near.episodes)
+    gains = i > 0 or left[0] < surveying.loss(near.explanation, near.x, near.starts, near.episodes) - least
     if simulator is not fitter.simulator:
         fitter.simulator.simulated_s += simulator.simulated_s - before_s
     if not gains:
