@@ -26,14 +26,16 @@ MASS_KG, BELIEVED_KG, DAMPING = 2.0, 1.4, 3.0
 NOISE = {"q_slide": 1e-4, "dq_slide": 1e-3}
 
 
-def driven(rng: np.random.Generator, tone_hz: float) -> dict[str, np.ndarray]:
-    """Return the motion of a mass on a damper that a sine drives, m dv/dt = u - d v, commands held for a sample."""
+def driven(
+    rng: np.random.Generator, tone_hz: float, damping: float = DAMPING, stiffness: float = 0.0
+) -> dict[str, np.ndarray]:
+    """Return the motion of a driven mass, m dv/dt = u - d v - k q with u a sine, commands held for a sample."""
     t = np.arange(0.0, 2.0, 0.005)
     u = 6.0 * np.sin(2 * np.pi * tone_hz * t)
 
     def slope(now: float, state: np.ndarray) -> list[float]:
         force = u[min(int(now / 0.005 + 1e-9), len(u) - 1)]
-        return [state[1], (force - DAMPING * state[1]) / MASS_KG]
+        return [state[1], (force - damping * state[1] - stiffness * state[0]) / MASS_KG]
 
     found = solve_ivp(slope, (0.0, t[-1]), (0.0, 0.0), t_eval=t, rtol=1e-8, atol=1e-10, max_step=0.005)
     q, dq = (y + s * rng.normal(size=len(t)) for y, s in zip(found.y, NOISE.values(), strict=True))
@@ -61,6 +63,26 @@ def test_a_mass_is_found_behind_a_gain_and_a_damping(tmp_path: Path) -> None:
     assert BELIEVED_KG * np.exp(found[key_of(mass)].x[0]) == pytest.approx(MASS_KG, rel=2e-3)
     # what has been fitted is not fitted again
     assert key_of(mass) not in {key_of(f.explanation) for f in one_for_two(fitter, whole, {key_of(mass)})}
+
+
+def test_a_spring_that_makes_up_for_another_effect_goes_with_it(tmp_path: Path) -> None:
+    """Believed too heavy, a mass on a spring moves as one would whose drive and spring have more force."""
+    believed_kg, stiffness = MASS_KG / 0.7, 40.0
+    model = SLIDE.format(damping=0, friction=0, mass=believed_kg, actuator=MOTOR)
+    model = model.replace('name="slide"', f'name="slide" stiffness="{stiffness}"', 1)
+    nominal = {"commands": {"u": {"actuator": "drive"}}, "channels": joint_channels(["slide"]), "noise": NOISE}
+    rng = np.random.default_rng(0)
+    logs = [driven(rng, tone_hz, 0.0, stiffness) for tone_hz in (0.5, 1.1)]
+    system = system_of(write_case(tmp_path / "case", model, logs, nominal))
+    fitter = Fitter(system, system.simulator(threads=1), measure(system))
+    by_key = {c.name: c for c in system.vocabulary}
+    spring, mass = by_key["joint_stiffness[slide]"], Explanation((by_key["mass[carriage]"],))
+    assert spring.is_placed(fitter.context)
+    fit = fitter.fit(Explanation((by_key["actuator_gain[drive]"], spring)), [0, 1], iterations=40)
+    assert fit.total == pytest.approx(fitter.measured.count([0, 1]), rel=0.1)
+    whole = contend(fitter, fit, sensitivities(fitter, fit, directions(system)))
+    found = {key_of(f.explanation): f for f in one_for_two(fitter, whole, set())}
+    assert believed_kg * np.exp(found[key_of(mass)].x[0]) == pytest.approx(MASS_KG, rel=2e-3)
 
 
 def test_a_cause_is_found_from_the_motion_that_another_effect_has_found(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from runner.storage.provenance import commit, versions
 
 GIB = 2**30
 LITTLE_GIB = 1.0  # a sweep with full logs takes that much
-TESTING = "Testing, the first time with a minute of compiling"
+TESTING = "Testing"
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ import numpy as np
 from runner.effects.vocabulary import Candidate
 from runner.inference.contender import Contender
 from runner.inference.leap import vector_at
-from runner.inference.least_squares import Explanation, Fit, Fitter
+from runner.inference.least_squares import Explanation, Fit, Fitter, amplitudes
 from runner.inference.parameters import bounds
 from runner.inference.shortlist import least_gain
 from runner.inference.warm_start import Key, key_of
@@ -118,14 +118,17 @@ def _promised(fitter: Fitter, whole: Contender, seen: Set[Key], taken: int) -> I
     """Go through what promises enough in the place of so many effects; of each the last is what is put in."""
     fit, around, own = whole.fit, whole.around, len(whole.fit.x)
     normal = around.gram.sum(axis=0)
-    # what has a place is not moved to another by a linear model
-    parts = [(c, p) for c, p in fit.explanation.parts(fitter.context) if not c.is_placed(fitter.context)]
-    for some in combinations(parts, taken):
+    # What has a place is not moved to another by a linear model. Beside an effect that is not there it may have come
+    # along, to make up for what that one does wrong: then it goes with it, by its size, wherever it is.
+    placed = {c for c, _ in fit.explanation.parts(fitter.context) if c.is_placed(fitter.context)}
+    for some in combinations(fit.explanation.parts(fitter.context), taken):
         rest = fit.explanation
         for candidate, _ in some:
             rest = rest.without(candidate)
-        out = np.concatenate([np.arange(p.start, p.stop) for _, p in some])
-        kept = np.setdiff1d(np.arange(own), out)
+        if placed.issuperset(c for c, _ in some):
+            continue
+        out = np.concatenate([np.arange(own)[amplitudes(c, p, fitter.context)] for c, p in some])
+        kept = np.setdiff1d(np.arange(own), np.concatenate([np.arange(p.start, p.stop) for _, p in some]))
         without, _ = _least(normal, out, -fit.x[out], kept)
         for candidate, ways in around.ways.items():
             explanation = rest + Explanation((candidate,))

@@ -60,7 +60,7 @@ class Inertia(MechanismEffect):
         return Phrase(
             f"body '{target}' turns {'harder' if of['ratio'] > 1 else 'more easily'} than in the model, "
             "by more than its mass says",
-            f"its inertia is {of.show('ratio')} times the believed one",
+            f"its inertia is {of.show('ratio')} times what its mass makes of the model's",
             parts.to_give_of(beliefs.model, cls, target, ratio=of["ratio"]),
             f"Hang '{target}' from a pivot and time its swing.",
         )

@@ -79,7 +79,7 @@ def _point_mass(model: mujoco.MjModel, body: str, effects: Sequence[MechanismEff
         return ""
     size = parts.body_size_m(model, body)
     where = [
-        f"{axis} {length(float(v))}"
+        f"{axis} {length(float(v) if abs(v) > e else 0.0)}"
         for axis, v, e in zip("xyz", values[1:4], spread[1:4], strict=True)
         if e < 0.5 * size  # along an axis that it turns about nothing is told
     ]
