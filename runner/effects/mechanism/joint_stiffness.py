@@ -18,7 +18,10 @@ from runner.errors import check_range
 @effect
 @dataclass(frozen=True)
 class JointStiffness(MechanismEffect):
-    """A spring besides the model's: -stiffness (q - rest), N m/rad or N/m, rad or m. Negative, down to none: that is too stiff."""
+    """A spring besides the model's: -stiffness (q - rest), N m/rad or N/m, rad or m.
+
+    Negative, down to none at all: the model's is too stiff.
+    """
 
     name: ClassVar[str] = "joint_stiffness"
     label: ClassVar[str] = "a spring"
