@@ -14,6 +14,7 @@ from log_writers import ARM, FLAT, JOINTS, RATE_HZ, ROS, WRITERS, Import, Run, f
 
 from runner.__main__ import main
 from runner.importing.readers import read_log
+from runner.importing.record import called, episode_sources
 from runner.importing.signals import ReadOptions
 from runner.recording.model_form import MechanismRecording, read_model_case
 
@@ -407,3 +408,11 @@ def test_a_case_that_can_not_be_read_is_not_written(tmp_path: Path, runs: list[R
     assert "probably not in s" in err
     assert not Path("case").exists()
     assert not list(Path().glob(".case.*"))
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "episodes: &a {0: *a}", "episodes: 5", "\x00"])
+def test_a_record_of_a_stranger_that_is_none_tells_nothing_of_episodes(tmp_path: Path, text: str) -> None:
+    """A case that was sent may hold anything beside its recording; that is then told by the numbers of its episodes."""
+    (tmp_path / "import.yaml").write_text(text)
+    assert episode_sources(tmp_path) == {}
+    assert called(tmp_path, 4) == "4"

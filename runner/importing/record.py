@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 
-import yaml
+from runner.errors import LimitError
+from runner.storage.yaml_text import read_yaml
 
 RECORD = "import.yaml"  # beside the case: what it was made of, and how its clocks ran
 
 
 def read_record(case: Path) -> Mapping[str, object]:
     """Return what an import has left in the folder of a case; nothing where it left nothing that can be read."""
+    file = case / RECORD
     try:
-        record = yaml.safe_load((case / RECORD).read_text(encoding="utf-8"))
-    except (OSError, ValueError, yaml.YAMLError):
+        stat = file.stat()
+        return _read(file, stat.st_mtime_ns, stat.st_size)
+    except (OSError, ValueError, LimitError):
         return {}
+
+
+@lru_cache(maxsize=8)
+def _read(file: Path, changed_ns: int, size: int) -> Mapping[str, object]:
+    """Read a record once, as long as its file is the same: a report asks of every episode."""
+    record = read_yaml(file)
     return record if isinstance(record, dict) else {}
 
 

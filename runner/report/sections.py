@@ -260,8 +260,9 @@ def _factor(diagnosis: Diagnosis, cells: pd.DataFrame, factor: str) -> dict[str,
     order = (*labels, *diagnosis.system.regimes, *QUARTERS)
     part = cells.loc[cells["factor"] == factor]
     part = part.iloc[sorted(range(len(part)), key=lambda i: _place(str(part["cell"].iloc[i]), order))]
-    sources = episode_sources(diagnosis.recording.path) if factor == "episode" else {}
-    files = {f"episode {number}": f"episode {number} ({source})" for number, source in sources.items()}
+    path = diagnosis.recording.path
+    sources = episode_sources(path) if factor == "episode" else {}
+    files = {f"episode {number}": f"episode {called(path, number)}" for number in sources}
     top = max(float(part["share"].max()), float((part["share"] / part["lift"]).max()), 1e-9)
     rows = []
     for row in part.to_dict("records"):
