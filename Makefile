@@ -13,6 +13,8 @@ ARGS ?=
 COMMA := ,
 # tests fill all cores by themselves: threads of linear algebra beside them only wait for each other (a fifth of the time)
 ONE_BLAS_THREAD := OPENBLAS_NUM_THREADS=1
+# and every process would compile all sources anew where Python is kept from keeping bytecode
+TESTING := env -u PYTHONDONTWRITEBYTECODE $(ONE_BLAS_THREAD)
 
 # uv installs what pip does in a fraction of the time. It is told of the places that pip is told of by variables; where
 # it finds no way, pip does the same by whatever else it is set to. Of bytecode no more is written than of what a
@@ -37,10 +39,10 @@ run: $(STAMP)  ## The published experiment; other commands: make run ARGS="gap e
 
 test: $(FULL)  ## Style, types, tests
 	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target compiled_laws check compiled_worlds
-	@env -u PYTHONDONTWRITEBYTECODE $(ONE_BLAS_THREAD) $(BIN)/python -m pytest --numprocesses auto --dist worksteal $(ARGS)
+	@$(TESTING) $(BIN)/python -m pytest --numprocesses auto --dist worksteal $(ARGS)
 
 slow: $(FULL)  ## Tests that take too long for every change: before a release
-	@$(ONE_BLAS_THREAD) $(BIN)/python -m pytest --numprocesses auto --dist worksteal -m slow $(ARGS)
+	@$(TESTING) $(BIN)/python -m pytest --numprocesses auto --dist worksteal -m slow $(ARGS)
 
 check: $(FULL)
 	@$(BIN)/ruff check .
@@ -48,7 +50,7 @@ check: $(FULL)
 	@$(BIN)/ty check
 
 compiled_%: $(FULL)  # what every process of the tests would compile for itself: in two parts, and one beside the types
-	@env -u PYTHONDONTWRITEBYTECODE $(ONE_BLAS_THREAD) $(BIN)/python -m tests.compiled $*
+	@$(TESTING) $(BIN)/python -m tests.compiled $*
 
 golden: $(FULL)  ## Every number of all golden verdicts; ARGS=--refresh writes them anew
 	@$(BIN)/python -m tests.golden $(ARGS)

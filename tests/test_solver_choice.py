@@ -14,8 +14,8 @@ import runner
 from runner.diagnosis.corrected import write_corrected
 from runner.diagnosis.pipeline import diagnose
 from runner.effects.mechanism import JointFriction
+from runner.inference.contender import least_gain
 from runner.inference.least_squares import NONE, Fit, Fitter
-from runner.inference.shortlist import least_gain
 from runner.inference.solver_choice import better_solved
 from runner.noise.measured import measure
 from runner.recording.model_form import read_model_case

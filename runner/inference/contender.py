@@ -129,6 +129,11 @@ def memory(fit: Fit, fitter: Fitter) -> float:
     return float(max(1.0 + 2.0 * alike[1:last].sum(), 1.0))
 
 
+def least_gain(count: int) -> float:
+    """Return what an effect has to take off the loss of so many measurements, however little is left."""
+    return SETTINGS.search.min_gain_excess * count
+
+
 def likeliest_first(contenders: Iterable[Contender]) -> list[Contender]:
     """Return contenders by their odds; of equal ones, in the order in which they come."""
     return sorted(contenders, key=lambda c: -c.log_posterior)

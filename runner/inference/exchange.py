@@ -15,11 +15,10 @@ from itertools import combinations, permutations
 import numpy as np
 
 from runner.effects.vocabulary import Candidate
-from runner.inference.contender import Contender
+from runner.inference.contender import Contender, least_gain
 from runner.inference.leap import vector_at
 from runner.inference.least_squares import Explanation, Fit, Fitter, amplitudes
 from runner.inference.parameters import bounds
-from runner.inference.shortlist import least_gain
 from runner.inference.warm_start import Key, key_of
 from runner.numerics.arrays import FloatArray
 from runner.settings import SETTINGS
@@ -122,11 +121,11 @@ def _promised(fitter: Fitter, whole: Contender, seen: Set[Key], taken: int) -> I
     # along, to make up for what that one does wrong: then it goes with it, by its size, wherever it is.
     placed = {c for c, _ in fit.explanation.parts(fitter.context) if c.is_placed(fitter.context)}
     for some in combinations(fit.explanation.parts(fitter.context), taken):
+        if placed.issuperset(c for c, _ in some):
+            continue
         rest = fit.explanation
         for candidate, _ in some:
             rest = rest.without(candidate)
-        if placed.issuperset(c for c, _ in some):
-            continue
         out = np.concatenate([np.arange(own)[amplitudes(c, p, fitter.context)] for c, p in some])
         kept = np.setdiff1d(np.arange(own), np.concatenate([np.arange(p.start, p.stop) for _, p in some]))
         without, _ = _least(normal, out, -fit.x[out], kept)

@@ -290,13 +290,12 @@ class Fitter:
         for known in self.surveys:
             if known.spans == spans and known.held == self.held and are_near(known.fit, fit, self.context):
                 return known.shown
-        simulator = self.simulator.surveying()
-        before_s, shown = simulator.simulated_s, []
-        for e, start in zip(fit.episodes, fit.starts, strict=True):
-            shown.append(simulator.predict(e, [Run(self.held + effects, start) for effects in models]))
-        if simulator is not self.simulator:
-            self.simulator.simulated_s += simulator.simulated_s - before_s
-        self.surveys.append(Survey(spans, self.held, fit, tuple(shown)))
+        with self.simulator.survey() as simulator:
+            shown = tuple(
+                simulator.predict(e, [Run(self.held + effects, start) for effects in models])
+                for e, start in zip(fit.episodes, fit.starts, strict=True)
+            )
+        self.surveys.append(Survey(spans, self.held, fit, shown))
         return self.surveys[-1].shown
 
     def fit(

@@ -6,7 +6,7 @@ from collections.abc import Sequence, Set
 
 import numpy as np
 
-from runner.inference.contender import Contender
+from runner.inference.contender import Contender, least_gain
 from runner.inference.evidence import clip
 from runner.inference.least_squares import Fit, Fitter
 from runner.inference.warm_start import Key, key_of
@@ -30,11 +30,6 @@ def worth_of(system: AbstractSystem, count: int, nominal: float, left: float) ->
     share = SETTINGS.search.min_gain_share * max(nominal - count, 0.0)
     share = min(share, (1.0 - system.worth_another) * max(left - count, 0.0))
     return least_gain(count) + share
-
-
-def least_gain(count: int) -> float:
-    """Return what an effect has to take off the loss of so many measurements, however little is left."""
-    return SETTINGS.search.min_gain_excess * count
 
 
 def gain(fit: Fit, contenders: Sequence[Contender]) -> float:

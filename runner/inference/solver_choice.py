@@ -11,8 +11,8 @@ more by what an effect is worth, and to come back it only has to leave less.
 
 from __future__ import annotations
 
+from runner.inference.contender import least_gain
 from runner.inference.least_squares import Fit, Fitter
-from runner.inference.shortlist import least_gain
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 

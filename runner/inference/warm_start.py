@@ -10,6 +10,7 @@ import numpy as np
 
 from runner.effects.base import Effects
 from runner.effects.vocabulary import Candidate
+from runner.inference.contender import least_gain
 from runner.inference.least_squares import Explanation, Fit, Fitter
 from runner.inference.variable_projection import hopeless
 from runner.settings import SETTINGS
@@ -87,17 +88,14 @@ def _scanned(fitter: Fitter, explanation: Explanation, x: np.ndarray, near: Fit,
     def with_each(some: np.ndarray) -> list[Effects]:
         return [explanation.make(_with(x, place, size), fitter.context) for size in some]
 
-    simulator = fitter.simulator.surveying()
-    surveying, before_s = replace(fitter, simulator=simulator), simulator.simulated_s
-    left = _raced(surveying, with_each(sizes), near)
-    i = int(np.argmin(left))
-    # a model that is built otherwise differs by rounding and steps, which is no gain
-    least = SETTINGS.search.min_gain_excess * fitter.measured.count(near.episodes)
-    gains = i > 0 or left[0] < surveying.loss(near.explanation, near.x, near.starts, near.episodes) - least
-    if simulator is not fitter.simulator:
-        fitter.simulator.simulated_s += simulator.simulated_s - before_s
-    if not gains:
-        return x
+    with fitter.simulator.survey() as simulator:
+        surveying = replace(fitter, simulator=simulator)
+        left = _raced(surveying, with_each(sizes), near)
+        i = int(np.argmin(left))
+        # a model that is built otherwise differs by rounding and steps, which is no gain
+        least = least_gain(fitter.measured.count(near.episodes))
+        if i == 0 and left[0] >= surveying.loss(near.explanation, near.x, near.starts, near.episodes) - least:
+            return x
     finer = np.linspace(sizes[max(i - 1, 0)], sizes[min(i + 1, len(sizes) - 1)], SETTINGS.fit.scanned_sizes)
     among = np.array([x[place], *finer])
     return _with(x, place, float(among[np.argmin(_raced(fitter, with_each(among), near))]))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from runner.effects.base import Effects
@@ -40,6 +41,17 @@ class AbstractSimulator(ABC):
         with an effect.
         """
         return self
+
+    @contextmanager
+    def survey(self) -> Generator[AbstractSimulator]:
+        """Give the simulator that is `surveying`; what it simulates counts as simulated by this one, too."""
+        other = self.surveying()
+        before_s = other.simulated_s
+        try:
+            yield other
+        finally:
+            if other is not self:
+                self.simulated_s += other.simulated_s - before_s
 
     @abstractmethod
     def parts(self, spans: Sequence[Span]) -> AbstractSimulator:
