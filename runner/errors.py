@@ -35,11 +35,14 @@ class LauncherError(RunnerError):
     """What does tasks in other processes has lost some of them, or could not begin: in the words of its cause."""
 
 
-def nearest(name: str, valid: Iterable[str]) -> str:
-    """Return `Valid: 'a', 'b'. Did you mean 'a'?` for a name that is not among the valid ones."""
+def nearest(name: str, valid: Iterable[str], *, listed_by: str = "") -> str:
+    """Return `Valid: 'a', 'b'. Did you mean 'a'?` for a name that is not among the valid ones.
+
+    Where a command lists them, because they are many, `listed_by` names it in their place.
+    """
     names = sorted(valid)
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-    text = "Valid: " + ", ".join(f"'{n}'" for n in names) + "."
+    text = f"`{listed_by}` has all names." if listed_by else "Valid: " + ", ".join(f"'{n}'" for n in names) + "."
     return text + (f" Did you mean '{close[0]}'?" if close else "")
 
 

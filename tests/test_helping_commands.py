@@ -94,7 +94,7 @@ def test_a_target_is_left_out_and_files_are_shown(capsys: pytest.CaptureFixture[
     assert "experiment=guard: conf/experiment/guard.yaml" in guard
     assert "# The published experiment" in said(capsys, "show", "paper")
     assert main(["show", "bcklash"]) == 2
-    assert "nothing is called 'bcklash'. Valid: " in (err := capsys.readouterr().err)
+    assert "nothing is called 'bcklash'. `runner list effects` has all names." in (err := capsys.readouterr().err)
     assert err.endswith("Did you mean 'backlash'?\n")
     assert set(EFFECTS) < set(names())
     assert main(["list", "effect"]) == 2

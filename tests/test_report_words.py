@@ -19,6 +19,7 @@ from runner.diagnosis.result import Abstention, Flights, Nearest
 from runner.diagnosis.verdict import verdict
 from runner.effects.planar_box import EFFECTS
 from runner.effects.wording import percent, percent_between, plus_minus
+from runner.inference.least_squares import Explanation
 from runner.localise.likeness import Likeness
 from runner.recording.data import BelievedPin
 from runner.report import html, sections, unknown, words
@@ -260,9 +261,25 @@ def test_every_note_is_a_sentence_and_stands_once(found: Any) -> None:
     assert "\nWarning: it jumps." in printed(changed(found, notes=("warning: it jumps",)))
 
 
+def fitted(found: Any, widths: float) -> Any:
+    """Return an explanation by the friction, so many widths of its prior off."""
+    explanation = Explanation((found.system.vocabulary.by_name["friction"][0],))
+    scale = explanation.parameters(found.system.context)[0].scale
+    fit = SimpleNamespace(converged=True, explanation=explanation, x=np.array([widths * scale]))
+    return SimpleNamespace(fit=fit)
+
+
+def test_much_more_than_usual_is_to_be_seen_by_hand(found: Any) -> None:
+    """A number far out of its prior may stand in for another cause."""
+    far = notes(found.system, found.measured, fitted(found, -5.0), (1, 2))
+    assert any(n.startswith("By how much friction differs from the model is more than 4 times what") for n in far)
+    near = notes(found.system, found.measured, fitted(found, 3.0), (1, 2))
+    assert [n for n in far if not n.startswith("By how much")] == list(near)
+
+
 def test_lost_samples_are_no_outliers(found: Any) -> None:
     """What was not measured is not said to stick out of its neighbours."""
-    top: Any = SimpleNamespace(fit=SimpleNamespace(converged=True))
+    top = fitted(found, 0.0)
     measured = found.measured
     values, valid = ([np.array(v) for v in of] for of in (measured.values, measured.valid))
     values[0][:9], valid[0][:9] = np.nan, False

@@ -105,7 +105,7 @@ def main(config: GapConfig, job: Job) -> None:
         _print_many(table, console)
         for system in systems:
             for note in warnings(system.recording.notes):
-                console.print(f"{system.recording.path.name}: {note}", highlight=False, soft_wrap=True)
+                console.print(Text(f"{system.recording.path.name}: {note}"))
     console.print(f"{folder / GAP}", highlight=False, soft_wrap=True)
 
 
@@ -121,7 +121,7 @@ def _print(system: AbstractSystem, found: Gap, console: Console, corrected: Path
     if believed is not None:
         console.print(Text(f"As believed, without the correction: {_in_short(believed, recording)}"))
     for note in recording.notes:
-        console.print(Text(f"{introduced(note)}."), soft_wrap=True)
+        console.print(Text(f"{introduced(note)}."))
     table = _table(system, found, " = ")
     if console.measure(table, options=console.options.update(max_width=1000)).maximum > console.width:
         table = _table(system, found, "=")  # narrower by what is not needed

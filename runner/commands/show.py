@@ -46,7 +46,8 @@ def main(config: ShowConfig, job: Job) -> None:
         console.print(Text(f"{group}={name}: {_place(file)}", style="bold"))
         console.print(Padding(Text(file.read_text(encoding="utf-8").rstrip()), (0, 0, 1, 2)))
     if not variants and not found:
-        raise ConfigError(f"name: nothing is called '{name}'. {nearest(name, names(job.config_dirs))}")
+        near = nearest(name, names(job.config_dirs), listed_by="runner list effects")
+        raise ConfigError(f"name: nothing is called '{name}'. {near}")
 
 
 def _place(file: Path) -> str:

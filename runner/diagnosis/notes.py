@@ -6,9 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from runner.effects.base import Scope
+from runner.effects.vocabulary import spoken
 from runner.effects.wording import listed
 from runner.importing.record import called
 from runner.inference.contender import Contender
+from runner.inference.least_squares import Fit, amplitudes
 from runner.noise.measured import Measured, off_from_stated
 from runner.recording import Span
 from runner.settings import SETTINGS
@@ -72,6 +75,12 @@ def notes(
             "too small. Before relying on its numbers let the corrected model predict another recording, by "
             "`runner gap`, or diagnose that and this one together."
         )
+    if far := _far_from_usual(top.fit, system.context):
+        out.append(
+            f"By how much {listed(far)} {'differs' if len(far) == 1 else 'differ'} from the model is more than "
+            f"{SETTINGS.fit.trust_radius:.0f} times what is usual. It may be so; but what stands in for a cause that "
+            "was not tried has such numbers, too: see by hand whether it can be, before the model is changed."
+        )
     if hit and top.fit.explanation.candidates:
         out.append(
             "Of what hits something standard errors hold only roughly what contact models lack: in a test on tosses "
@@ -93,6 +102,13 @@ def notes(
     if len(held_out) < SETTINGS.held_out.episodes:
         out.append("Only one episode was left to check the explanation: with more of them the check says more.")
     return (*out, *stretched)
+
+
+def _far_from_usual(fit: Fit, context: Scope) -> list[str]:
+    """Return the effects of which there is more than a linear model is asked about, as they are read."""
+    scales = np.array([p.scale for p in fit.explanation.parameters(context)])
+    far = np.abs(fit.x) > SETTINGS.fit.trust_radius * scales
+    return [spoken(c.name) for c, part in fit.explanation.parts(context) if far[amplitudes(c, part, context)].any()]
 
 
 def _left_out(measured: Measured, system: AbstractSystem) -> str:

@@ -145,7 +145,7 @@ def ranking(diagnosis: Diagnosis, said: Statement) -> dict[str, Any]:
                 ),
                 "probability": probability(ranked.probability),
                 "width": f"{100 * min(max(ranked.probability, 0.0), 1.0):.1f}",
-                "amounts": [p.amount for p in words.phrases(system, ranked) if p.amount],
+                "amounts": words.amounts(system, ranked),
                 "parameters": _parameters(system, ranked),
                 "gap": "" if closed is None else percent(closed),
                 "equivalent": [words.title(e) for e in words.equals(ranked)],

@@ -104,8 +104,10 @@ def phrases(system: AbstractSystem, ranked: Ranked) -> list[Phrase]:
 
 
 def amounts(system: AbstractSystem, ranked: Ranked) -> list[str]:
-    """Return how much of each effect of an explanation, where that can be told."""
-    return [p.amount for p in phrases(system, ranked) if p.amount]
+    """Return how much of each effect of an explanation, where that can be told; of several with the name of each."""
+    told = [p.amount for p in phrases(system, ranked)]
+    several = len(told) > 1
+    return [f"{spoken(e)}: {a}" if several else a for e, a in zip(ranked.effects, told, strict=bool(told)) if a]
 
 
 def _placed_nowhere(values: Numbers, errors: Numbers) -> bool:
