@@ -492,6 +492,11 @@ def test_bodies_are_drawn_where_joints_put_them(tmp_path: Path):
     poses = system.poses(0, np.array([[np.pi / 2, -np.pi / 2, 0, 0, 0]]))
     assert poses["forearm"][0, :3] == pytest.approx([0.3, 0.0, 0.0], abs=1e-9)
     assert poses["forearm"][0, 3:] == pytest.approx([1, 0, 0, 0], abs=1e-9)
+    half, right = np.pi / 4, np.pi / 2
+    lost = np.array([[right, -right, 0, 0, 0], [np.nan] * 5, [half, np.nan, 0, 0, 0]])
+    poses = system.poses(0, lost)["forearm"][:, 3:]
+    assert poses[1] == pytest.approx(poses[0])  # it stays where it was seen last
+    assert np.abs(poses[2, [0, 2]]) == pytest.approx([np.cos(half / 2), np.sin(half / 2)])
 
 
 @pytest.mark.skipif(not PRACTICE.is_dir(), reason="the practice recordings are not part of the project")

@@ -67,22 +67,32 @@ def finished(fitter: Fitter, fits: list[Fit], count: int, leaders: int, *, steps
 
 
 def _from_elsewhere(fitter: Fitter, fit: Fit, count: int, *, steps: int) -> Fit:
-    """Fit anew from what does nearly the same, as long as that takes off what is worth an effect."""
-    patience = SETTINGS.fit.patience_steps
+    """Fit anew from what does nearly the same, as long as that takes off what is worth an effect.
+
+    Which of them leads furthest shows in the first steps: that one alone is carried on.
+    """
+    first, rest = min(SETTINGS.fit.screening_steps, steps), SETTINGS.fit.rest_share
     while True:
         tries = []
         for candidate, part in fit.explanation.parts(fitter.context):
             for vector in candidate.elsewhere(fit.x[part], fitter.context):
                 x = fit.x.copy()
                 x[part] = clip(candidate, vector, fitter.context)
-                again = fitter.fit(
-                    fit.explanation, fit.episodes, x=x, near=fit, target=fit.total, patience=patience, iterations=steps
-                )
-                tries.append(again)
+                tries.append(_towards(fitter, fit, fit, x, first))
         best = min(tries, key=lambda f: f.total, default=fit)
-        if fit.total - best.total < least_gain(count):
+        if steps > first and not best.converged and best is not fit:
+            best = _towards(fitter, fit, best, best.x, steps - first)
+        if fit.total - best.total < max(least_gain(count), rest * (fit.total - count)):
             return fit
         fit = best
+
+
+def _towards(fitter: Fitter, fit: Fit, near: Fit, x: np.ndarray, steps: int) -> Fit:
+    """Fit an explanation from other parameters, (p,), and start states that are near, if that may leave as little."""
+    patience = SETTINGS.fit.patience_steps
+    return fitter.fit(
+        fit.explanation, fit.episodes, x=x, near=near, target=fit.total, patience=patience, iterations=steps
+    )
 
 
 def without_one(

@@ -33,13 +33,14 @@ def without_untold(contender: Contender, fitter: Fitter) -> Fit | None:
     charged, by_noise = _errors(contender, fitter)
     held: list[int] = []
     while claimed := _claimed(fit, charged, held, fitter):
-        without = {i: _without(fit, [*held, i], fitter) for i in claimed}
         # what mismatch may do to a number counts as much here as in its standard error
-        weight = {i: (by_noise[i] / charged[i]) ** 2 / contender.evidence.dispersion for i in without}
-        told = {i: np.sqrt(max(f.total - fit.total, 0.0) * weight[i]) for i, f in without.items()}
+        weight = {i: (by_noise[i] / charged[i]) ** 2 / contender.evidence.dispersion for i in claimed}
         # of all that are at zero together as rare a ratio of likelihoods as `chance` is of one
         together = chdtri(len(held) + 1, erfc(chance / np.sqrt(2.0)))
-        by_chance = [i for i, f in without.items() if (f.total - contender.fit.total) * weight[i] < together]
+        most = {i: contender.fit.total + together / weight[i] for i in claimed}
+        without = {i: _without(fit, [*held, i], fitter, most[i]) for i in claimed}
+        told = {i: np.sqrt(max(f.total - fit.total, 0.0) * weight[i]) for i, f in without.items()}
+        by_chance = [i for i, f in without.items() if f.total < most[i]]
         # a number claims as many errors as are told if it acts in proportion, twice as many if by its square: between
         untold = [i for i in by_chance if told[i] < chance and claimed[i] > np.sqrt(2.0) * told[i]]
         if not untold:
@@ -78,10 +79,17 @@ def _claimed(fit: Fit, errors: np.ndarray, held: list[int], fitter: Fitter) -> d
     return out
 
 
-def _without(fit: Fit, held: list[int], fitter: Fitter) -> Fit:
-    """Return a fit with some of its numbers at zero, the others fitted anew."""
+def _without(fit: Fit, held: list[int], fitter: Fitter, target: float) -> Fit:
+    """Return a fit with some of its numbers at zero, the others fitted anew, as long as it may come near a target."""
     x = fit.x.copy()
     x[held] = 0.0
     return fitter.fit(
-        fit.explanation, fit.episodes, x=x, starts=fit.starts, iterations=SETTINGS.fit.final_steps, kept=held
+        fit.explanation,
+        fit.episodes,
+        x=x,
+        starts=fit.starts,
+        target=target,
+        patience=SETTINGS.fit.patience_steps,
+        iterations=SETTINGS.fit.final_steps,
+        kept=held,
     )

@@ -11,6 +11,7 @@ tells of velocities and from the slopes of the others. What no channel tells of 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runner.numerics.arrays import FloatArray
 from runner.recording import Span
@@ -95,25 +96,33 @@ class MechanismStart(AbstractInitialState):
     def guess_windows(self, signals: Signals, windows: Windows, *, smooth: bool) -> FloatArray:
         """Return a start of each window, (W, S); what is not measured comes from slopes of the others either way."""
         at = [(int(e), int(f)) for e, f in zip(windows.episode, windows.first, strict=True)]
-        if not at or not self._kinematics.is_constant or self._coordinates.turning:
+        if not at or not self._in_proportion:
             return np.array([self._solve(signals, e, f, smooth=smooth, rests=False) for e, f in at])
         told = [self._local(signals, e, f, smooth=smooth, rests=False) for e, f in at]
         level, slope = (np.array(each) for each in zip(*told, strict=True))
         out = np.empty((len(at), 2 * self._coordinates.nv))
-        known = np.hstack([np.isfinite(level), np.isfinite(slope)])
-        for pattern in np.unique(known, axis=0):
-            same = np.flatnonzero((known == pattern).all(axis=1))
+        for same in _alike(np.hstack([np.isfinite(level), np.isfinite(slope)])):
             out[same] = self._solve_at_once(level[same], slope[same], signals.sigma)
         return out
 
+    @property
+    def _in_proportion(self) -> bool:
+        """Whether what channels show changes in proportion to the numbers, as where joints alone are measured."""
+        return self._kinematics.is_constant and not self._coordinates.turning
+
     def positions(self, episode: int, channels: FloatArray) -> FloatArray:
         """Return positions of all joints that show the channels (T, C) at the samples of an episode, (T, nq)."""
-        start = np.array(self._model.qpos0)
+        start, sigma = np.array(self._model.qpos0), np.ones(channels.shape[1])
         out = np.empty((len(channels), self._coordinates.nq))
-        for k, values in enumerate(channels):
-            told = self._kinematics.positions & np.isfinite(values)
-            level = np.where(told, values, np.nan)
-            start = out[k] = self._posed(level, episode, k, np.ones(len(values)), start)
+        levels = np.where(self._kinematics.positions, channels, np.nan)
+        if self._in_proportion:
+            for same in _alike(np.isfinite(levels)):
+                out[same] = start + self._away_at_once(levels[same], sigma).T
+            # where nothing is measured, all stays where it was
+            last = np.maximum.accumulate(np.where(np.isfinite(levels).any(axis=1), np.arange(len(out)), -1))
+            return np.where(last[:, None] < 0, start, out[last])
+        for k, level in enumerate(levels):
+            start = out[k] = self._posed(level, episode, k, sigma, start)
         return out
 
     def _solve(self, signals: Signals, episode: int, first: int, *, smooth: bool, rests: bool) -> FloatArray:
@@ -128,23 +137,27 @@ class MechanismStart(AbstractInitialState):
         return np.concatenate([x, self._moving(qpos, level[:, None], slope[:, None], signals.sigma)[:, 0]])
 
     def _solve_at_once(self, level: FloatArray, slope: FloatArray, sigma: FloatArray) -> FloatArray:
-        """Return the numbers that the channels around many samples tell, (W, S), where joints alone are measured.
-
-        What the channels show then changes with the numbers in proportion: what `_solve` finds by iteration, and
-        sample by sample, is one division by the same matrix for all of them.
+        """Return the numbers that the channels around many samples tell, (W, S), where they are `_in_proportion`.
 
         Args:
             level: Of each channel, (W, C); NaN of the same channels at each sample.
             slope: Likewise.
             sigma: Noise of each channel, (C,).
         """
+        moving = self._moving(np.array(self._model.qpos0), level.T, slope.T, sigma)
+        return np.vstack([self._away_at_once(level, sigma), moving]).T
+
+    def _away_at_once(self, level: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return how far from the reference the joints are that show levels (W, C), (nv, W), see `_solve_at_once`.
+
+        What `_posed` finds by iteration, and sample by sample, is one division by the same matrix for all of them.
+        """
         nv, reference = self._coordinates.nv, np.array(self._model.qpos0)
         told = self._kinematics.positions & np.isfinite(level[0])
         weight, weak = 1.0 / sigma[told], MECHANISM.start.unmeasured_weight / self.broad()[:nv]
         rows = np.vstack([self._kinematics.jacobian(reference)[told] * weight[:, None], np.diag(weak)])
         ahead = (level - self._kinematics.from_reference(reference, {}))[:, told]
-        x = _least_squares(rows, np.vstack([(ahead * weight).T, np.zeros((nv, len(level)))]))
-        return np.vstack([x, self._moving(reference, level.T, slope.T, sigma)]).T
+        return _least_squares(rows, np.vstack([(ahead * weight).T, np.zeros((nv, len(level)))]))
 
     def _moving(self, qpos: FloatArray, level: FloatArray, slope: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the velocities at a position (nq,), (nv, W), from levels and slopes (C, W) of the same channels."""
@@ -249,6 +262,11 @@ def _broad_of(coordinates: Coordinates) -> FloatArray:
         elif joint.v.stop - joint.v.start >= 3:
             unit[joint.v.stop - 3 : joint.v.stop] = MECHANISM.start.broad_rad
     return np.concatenate([unit, np.full(coordinates.nv, MECHANISM.start.broad_rate)])
+
+
+def _alike(known: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Return the positions of rows that are the same, (W, n), each with the others like it."""
+    return [np.flatnonzero((known == pattern).all(axis=1)) for pattern in np.unique(known, axis=0)]
 
 
 def _least_squares(rows: FloatArray, right: FloatArray) -> FloatArray:
