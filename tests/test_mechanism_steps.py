@@ -125,6 +125,23 @@ def test_where_the_noise_is_coarse_steps_are_long(tmp_path: Path):
     assert missed(coarse) < 1.0
 
 
+def test_steps_settle_by_how_uncertain_residuals_are(tmp_path: Path):
+    """A search begins in steps that no single reading tells; where the model is far off otherwise, they will do."""
+    system = arm_system(tmp_path, 4e-6)
+    rough = system.roughly()
+    assert rough.step_s > 4.0 * system.step_s
+    coarse = arm_system(tmp_path / "coarse", 2e-4)
+    assert coarse.roughly() is coarse  # a second search would cost more than the first saves
+    assert rough.settled(1e12) is None
+    settled = rough.settled(1.0)
+    assert settled is not None
+    assert settled.step_s == system.step_s
+    assert settled.settled(4.0) is None
+    between = rough.settled(4.0)
+    assert between is not None
+    assert system.step_s < between.step_s < rough.step_s
+
+
 def test_steps_are_shorter_than_the_files_where_it_takes_that(tmp_path: Path):
     """A pendulum in steps of the file, 2.5 ms, swings visibly too fast; its period is the closed form's."""
     t = np.arange(2001) * 0.005

@@ -133,6 +133,11 @@ def attempt(
         first = replace(first, fitter=fitter, nominal=found.nominal, beginning=_open_again(found, fitter))
         observer.stage(f"searching, again {OTHERWISE}")
         fitter, found = _explained(first, held_out)
+    if finer := fitter.system.settled(found.best.evidence.dispersion):
+        fitter = _solved_otherwise(fitter, finer)
+        first = replace(first, fitter=fitter, nominal=found.nominal, beginning=resumed(found, fitter))
+        observer.stage("searching, again in shorter steps")
+        fitter, found = _explained(first, held_out)
     simulator = fitter.system.simulator()
     observer.stage("checking on the episodes left out")
     found, checked = with_outside(found, fitter), _to_search(fitter, held_out, 1.0)

@@ -51,6 +51,7 @@ def diagnose(
         RecordingError: If it has fewer than two episodes, or too little in them.
     """
     began, began_cpu = time.perf_counter(), time.process_time()
+    system = system.roughly()
     simulator = system.simulator(threads=threads)
     recording: Recorded = system.recording
     as_believed = system.solved

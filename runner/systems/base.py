@@ -181,6 +181,24 @@ class AbstractSystem(ABC):
         """
         return ()
 
+    def roughly(self) -> AbstractSystem:
+        """Return it simulated in steps whose errors are small beside the noise of one reading, for a first search.
+
+        By default itself, as where steps follow from what is recorded.
+        """
+        return self
+
+    def settled(self, dispersion: float) -> AbstractSystem | None:
+        """Return it simulated in shorter steps, whose errors are small beside all readings together.
+
+        None: they are short enough.
+
+        Args:
+            dispersion: How many times as uncertain as noise is what an explanation leaves, a variance: errors of the
+                model that large hide more of those of a step.
+        """
+        return None
+
     def solved_otherwise(self) -> tuple[AbstractSystem, ...]:
         """Return the same beliefs with what a solver adds of its own solved in other ways; none by default."""
         return ()

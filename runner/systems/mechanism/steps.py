@@ -68,7 +68,7 @@ def _candidates(recording: MechanismRecording, file_step_s: float) -> list[float
     return [period / n for n in counts]
 
 
-def settled_step(known: Sensitive, spans: Sequence[Span], searched_s: float) -> float:
+def settled_step(known: Sensitive, spans: Sequence[Span], searched_s: float, dispersion: float = 1.0) -> float:
     """Return the longest step, of a simulator's own and shorter ones, whose error no fit would notice.
 
     Where contacts are as hard as the steps of the model file make them it is not shorter than those; nor where halving
@@ -78,8 +78,11 @@ def settled_step(known: Sensitive, spans: Sequence[Span], searched_s: float) -> 
         known: The recording, by a simulator whose step will do for a single reading.
         spans: What is fitted, and compared.
         searched_s: So much of that at most.
+        dispersion: How many times as uncertain as noise residuals are, as a variance: standard errors are longer by its
+            root, and so may an error of the step be.
     """
     simulator, limits = known.simulator, MECHANISM.replay
+    allowed = limits.step_error_noises * float(np.sqrt(dispersion))
     recording, models = simulator.recording, simulator.models
     samples = min(s.end - s.begin for s in spans)
     enough = max(1, round(searched_s / (samples * recording.step_s)))
@@ -104,14 +107,14 @@ def settled_step(known: Sensitive, spans: Sequence[Span], searched_s: float) -> 
     least_s = models.file_step_s if can_touch(models.compiled(()).model) else min(models.file_step_s, SHORTEST_STEP_S)
     most = max(before, int(before * simulator.step_s / least_s + 1e-9))
     parts, off, too_few = before, error(before), before - 1
-    while off > limits.step_error_noises and parts < most:
-        more = min(max(_enough(parts, off), parts + 1), 2 * parts, most)
+    while off > allowed and parts < most:
+        more = min(max(_enough(parts, off / allowed), parts + 1), 2 * parts, most)
         less = error(more)
         if not less < off * parts / more:
             break
         parts, off, too_few = more, less, parts
-    while off < limits.step_error_noises and too_few < (fewer := max(_enough(parts, off), too_few + 1)) < parts:
-        if (more := error(fewer)) < limits.step_error_noises:
+    while off < allowed and too_few < (fewer := max(_enough(parts, off / allowed), too_few + 1)) < parts:
+        if (more := error(fewer)) < allowed:
             parts, off = fewer, more
         else:
             too_few = fewer
@@ -119,5 +122,5 @@ def settled_step(known: Sensitive, spans: Sequence[Span], searched_s: float) -> 
 
 
 def _enough(parts: int, off: float) -> int:
-    """Return into how many parts a period is to be cut, from what so many leave, in noises, by the second order."""
-    return int(min(np.ceil(parts * np.sqrt(off / MECHANISM.replay.step_error_noises)), 1e6))
+    """Return into how many parts a period is to be cut, from how far off so many are, of what may be: second order."""
+    return int(min(np.ceil(parts * np.sqrt(off)), 1e6))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -59,6 +60,8 @@ class MechanismSystem(AbstractSystem):
         step_s: Physics step; None: as long as it does no harm.
         hard_friction: Whether joints' dry friction holds, whatever the MJCF's `solreffriction`; None: as believed where
             any is, and hard where there is none, as then nobody believes in a soft one.
+        dispersion: How many times as uncertain as noise residuals are, a variance: physics steps are so long that their
+            error is small beside that. Infinite: beside the noise of one reading.
     """
 
     regimes = REGIMES
@@ -72,9 +75,14 @@ class MechanismSystem(AbstractSystem):
     initial: MechanismStart  # ty: ignore[incompatible-mutable-override]  # none of another kind is ever put there
 
     def __init__(
-        self, recording: MechanismRecording, *, step_s: float | None = None, hard_friction: bool | None = None
+        self,
+        recording: MechanismRecording,
+        *,
+        step_s: float | None = None,
+        hard_friction: bool | None = None,
+        dispersion: float = 1.0,
     ) -> None:
-        self.recording = recording
+        self.recording, self._dispersion = recording, dispersion
         self.channels = tuple(_channel(s) for s in recording.mapping.sources)
         self.rate_hz = 1.0 / recording.step_s
         self.commanded = bool(recording.mapping.commands or recording.mapping.forces)
@@ -92,6 +100,7 @@ class MechanismSystem(AbstractSystem):
         self.searched_s = min(self.searched_s, MECHANISM.effort.look_s / max(ways, 1))
         self.disturbance = self._missing_force()
         self._step_s = step_s
+        self._rough_s: float | None = None  # what will do for a single reading
         self._simulator: MechanismSimulator | None = None
         self._cut: Cut | None = None  # found on the way to the step
         self._stretches: tuple[Span, ...] | None = None
@@ -116,10 +125,33 @@ class MechanismSystem(AbstractSystem):
             self._step_s = choose_step(self.recording, self._models, starts, self._raw.sigma, cores())
             # what is hit in two steps of different lengths soon goes two ways
             if not any(self._found_flights):
-                known = self._sensitive(MechanismSimulator(self.recording, self._models, self._step_s))
-                self._cut = stretches(known, self.searched_s)
-                self._step_s = settled_step(known, self._cut.spans, self.searched_s)
+                self._rough_s = self._step_s
+                known = self._sensitive(MechanismSimulator(self.recording, self._models, self._rough_s))
+                self._cut = self._cut or stretches(known, self.searched_s)
+                if math.isfinite(self._dispersion):
+                    self._step_s = settled_step(known, self._cut.spans, self.searched_s, self._dispersion)
         return self._step_s
+
+    def roughly(self) -> MechanismSystem:
+        """See `AbstractSystem`; itself where a second search costs more than the first one saves."""
+        longest = self.step_s * MECHANISM.replay.rough_steps_ratio
+        return self if self._rough_s is None or self._rough_s < longest else self._for(math.inf)
+
+    def settled(self, dispersion: float) -> MechanismSystem | None:
+        """See `AbstractSystem`."""
+        if not dispersion < self._dispersion or any(self._found_flights):
+            return None
+        other = self._for(dispersion)
+        shorter = other.step_s < self.step_s and not math.isclose(other.step_s, self.step_s)
+        return other if shorter else None
+
+    def _for(self, dispersion: float) -> MechanismSystem:
+        """Return it simulated for residuals so many times as uncertain as noise."""
+        other = MechanismSystem(self.recording, hard_friction=self._models.hard_friction, dispersion=dispersion)
+        other._cut = self._cut
+        if self._simulator is not None:
+            other.simulator(threads=self._simulator.threads)
+        return other
 
     def _sensitive(self, simulator: MechanismSimulator) -> Sensitive:
         """Return the recording as what responds to a small force, by a simulator."""
@@ -169,7 +201,8 @@ class MechanismSystem(AbstractSystem):
         """Return it with dry friction that holds, if it was soft; as the MJCF has it, if it held."""
         if not has_soft_friction(self._models.compiled(()).model):
             return ()
-        other = MechanismSystem(self.recording, hard_friction=not self._models.hard_friction)
+        hard = not self._models.hard_friction
+        other = MechanismSystem(self.recording, hard_friction=hard, dispersion=self._dispersion)
         other.simulator(threads=self.simulator().threads)
         return (other,)
 
