@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence, Sized
 from contextlib import contextmanager
+from enum import Enum
 from typing import Protocol, TypeVar
 
 from rich.console import Console
@@ -31,26 +32,31 @@ EVERY_S, EVERY_SHARE = 10.0, 1 / 6  # between two lines where there is no termin
 COLUMNS = 80  # as wide as lines are where there is no terminal that says how wide it is
 AS_NOISE = 1.05  # what would be told as 1.0 times the noise
 UNLIKELY = 0.005  # what would be told as 0.00
-# How stages of a diagnosis begin, step by step. How long one takes is not known beforehand: a search is made anew
-# wherever it finds other noise, and then goes back to its step.
-STEPS = (
-    ("measuring the noise",),
-    ("searching",),
-    ("checking", "fitting flights"),
-    ("telling where",),
-    ("trying what could be taken",),
-    ("writing",),
-)
 COMPILING = "compiling, the first time only, a minute or two"
 NAMED = 2  # effects of a fit that are named; of more there are as many as make no difference to somebody who waits
 Advance = Callable[[int], object]  # told of the steps that were taken since its last call
 
 
+class Step(Enum):
+    """The steps of a diagnosis, in their order, in words.
+
+    How long one takes is not known beforehand: a search is made anew wherever it finds other noise, and then goes back
+    to its step.
+    """
+
+    MEASURING = "measuring the noise"
+    SEARCHING = "searching"
+    CHECKING = "checking on the episodes left out"
+    LOCATING = "telling where the gap lies"
+    TRYING = "trying what could be taken for it, and what would tell"
+    WRITING = "writing the report"
+
+
 class ProgressObserver(Protocol):
     """Is told what a diagnosis is at; must be quick, and raise nothing."""
 
-    def stage(self, name: str) -> object:
-        """Take note that a stage begins, such as "searching"."""
+    def step(self, step: Step, what: str = "") -> object:
+        """Take note that a step begins, or another part of it, such as "again with less slow noise"."""
 
     def fitting(self, effects: Sequence[str]) -> object:
         """Take note that these effects, none: the nominal model, are being fitted."""
@@ -69,7 +75,7 @@ class ProgressObserver(Protocol):
 class Unobserved:
     """Takes no note of anything."""
 
-    def stage(self, name: str) -> None:
+    def step(self, step: Step, what: str = "") -> None:
         """Ignore it."""
 
     def fitting(self, effects: Sequence[str]) -> None:
@@ -90,12 +96,13 @@ class Spoken:
     """
 
     def __init__(self, say: Callable[[str], object]) -> None:
-        self._say, self._stage, self._fitting, self._best = say, "", "", ""
+        self._say, self._step, self._fitting, self._best = say, "", "", ""
 
-    def stage(self, name: str) -> None:
-        """A stage begins."""
-        step = next((k for k, begins in enumerate(STEPS, 1) if name.startswith(begins)), None)
-        self._stage, self._fitting = name if step is None else f"step {step} of {len(STEPS)}, {name}", ""
+    def step(self, step: Step, what: str = "") -> None:
+        """A step begins, or another part of it."""
+        steps = list(Step)
+        self._step = f"step {steps.index(step) + 1} of {len(steps)}, {step.value}" + (f", {what}" if what else "")
+        self._fitting = ""
         self._changed()
 
     def fitting(self, effects: Sequence[str]) -> None:
@@ -115,7 +122,7 @@ class Spoken:
         self._changed()
 
     def _changed(self) -> None:
-        head = ", ".join(part for part in (self._stage, self._fitting) if part)
+        head = ", ".join(part for part in (self._step, self._fitting) if part)
         self._say("; ".join(part for part in (head, self._best) if part))
 
 

@@ -11,6 +11,7 @@ from runner.effects.vocabulary import Candidate
 from runner.inference.least_squares import Explanation, Fitter
 from runner.inference.search import Search, resumed, search
 from runner.inference.warm_start import Beginning, WarmStart, key_of
+from runner.progress import Step
 from tests.cases import fitter_of
 from tests.test_multiple_shooting import pushed, random_pushes
 
@@ -22,7 +23,7 @@ class Told:
         self.fitted: list[tuple[str, ...]] = []
         self.best_after: list[tuple[int, tuple[str, ...], float]] = []
 
-    def stage(self, name: str) -> None:
+    def step(self, step: Step, what: str = "") -> None:
         """Ignore it."""
 
     def fitting(self, effects: Sequence[str]) -> None:

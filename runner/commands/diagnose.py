@@ -25,7 +25,7 @@ from runner.diagnosis.verdict import ALL
 from runner.errors import check_workers
 from runner.outputs.many import check_results, collect, diagnose_many
 from runner.outputs.so_far import kept_so_far
-from runner.progress import observed, waiting
+from runner.progress import Step, observed, waiting
 from runner.recording import find_cases
 from runner.recording.case import content_hash
 from runner.recording.data import warnings
@@ -80,7 +80,7 @@ def _one(config: DiagnoseConfig, job: Job, console: Console) -> None:
         case = read(config.recording)
     with observed("Diagnosing") as shown, kept_so_far(shown, job.results) as observer:
         diagnosis = diagnose(case, progress=observer)
-        observer.stage("writing the report")
+        observer.step(Step.WRITING)
         config_hash = job.provenance.get("config_hash")
         page = diagnosis.report(job.results, figures=config.report, config_hash=config_hash)
     console.print(summary(diagnosis.result))

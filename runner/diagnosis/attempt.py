@@ -32,14 +32,14 @@ from runner.inference.variable_projection import project
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of
 from runner.noise.measured import Measured, materially_different, materially_slower, measure, refine, without_outliers
 from runner.numerics.arrays import spread_over
-from runner.progress import UNOBSERVED, ProgressObserver
+from runner.progress import UNOBSERVED, ProgressObserver, Step
 from runner.recording import Span
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 from runner.systems.recorded import longest_part_s
 from runner.systems.simulator import AbstractSimulator, Run
 
-OTHERWISE = "with joints solved otherwise"  # as somebody who waits is told why it begins anew
+OTHERWISE = "again with joints solved otherwise"  # as somebody who waits is told why it begins anew
 
 
 @dataclass(frozen=True)
@@ -119,27 +119,27 @@ def attempt(
 ) -> Attempt:
     """Search for the explanation of some episodes and hold what was found against the others.
 
-    `again` tells somebody who waits why all of it begins anew, such as ", again with ...".
+    `again` tells somebody who waits why all of it begins anew, such as "again with ...".
     """
     as_believed = system.solved
     first = _first_look(system, simulator, fitted, observer, as_believed, again)
     if as_believed and (other := better_solved(first.fitter, _nearest(first), as_believed)):
         # what pieces suggest of joints that creep makes up for that
         simulator = _counted_on(other, first.fitter)
-        first = _first_look(other, simulator, fitted, observer, as_believed, f", again {OTHERWISE}")
+        first = _first_look(other, simulator, fitted, observer, as_believed, OTHERWISE)
     fitter, found = _explained(first, held_out)
     if other := _better_solved(fitter, found, as_believed):
         fitter = _solved_otherwise(fitter, other)
         first = replace(first, fitter=fitter, nominal=found.nominal, beginning=_open_again(found, fitter))
-        observer.stage(f"searching, again {OTHERWISE}")
+        observer.step(Step.SEARCHING, OTHERWISE)
         fitter, found = _explained(first, held_out)
     if finer := fitter.system.settled(found.best.evidence.dispersion):
         fitter = _solved_otherwise(fitter, finer)
         first = replace(first, fitter=fitter, nominal=found.nominal, beginning=resumed(found, fitter))
-        observer.stage("searching, again in shorter steps")
+        observer.step(Step.SEARCHING, "again in shorter steps")
         fitter, found = _explained(first, held_out)
     simulator = fitter.system.simulator()
-    observer.stage("checking on the episodes left out")
+    observer.step(Step.CHECKING)
     found, checked = with_outside(found, fitter), _to_search(fitter, held_out, 1.0)
     fitter = _without_outliers(fitter, found, checked)
     confirmed = confirm(found, fitter, checked)
@@ -244,11 +244,11 @@ def _first_look(
     again: str,
 ) -> _FirstLook:
     """Fit the nominal model, tell the noise from what it leaves, and look at pieces where it goes astray."""
-    observer.stage(f"measuring the noise{again}")
+    observer.step(Step.MEASURING, again)
     root = Fitter(system, simulator, measure(system, scatter=system.scatter()), observer=observer)
     fitter = root.stretched(told_apart_from_noise(root) or system.stretches())
     fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, 1.0))
-    observer.stage(f"searching{again}")
+    observer.step(Step.SEARCHING, again)
     seen = look(fitter, nominal)
     if seen is None:
         return _FirstLook(fitter, nominal, None, root.measured, as_believed)
@@ -316,7 +316,7 @@ def _explained(first: _FirstLook, held_out: Sequence[int]) -> tuple[Fitter, Sear
     """Search for the explanation; what noise there is shows in what the best one leaves, so look twice."""
     fitter, found = _searched(first)
     if materially_slower(fitter.measured, first.resting) and (other := _less_noise(first, fitter, found)):
-        fitter.observer.stage("searching, again with less slow noise")
+        fitter.observer.step(Step.SEARCHING, "again with less slow noise")
         accounts = [(fitter, found), _searched(other)]
         fitter, found = accounts[int(np.argmax(account_densities([(f, s.best.fit) for f, s in accounts])))]
     if not found.best.fit.explanation.discontinuous:
@@ -386,7 +386,7 @@ def _searched(first: _FirstLook) -> tuple[Fitter, Search]:
         if other := _better_solved(fitter, found, first.as_believed):
             fitter = _solved_otherwise(fitter, other)
             beginning = _open_again(found, fitter)
-        fitter.observer.stage("searching, again with the noise that the best so far leaves")
+        fitter.observer.step(Step.SEARCHING, "again with the noise that the best so far leaves")
         found = search(fitter, episodes, starts=found.nominal.starts, beginning=beginning)
     return fitter, found
 

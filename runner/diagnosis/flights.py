@@ -10,7 +10,7 @@ from runner.effects.vocabulary import Candidate, spoken
 from runner.effects.wording import Values, listed
 from runner.inference.contender import Contender
 from runner.inference.flown import Flown
-from runner.progress import in_noises
+from runner.progress import Step, in_noises
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import AbstractSimulator
@@ -39,7 +39,7 @@ def flights_alone(flown: Flown | None, ranked: Sequence[Ranked], simulator: Abst
     if not unknown and any(names <= set(those) for those in (answer.effects, *answer.equivalent)):
         return None
     own, system = flown.fitter.simulator, flown.fitter.system
-    flown.fitter.observer.stage("fitting flights until the first hit")
+    flown.fitter.observer.step(Step.CHECKING, "fitting flights until the first hit")
     before_s = own.simulated_s
     told = flown.finished()
     simulator.simulated_s += own.simulated_s - before_s

@@ -26,7 +26,7 @@ from runner.localise.regimes import closure_by_regime
 from runner.localise.where import localise
 from runner.localise.windows import check_length
 from runner.noise.measured import measure
-from runner.progress import UNOBSERVED, ProgressObserver
+from runner.progress import UNOBSERVED, ProgressObserver, Step
 from runner.systems.base import AbstractSystem
 from runner.systems.recorded import Recorded
 
@@ -61,7 +61,7 @@ def diagnose(
     if turned := unseen_only(found) and len(fitted) > len(held_out):
         fitted, held_out = (*fitted[len(held_out) :], *held_out), fitted[: len(held_out)]
         system = found.fitter.system
-        again = ", again with the first episodes held out"
+        again = "again with the first episodes held out"
         found = attempt(system, system.simulator(threads=threads), fitted, held_out, observer, again)
     fitter, confirmed = found.fitter, found.confirmed
     system = fitter.system
@@ -78,7 +78,7 @@ def diagnose(
         nominal_starts |= start_states(nominal_of(searched.contenders), fitter, rest)
         corrected_starts |= start_states(top, fitter, rest)
     flights = flights_alone(found.flown, ranked, simulator)
-    observer.stage("telling where the gap lies")
+    observer.step(Step.LOCATING)
     measured = fitter.measured.joined(measure(system, scatter=system.scatter())) if found.in_parts else fitter.measured
     where = localise(system, measured, nominal_starts, stretches=found.stretches)
     regimes = closure_by_regime(system, measured, found.held_out, effects, where.window_s)
@@ -90,7 +90,7 @@ def diagnose(
     corrected = effects, measured, corrected_starts, found.stretches
     helps = abstention(ranked, confirmed, fitter, where, corrected)
     if advise:
-        observer.stage("trying what could be taken for it, and what would tell")
+        observer.step(Step.TRYING)
     near = found_rivals(top, searched, fitter) if advise else ()
     ranked = with_equals(ranked, top, near)
     return Diagnosis(

@@ -7,7 +7,7 @@ from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from runner.progress import ProgressObserver, in_noises
+from runner.progress import ProgressObserver, Step, in_noises
 from runner.storage.writing import write_json
 
 FILE = "so_far.json"
@@ -25,9 +25,9 @@ class SoFar:
         self._observer, self._path, self._began = observer, path, time.monotonic()
         self.sentence = ""
 
-    def stage(self, name: str) -> None:
+    def step(self, step: Step, what: str = "") -> None:
         """Hand it on."""
-        self._observer.stage(name)
+        self._observer.step(step, what)
 
     def fitting(self, effects: Sequence[str]) -> None:
         """Hand it on."""
