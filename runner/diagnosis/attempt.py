@@ -135,7 +135,9 @@ def attempt(
         fitter, found = _explained(first, held_out)
     if finer := fitter.system.settled(found.best.evidence.dispersion):
         fitter = _solved_otherwise(fitter, finer)
-        first = replace(first, fitter=fitter, nominal=found.nominal, beginning=resumed(found, fitter))
+        # what accounts of the noise there are has been told in the longer ones
+        told = fitter.measured
+        first = replace(first, fitter=fitter, nominal=found.nominal, beginning=resumed(found, fitter), resting=told)
         observer.step(Step.SEARCHING, "again in shorter steps")
         fitter, found = _explained(first, held_out)
     simulator = fitter.system.simulator()

@@ -142,6 +142,7 @@ class MechanismSystem(AbstractSystem):
         if not dispersion < self._dispersion or any(self._found_flights):
             return None
         other = self._for(dispersion)
+        other.stretches()  # by them is told how long the steps of a survey may be
         shorter = other.step_s < self.step_s and not math.isclose(other.step_s, self.step_s)
         return other if shorter else None
 
