@@ -6,12 +6,16 @@ import functools
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+import pytest
+
 from runner.effects import planar_box as fx
 from runner.effects.vocabulary import Candidate
 from runner.inference.least_squares import Explanation, Fitter
-from runner.inference.search import Search, resumed, search
+from runner.inference.search import Search, fitted_again, resumed, search
 from runner.inference.warm_start import Beginning, WarmStart, key_of
 from runner.progress import Step
+from runner.settings import SETTINGS
 from tests.cases import fitter_of
 from tests.test_multiple_shooting import pushed, random_pushes
 
@@ -62,6 +66,23 @@ def test_an_answer_is_told_until_a_second_search_has_fitted_it_again() -> None:
     again = replace(fitter, observer=told)
     search(again, range(3), starts=found.nominal.starts, beginning=resumed(found, again), most=1)
     assert {names for _, names, _ in told.best_after} == {("actuator_gain",)}
+
+
+def test_what_is_fitted_again_in_other_steps_is_what_is_near() -> None:
+    """Numbers follow the steps, and no other effects are tried; the nominal model stays a contender."""
+    fitter, _, found = searched()
+    told = Told()
+    again = fitted_again(found, replace(fitter, simulator=fitter.simulator.surveying(), observer=told))
+    near = {
+        c.fit.explanation.names
+        for c in found.contenders
+        if c.log_posterior > found.best.log_posterior - SETTINGS.search.expansion_log_odds
+    }
+    assert {c.fit.explanation.names for c in again.contenders} == near | {()}
+    assert set(told.fitted) <= near | {()}
+    best = next(c.fit for c in again.contenders if c.fit.explanation.names == ("actuator_gain",))
+    assert best.x == pytest.approx(found.best.fit.x, abs=0.02)
+    assert not np.array_equal(best.x, found.best.fit.x)
 
 
 def test_an_answer_that_does_not_hold_any_more_is_not_told_for_ever() -> None:

@@ -130,8 +130,6 @@ def test_steps_settle_by_how_uncertain_residuals_are(tmp_path: Path):
     system = arm_system(tmp_path, 4e-6)
     rough = system.roughly()
     assert rough.step_s > 4.0 * system.step_s
-    coarse = arm_system(tmp_path / "coarse", 2e-4)
-    assert coarse.roughly() is coarse  # a second search would cost more than the first saves
     assert rough.settled(1e12) is None
     settled = rough.settled(1.0)
     assert settled is not None

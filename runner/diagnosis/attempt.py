@@ -25,7 +25,7 @@ from runner.inference.leap import leapt
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.multiple_shooting import look, recut
 from runner.inference.outside import with_outside
-from runner.inference.search import Search, resumed, search
+from runner.inference.search import Search, fitted_again, resumed, search
 from runner.inference.solver_choice import better_solved
 from runner.inference.unseen import portions, start_states, unseen
 from runner.inference.variable_projection import project
@@ -135,11 +135,8 @@ def attempt(
         fitter, found = _explained(first, held_out)
     if finer := fitter.system.settled(found.best.evidence.dispersion):
         fitter = _solved_otherwise(fitter, finer)
-        # what accounts of the noise there are has been told in the longer ones
-        told = fitter.measured
-        first = replace(first, fitter=fitter, nominal=found.nominal, beginning=resumed(found, fitter), resting=told)
-        observer.step(Step.SEARCHING, "again in shorter steps")
-        fitter, found = _explained(first, held_out)
+        observer.step(Step.SEARCHING, "what is near the likeliest again in shorter steps")
+        found = fitted_again(found, fitter)
     simulator = fitter.system.simulator()
     observer.step(Step.CHECKING)
     found, checked = with_outside(found, fitter), _to_search(fitter, held_out, 1.0)

@@ -222,6 +222,28 @@ def _take_out_untold(rounds: Rounds) -> None:
             rounds.contenders = [again if other is c else other for other in rounds.contenders]
 
 
+def fitted_again(found: Search, fitter: Fitter) -> Search:
+    """Return the nominal model and what is near the likeliest, fitted anew to the same episodes by another simulator.
+
+    It moves by less than the noise of one reading otherwise: which effects may be meant has been told, by how much and
+    how likely each of them is has not.
+    """
+    episodes = found.nominal.episodes
+    rounds = Rounds.begun(fitter, episodes, found.nominal.starts, resumed(found, fitter), pieces=False)
+    steps = SETTINGS.fit.final_steps
+    seeds = rounds.seeds.values()
+    fits = [fitter.fit(s.explanation, episodes, x=s.x, starts=s.starts, iterations=steps) for s in seeds]
+    fits.sort(key=lambda f: f.total)
+    for fit in fits:
+        around = rounds.around(fits[0])
+        rounds.disperse(rounds.worthy(fit, around))
+        rounds.with_better([], fit, around)
+    _take_out_untold(rounds)
+    rounds.answered.clear()
+    rounds.tell()
+    return Search(tuple(likeliest_first(rounds.contenders)), rounds.nominal)
+
+
 def resumed(before: Search, fitter: Fitter, first: Beginning | None = None) -> Beginning:
     """Return where a search of the same episodes with another account of the noise begins: where the last one ended.
 

@@ -75,12 +75,6 @@ class ReplaySettings:
         "Over all readings together: no number that is fitted is then off by more than its standard error, whatever it "
         "is.",
     )
-    rough_steps_ratio: float = setting(
-        4.0,
-        "times as long",
-        "A search in short steps that begins where one in long steps ended costs about half of one that begins anew: "
-        "only where steps are several times as long do both together take less.",
-    )
     compared_episodes: int = setting(
         3, "episodes", "The longest ones show whether a step is too long, as its errors pile up."
     )

@@ -100,7 +100,6 @@ class MechanismSystem(AbstractSystem):
         self.searched_s = min(self.searched_s, MECHANISM.effort.look_s / max(ways, 1))
         self.disturbance = self._missing_force()
         self._step_s = step_s
-        self._rough_s: float | None = None  # what will do for a single reading
         self._simulator: MechanismSimulator | None = None
         self._cut: Cut | None = None  # found on the way to the step
         self._stretches: tuple[Span, ...] | None = None
@@ -125,17 +124,15 @@ class MechanismSystem(AbstractSystem):
             self._step_s = choose_step(self.recording, self._models, starts, self._raw.sigma, cores())
             # what is hit in two steps of different lengths soon goes two ways
             if not any(self._found_flights):
-                self._rough_s = self._step_s
-                known = self._sensitive(MechanismSimulator(self.recording, self._models, self._rough_s))
+                known = self._sensitive(MechanismSimulator(self.recording, self._models, self._step_s))
                 self._cut = self._cut or stretches(known, self.searched_s)
                 if math.isfinite(self._dispersion):
                     self._step_s = settled_step(known, self._cut.spans, self.searched_s, self._dispersion)
         return self._step_s
 
     def roughly(self) -> MechanismSystem:
-        """See `AbstractSystem`; itself where a second search costs more than the first one saves."""
-        longest = self.step_s * MECHANISM.replay.rough_steps_ratio
-        return self if self._rough_s is None or self._rough_s < longest else self._for(math.inf)
+        """See `AbstractSystem`."""
+        return self if any(self._found_flights) else self._for(math.inf)
 
     def settled(self, dispersion: float) -> MechanismSystem | None:
         """See `AbstractSystem`."""
