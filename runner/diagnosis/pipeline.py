@@ -60,9 +60,12 @@ def diagnose(
     found = attempt(system, simulator, fitted, held_out, observer)
     if turned := unseen_only(found) and len(fitted) > len(held_out):
         fitted, held_out = (*fitted[len(held_out) :], *held_out), fitted[: len(held_out)]
-        system = found.fitter.system
+        before_s = found.fitter.system.simulator().simulated_s
+        system = found.fitter.system.roughly()
+        simulator = system.simulator(threads=threads)
+        simulator.simulated_s = before_s
         again = "again with the first episodes held out"
-        found = attempt(system, system.simulator(threads=threads), fitted, held_out, observer, again)
+        found = attempt(system, simulator, fitted, held_out, observer, again)
     fitter, confirmed = found.fitter, found.confirmed
     system = fitter.system
     simulator = system.simulator(threads=threads)
