@@ -230,9 +230,18 @@ def fitted_again(found: Search, fitter: Fitter) -> Search:
     """
     episodes = found.nominal.episodes
     rounds = Rounds.begun(fitter, episodes, found.nominal.starts, resumed(found, fitter), pieces=False)
-    steps = SETTINGS.fit.final_steps
-    seeds = rounds.seeds.values()
-    fits = [fitter.fit(s.explanation, episodes, x=s.x, starts=s.starts, iterations=steps) for s in seeds]
+    how, fits = SETTINGS.fit, list[Fit]()
+    for seed in sorted(rounds.seeds.values(), key=lambda s: s.total):
+        fit = fitter.fit(
+            seed.explanation,
+            episodes,
+            x=seed.x,
+            starts=seed.starts,
+            target=min((f.total for f in fits), default=np.inf),
+            patience=how.patience_steps,
+            iterations=how.final_steps,
+        )
+        fits.append(fit)
     fits.sort(key=lambda f: f.total)
     for fit in fits:
         around = rounds.around(fits[0])
