@@ -213,6 +213,7 @@ def test_mass_of_what_is_tossed_is_not_offered(tmp_path: Path):
     assert {"friction[box]", "contact_stiffness[box]", "restitution[box]", "body_size[box]", "frame_tilt"} <= names
     assert "sensor_offset[z]" in names
     assert not {"sensor_offset[x]", "sensor_scale[z]", "sensor_lag[x]"} & names
+    assert "sensor_scale[*]" in names  # what tracks a body may be calibrated by a wand of another length
 
 
 def test_mass_of_what_a_known_force_pushes_is_offered(tmp_path: Path):
@@ -312,6 +313,17 @@ def test_a_tilted_camera_and_a_tilted_pull_are_one_motion_of_what_flies(tmp_path
     assert are_one(pull, tilt, context)
     assert not are_one(tilt, drag, context)
     assert not are_one(tilt, nominal, context)
+
+
+def test_a_wrong_scale_of_lengths_and_a_wrong_pull_are_one_motion_of_what_flies(tmp_path: Path):
+    """Lengths that are shown too long fall too fast, by the same ratio."""
+    system = open_case(toss_case(tmp_path, world(gravity=(0.0, 0.0, -1.03 * G)), tosses=4, length_s=0.12))
+    fitter = Fitter(system, system.simulator(threads=1), measure(system))
+    variants = {len(c.parameters(system.context)): c for c in system.vocabulary if c.effect.name == "gravity"}
+    tried = [system.vocabulary.by_name["sensor_scale[*]"][0], variants[1]]
+    scale, pull = (fitter.fit(Explanation((c,)), range(4)) for c in tried)
+    assert are_one(scale, pull, system.context)
+    assert float(np.exp(scale.x[0])) == pytest.approx(1.03, abs=0.005)
 
 
 def test_what_two_explanations_share_says_nothing_of_where_they_differ(tmp_path: Path):

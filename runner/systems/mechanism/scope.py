@@ -198,7 +198,15 @@ def vocabulary_of(recording: MechanismRecording, scope: Scope, coordinates: Coor
             and (cls.target_kind != "channel" or _of_its_own(cls, target, recording, scope.model))
         ]
         candidates += [*single, *_shared(single, scope)]
+        if cls is SensorScale and (lengths := _tracked_lengths(recording)):
+            candidates.append(Candidate(cls, lengths[0], lengths))
     return Vocabulary(tuple(candidates))
+
+
+def _tracked_lengths(recording: MechanismRecording) -> tuple[str, ...]:
+    """Return the channels that a wrong scale of what tracks bodies multiplies: all of their places and velocities."""
+    sources = recording.mapping.sources
+    return tuple(s.name for s in sources if s.kind == "body" and s.quantity in ("position", "velocity"))
 
 
 def _shared(single: Sequence[Candidate], scope: Scope) -> list[Candidate]:
