@@ -51,5 +51,5 @@ class SensorScale(MechanismEffect):
             f"channel '{target}' shows {'more' if of['ratio'] > 1 else 'less'} than there is",
             f"{of.show('ratio')} times the true value",
             f"Divide '{target}' by {number(of['ratio'], 5)} when recording.",
-            f"Move by a known amount, such as a whole turn, and read '{target}'.",
+            f"Move by a known amount, such as a whole turn or half a metre, and read '{target}'.",
         )
