@@ -137,6 +137,11 @@ class Rounds:
             new = [*(c for c in new if key_of(c.fit.explanation) != key), again]
         return new
 
+    def take(self, fit: Fit, around: Sensitivities) -> None:
+        """Let a fit be a contender; one that leaves least says how uncertain residuals are."""
+        self.disperse(self.worthy(fit, around))
+        self.with_better([], fit, around)
+
     def disperse(self, new: Contender) -> None:
         """Weigh all contenders by how uncertain residuals are by what a new one leaves, if it leaves least."""
         left = new.evidence.left

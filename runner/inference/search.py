@@ -67,13 +67,11 @@ def search(
             break
         # in pieces, where fits only begin, a leap is enough
         beam = [] if pieces else next_beam(rounds, new or [])
-    if not pieces:
-        _share_starts(rounds)
-        _in_other_words(rounds)
-        _take_out_untold(rounds)
-        rounds.answered.clear()
-        rounds.tell()
-    return Search(tuple(likeliest_first(rounds.contenders)), rounds.nominal)
+    if pieces:
+        return _of(rounds)
+    _share_starts(rounds)
+    _in_other_words(rounds)
+    return _ended(rounds)
 
 
 def _weighed(rounds: Rounds, size: int, fits: Sequence[Fit]) -> list[Contender] | None:
@@ -209,8 +207,7 @@ def _in_other_words(rounds: Rounds) -> None:
         return  # of single effects each has been fitted
     around = rounds.around(likeliest.fit)
     for fit in _with_one_exchanged(rounds, rounds.worthy(likeliest.fit, around)):
-        rounds.disperse(rounds.worthy(fit, around))
-        rounds.with_better([], fit, around)
+        rounds.take(fit, around)
 
 
 def _take_out_untold(rounds: Rounds) -> None:
@@ -244,12 +241,19 @@ def fitted_again(found: Search, fitter: Fitter) -> Search:
         fits.append(fit)
     fits.sort(key=lambda f: f.total)
     for fit in fits:
-        around = rounds.around(fits[0])
-        rounds.disperse(rounds.worthy(fit, around))
-        rounds.with_better([], fit, around)
+        rounds.take(fit, rounds.around(fits[0]))
+    return _ended(rounds)
+
+
+def _ended(rounds: Rounds) -> Search:
+    """Return what whole episodes have been searched for, without what nothing tells, and tell of the likeliest."""
     _take_out_untold(rounds)
     rounds.answered.clear()
     rounds.tell()
+    return _of(rounds)
+
+
+def _of(rounds: Rounds) -> Search:
     return Search(tuple(likeliest_first(rounds.contenders)), rounds.nominal)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from runner.inference.contender import Contender, least_gain
 from runner.inference.evidence import clip
-from runner.inference.least_squares import Fit, Fitter
+from runner.inference.least_squares import Explanation, Fit, Fitter
 from runner.inference.warm_start import Key, key_of
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
@@ -78,21 +78,19 @@ def _from_elsewhere(fitter: Fitter, fit: Fit, count: int, *, steps: int) -> Fit:
             for vector in candidate.elsewhere(fit.x[part], fitter.context):
                 x = fit.x.copy()
                 x[part] = clip(candidate, vector, fitter.context)
-                tries.append(_towards(fitter, fit, fit, x, first))
+                tries.append(_towards(fitter, fit, fit.explanation, x, fit, first))
         best = min(tries, key=lambda f: f.total, default=fit)
         if steps > first and not best.converged and best is not fit:
-            best = _towards(fitter, fit, best, best.x, steps - first)
+            best = _towards(fitter, fit, best.explanation, best.x, best, steps - first)
         if fit.total - best.total < max(least_gain(count), rest * (fit.total - count)):
             return fit
         fit = best
 
 
-def _towards(fitter: Fitter, fit: Fit, near: Fit, x: np.ndarray, steps: int) -> Fit:
-    """Fit an explanation from other parameters, (p,), and start states that are near, if that may leave as little."""
+def _towards(fitter: Fitter, goal: Fit, what: Explanation, x: np.ndarray, near: Fit, steps: int) -> Fit:
+    """Fit from parameters, (p,), and start states near a fit's, as long as that may leave as little as a goal."""
     patience = SETTINGS.fit.patience_steps
-    return fitter.fit(
-        fit.explanation, fit.episodes, x=x, near=near, target=fit.total, patience=patience, iterations=steps
-    )
+    return fitter.fit(what, goal.episodes, x=x, near=near, target=goal.total, patience=patience, iterations=steps)
 
 
 def without_one(
@@ -116,10 +114,7 @@ def without_one(
         x = np.delete(whole.fit.x, part)
         reached = before.get(key_of(rest), np.inf)
         if key_of(rest) not in ruled_out and reached - whole.fit.total > least_gain(count):
-            steps, patience = SETTINGS.fit.refit_steps, SETTINGS.fit.patience_steps
-            fit = fitter.fit(
-                rest, episodes, x=x, near=whole.fit, target=whole.fit.total, patience=patience, iterations=steps
-            )
+            fit = _towards(fitter, whole.fit, rest, x, whole.fit, SETTINGS.fit.refit_steps)
             if reached - fit.total > least_gain(count):
                 out.append(fit)
     return out

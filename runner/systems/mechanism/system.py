@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -145,8 +146,8 @@ class MechanismSystem(AbstractSystem):
 
     def _for(self, dispersion: float) -> MechanismSystem:
         """Return it simulated for residuals so many times as uncertain as noise."""
-        other = MechanismSystem(self.recording, hard_friction=self._models.hard_friction, dispersion=dispersion)
-        other._cut = self._cut
+        other = copy.copy(self)  # what is believed, seen and compiled stays the same
+        other._dispersion, other._step_s, other._simulator, other._stretches = dispersion, None, None, None
         if self._simulator is not None:
             other.simulator(threads=self._simulator.threads)
         return other
