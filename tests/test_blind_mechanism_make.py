@@ -105,7 +105,7 @@ def test_what_is_planted_is_what_the_vocabulary_means(tmp_path: Path) -> None:
 def meant(system: MechanismSystem, plant: Plant, true: dict[str, float]):
     """Return the effect of a verdict that has these values; what the plane leaves open is zero."""
     variants = system.vocabulary.by_name[full(plant.name, plant.target)]
-    values = {"y_m": 0.0} | true if plant.name == "com_offset" else true
+    values = {"y_m": 0.0} | true if plant.name in ("com_offset", "payload") else true
     values = values | {"tilt_y_rad": 0.0} if "tilt_x_rad" in true else values
     for candidate in variants:
         if set(values) <= set(inspect.signature(candidate.effect).parameters):

@@ -101,6 +101,7 @@ class Stage(IntEnum):
     A drive loses what its dead band takes, multiplies what is left, and exerts no more than its limit; that acts in
     some direction and at some place, and comes late. What else pushes is none of its doing. Effects of one stage may
     act in any order. What a mechanism's actuator multiplies and limits it does inside the engine, after all of this.
+    What is attached to a body comes to whatever that weighs by itself.
     """
 
     DEAD_BAND = 0
@@ -109,6 +110,7 @@ class Stage(IntEnum):
     APPLICATION = 3  # the direction and the place that it acts in, or the zero that it is counted from
     TIMING = 4
     BESIDES = 5
+    ATTACHED = 6
 
 
 class AbstractEffect(ABC):
@@ -127,7 +129,7 @@ class AbstractEffect(ABC):
     switch: ClassVar[bool] = False  # is there or is not: no part of it means anything
     rough_form: ClassVar[bool] = False  # engines have other laws for it, none of which is the true one
     shared: ClassVar[bool] = False  # may be one thing on all targets of a kind, by the same numbers
-    stage: ClassVar[Stage] = Stage.BESIDES  # of what is commanded or measured, if it changes that
+    stage: ClassVar[Stage] = Stage.BESIDES  # of what is commanded, measured or weighed, if it changes that
     commonness: ClassVar[int] = 1  # among effects that can't be told apart the least of these stands for the rest
     confounded: ClassVar[tuple[Confounded, ...]] = ()
     # of several variants of a name: the entry of an answer's true values that speaks of this one

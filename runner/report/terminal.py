@@ -27,9 +27,6 @@ def summary(diagnosis: Diagnosis) -> RenderableType:
     parts: list[RenderableType] = [Text(words.verdict(diagnosis), style="bold")]
     if confounded := words.confounded(diagnosis):
         parts.append(Text(confounded, style="yellow"))
-    said = state(diagnosis)
-    if said.settled:
-        parts += [Text(text) for text in diagnosis.system.said_together(said.top.values, said.top.errors)]
     if diagnosis.flights is not None:
         parts.append(Text(diagnosis.flights.note, style="yellow"))
     parts.append(Padding(ranking(diagnosis), (1, 0, 0, 0)))

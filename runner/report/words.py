@@ -450,7 +450,6 @@ def _corrections(system: AbstractSystem, top: Ranked) -> list[str]:
     if change := [r for r in dict.fromkeys(remedies) if r]:
         counted = change if len(change) == 1 else [f"({k}) {r}" for k, r in enumerate(change, 1)]
         steps.append(f"Or change your own model. {' '.join(counted)}")
-    steps += system.said_together(top.values, top.errors)
     if others:
         steps.append(
             f"Decide between {title(top.effects)} and {listed([title(e) for e in others], 'or')} by a measurement of "

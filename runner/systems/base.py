@@ -219,10 +219,6 @@ class AbstractSystem(ABC):
         """Return what to change in a simulator so that it solves as what was found holds for; empty: nothing."""
         return ""
 
-    def said_together(self, effects: Effects, errors: Mapping[str, Mapping[str, float]]) -> Sequence[str]:
-        """Return what several effects look like, taken together, a sentence each; `errors` by effect and number."""
-        return ()
-
     @abstractmethod
     def label(self, signals: Signals, windows: Windows) -> Labels:
         """Return what went on in windows, from commands and measurements alone."""

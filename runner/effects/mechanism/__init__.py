@@ -34,6 +34,7 @@ from runner.effects.mechanism.link_length import LinkLength
 from runner.effects.mechanism.load_friction import LoadFriction
 from runner.effects.mechanism.mass import Mass
 from runner.effects.mechanism.observation_delay import ObservationDelay
+from runner.effects.mechanism.payload import Payload
 from runner.effects.mechanism.restitution import Restitution
 from runner.effects.mechanism.rotational_damping import RotationalDamping
 from runner.effects.mechanism.sensor_lag import SensorLag
@@ -78,6 +79,7 @@ __all__ = [
     "Mass",
     "MechanismEffect",
     "ObservationDelay",
+    "Payload",
     "Reading",
     "Restitution",
     "RotationalDamping",

@@ -17,8 +17,11 @@ from runner.effects.wording import Values
 from runner.errors import check_range
 
 USUAL_CYCLES = 4.0
-# per turn, or over the range of a slide: an eccentric gear has one, and what has less is as good as any smooth force
+# per turn: an eccentric gear has one
 FEWEST_CYCLES = 0.9
+# over the way that was recorded: what has less neither turns round there nor comes back, as any smooth force, such as a
+# weight that the model has elsewhere
+FEWEST_SEEN = 0.5
 TRIED_CYCLES = (1.0, 2.0, 3.0, 4.0, 6.0, 7.0, 8.0, 12.0, 24.0)  # per turn: eccentric gears, poles and slots
 
 
@@ -58,10 +61,11 @@ class TorqueRipple(MechanismEffect):
     @classmethod
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
         force, unit = parts.typical_force(context), parts.force_unit(context.model, context.target)
+        usual = _usual_cycles(context)
         return (
             Parameter("sine", unit, 0.1 * force, -3 * force, 3 * force),
             Parameter("cosine", unit, 0.1 * force, -3 * force, 3 * force),
-            Parameter("log_cycles_ratio", "", 1.0, math.log(FEWEST_CYCLES / USUAL_CYCLES), 3.5, may_rest=True),
+            Parameter("log_cycles_ratio", "", 1.0, math.log(_fewest_cycles(context) / usual), 3.5, may_rest=True),
         )
 
     @classmethod
@@ -71,9 +75,9 @@ class TorqueRipple(MechanismEffect):
 
     @classmethod
     def starts(cls, context: Scope) -> np.ndarray:
-        sine, cosine, _ = cls.parameters(context)
-        ratios = np.array(TRIED_CYCLES) / USUAL_CYCLES
-        return np.array([[0.3 * sine.scale, 0.3 * cosine.scale, math.log(ratio)] for ratio in ratios])
+        sine, cosine, cycles = cls.parameters(context)
+        tried = (math.log(cycle / USUAL_CYCLES) for cycle in TRIED_CYCLES)
+        return np.array([[0.3 * sine.scale, 0.3 * cosine.scale, ratio] for ratio in tried if ratio >= cycles.lower])
 
     @classmethod
     def units(cls, context: Scope) -> Mapping[str, str]:
@@ -98,7 +102,19 @@ class TorqueRipple(MechanismEffect):
 
 
 def _usual_cycles(scope: Scope) -> float:
-    """Return the cycles, per turn or m, that the fitted ones are compared with: of a slide, so many over its range."""
+    """Return the cycles, per turn or m, that the fitted ones are compared with: of a slide, so many over its way."""
     if parts.is_hinge(scope.model, scope.target):
-        return USUAL_CYCLES
-    return USUAL_CYCLES * 0.5 / parts.typical_reach(scope)
+        return max(USUAL_CYCLES, 2.0 * _fewest_cycles(scope))
+    return USUAL_CYCLES * _once(scope)
+
+
+def _fewest_cycles(scope: Scope) -> float:
+    """Return the fewest cycles, per turn or m, that are told from a smooth force on the way that was recorded."""
+    seen = FEWEST_SEEN * _once(scope)
+    return max(FEWEST_CYCLES, seen) if parts.is_hinge(scope.model, scope.target) else seen
+
+
+def _once(scope: Scope) -> float:
+    """Return how many cycles, per turn or m, are one over the way that the joint was recorded on."""
+    way = 2.0 * parts.typical_reach(scope)
+    return 2.0 * math.pi / way if parts.is_hinge(scope.model, scope.target) else 1.0 / way

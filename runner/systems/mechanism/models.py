@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from runner.effects.base import Effects
+from runner.effects.base import Effects, in_stages
 from runner.effects.mechanism import ActuatorDelay
 from runner.effects.mechanism.base import MechanismEffect
 from runner.numerics.arrays import FloatArray
@@ -182,7 +182,7 @@ class Models:
 
     def put_in(self, effects: Effects, model: mujoco.MjModel) -> None:
         """Write what effects change into a model that has the elements they add, and how dry friction is solved."""
-        for effect in mechanical(effects):
+        for effect in in_stages(mechanical(effects)):
             effect.edit_model(model)
         if self.hard_friction:
             harden(model)

@@ -13,8 +13,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from runner.effects.base import Effects
+from runner.effects.mechanism.inertials import inertials
 from runner.effects.mechanism.parts import attribute
-from runner.effects.mechanism.point_mass import inertials, point_masses
 from runner.effects.wording import listed
 from runner.numerics.arrays import FloatArray
 from runner.recording import Span
@@ -227,10 +227,6 @@ class MechanismSystem(AbstractSystem):
         return (
             f'Let dry friction hold, as here: in {named} set solreffriction="{reference}" solimpfriction="{impedance}".'
         )
-
-    def said_together(self, effects: Effects, errors: Mapping[str, Mapping[str, float]]) -> Sequence[str]:
-        """See `AbstractSystem`."""
-        return point_masses(self.beliefs.model, effects, errors)
 
     def rests(self) -> list[tuple[int, slice]]:
         """See `AbstractSystem`."""

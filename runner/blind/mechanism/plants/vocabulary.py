@@ -45,6 +45,33 @@ def _com_offset(c: Unplanted, g: np.random.Generator) -> Plant:
     return Plant("com_offset", c.names.bodies[i], 0.6, edit, lambda w, size: {"x_m": size * x, "z_m": size * z})
 
 
+def _payload(c: Unplanted, g: np.random.Generator) -> Plant:
+    i = int(g.integers(c.count))
+    own = c.world.links[i]
+    arm, angle = math.hypot(*own.com_m), draw_angle(g)
+    # as far from the link's own middle as that is from the joint
+    at = (own.com_m[0] + arm * math.cos(angle), own.com_m[1] + arm * math.sin(angle))
+
+    def edit(w: World, size: float) -> World:
+        link, more = w.links[i], size * w.links[i].mass_kg
+        total = link.mass_kg + more
+        away = (at[0] - link.com_m[0], at[1] - link.com_m[1])
+        return w.with_link(
+            i,
+            mass_kg=total,
+            com_m=(link.com_m[0] + more / total * away[0], link.com_m[1] + more / total * away[1]),
+            inertia_kg_m2=link.inertia_kg_m2 + link.mass_kg * more / total * (away[0] ** 2 + away[1] ** 2),
+        )
+
+    return Plant(
+        "payload",
+        c.names.bodies[i],
+        1.0,
+        edit,
+        lambda w, size: {"mass_kg": size * w.links[i].mass_kg, "x_m": at[0], "z_m": at[1]},
+    )
+
+
 def _inertia(c: Unplanted, g: np.random.Generator) -> Plant:
     i, s = int(g.integers(c.count)), draw_sign(g)
     alike = () if i else (full("armature", c.names.joints[0]),)
@@ -276,6 +303,7 @@ MECHANICAL: dict[str, Kind] = {
     "mass": Kind(_mass),
     "com_offset": Kind(_com_offset, systems=HINGED),
     "inertia": Kind(_inertia, systems=HINGED),
+    "payload": Kind(_payload, systems=HINGED),
     "link_length": Kind(_link_length, systems=("arm2",)),
     "gravity": Kind(_gravity, systems=HINGED),
     "gravity_tilt": Kind(_gravity_tilt, systems=HINGED),
