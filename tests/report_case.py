@@ -110,6 +110,7 @@ def diagnosis() -> Any:
         cpu_s=20.0,
         simulated_s=4000.0,
         next_push=None,
+        doubts=(),
         notes=("Only <one> episode was left to check the explanation.",),
     )
 

@@ -97,7 +97,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Any:
         effects=effects, fitted=(0, 1), held_out=(2,), measured=measured, stretches=system.stretches(),
         nominal_starts=starts, corrected_starts=starts, where=where, rivals=(), abstention=None, flights=None,
         excess=0.01, nominal_excess=400.0, drive_excess=0.0, left_by_episode={},
-        wall_s=1.0, cpu_s=1.5, simulated_s=9.0, next_push=None, notes=(),
+        wall_s=1.0, cpu_s=1.5, simulated_s=9.0, next_push=None, doubts=(), notes=(),
         closure=SimpleNamespace(
             table=pd.DataFrame(rows), regimes=closure_by_regime(system, measured, (2,), effects, where.window_s),
             gap_closed=0.95, gap_closed_low=0.94, gap_closed_high=0.96, closable_closed=0.999,

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from runner.diagnosis.notes import notes
+from runner.diagnosis.notes import doubts, notes
 from runner.diagnosis.result import Abstention, Flights, Nearest
 from runner.diagnosis.verdict import verdict
 from runner.effects.planar_box import EFFECTS
@@ -271,22 +271,31 @@ def fitted(found: Any, widths: float) -> Any:
 
 def test_much_more_than_usual_is_to_be_seen_by_hand(found: Any) -> None:
     """A number far out of its prior may stand in for another cause."""
-    far = notes(found.system, found.measured, fitted(found, -5.0), (1, 2))
-    assert any(n.startswith("By how much friction differs from the model is more than 4 times what") for n in far)
-    near = notes(found.system, found.measured, fitted(found, 3.0), (1, 2))
-    assert [n for n in far if not n.startswith("By how much")] == list(near)
+    (far,) = doubts(found.system, found.measured, fitted(found, -5.0))
+    assert far.startswith("By how much friction differs from the model is more than 4 times what")
+    assert doubts(found.system, found.measured, fitted(found, 3.0)) == ()
+
+
+def test_what_speaks_against_the_numbers_stands_beside_them(found: Any) -> None:
+    """Under the headline, before any figure; of what is no answer it is one note among others."""
+    doubt = "The fit had not come to rest: try `runner gap`."
+    for order, beside in ((found.ranked, True), ((ranked(("unknown",), 0.9),), False)):
+        noted = changed(found, doubts=(doubt,), ranked=order)
+        page, text = html.render(noted), printed(noted)
+        assert (page.index("had not come to rest") < page.index('class="facts"')) is beside
+        assert (f"Note: {doubt}" in text) is not beside
+        assert text.count("had not come to rest") == 1
 
 
 def test_lost_samples_are_no_outliers(found: Any) -> None:
     """What was not measured is not said to stick out of its neighbours."""
-    top = fitted(found, 0.0)
     measured = found.measured
     values, valid = ([np.array(v) for v in of] for of in (measured.values, measured.valid))
     values[0][:9], valid[0][:9] = np.nan, False
     lost = replace(measured, values=tuple(values), valid=tuple(valid))
-    assert not any("stick out" in n for n in notes(found.system, lost, top, (1, 2)))
+    assert not any("stick out" in n for n in notes(found.system, lost, (1, 2)))
     valid[0][20, 0] = False
-    said = notes(found.system, replace(lost, valid=tuple(valid)), top, (1, 2))
+    said = notes(found.system, replace(lost, valid=tuple(valid)), (1, 2))
     assert "1 value sticks out of its neighbours and was left out: position x at 0.33 s of episode 3." in said
 
 

@@ -22,7 +22,7 @@ from runner.localise.where import Where
 from runner.progress import UNOBSERVED, ProgressObserver, Spoken
 from runner.report import words
 from runner.report.before_after import of_whole_episodes
-from runner.report.statement import caveats, state
+from runner.report.statement import caveats, doubts, state
 from runner.storage.provenance import program
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ class CaseDiagnosis:
     @property
     def notes(self) -> tuple[str, ...]:
         """What to know before believing it."""
-        return caveats(self.result)
+        return (*doubts(self.result), *caveats(self.result))
 
     @cached_property
     def ranked(self) -> pd.DataFrame:

@@ -24,7 +24,6 @@ MOST_PLACES = 3  # values that are told one by one
 def notes(
     system: AbstractSystem,
     measured: Measured,
-    top: Contender,
     held_out: Sequence[int],
     *,
     stretched: Sequence[str] = (),
@@ -37,8 +36,7 @@ def notes(
     Args:
         system: What was diagnosed.
         measured: Its channels and their noise, whole episodes.
-        top: The explanation that is put into the corrected model.
-        held_out: The episodes that it was checked on.
+        held_out: The episodes that explanations were checked on.
         stretched: Over how long models were replayed, where that is not whole episodes.
         turned: Whether the first episodes were held out instead of the last.
         astray: Stretches that were not fitted and of which no explanation foretells what most others show.
@@ -69,23 +67,6 @@ def notes(
         out.append("The noise is correlated from sample to sample; this was taken into account.")
     if dropped := _left_out(measured, system):
         out.append(dropped)
-    if not top.fit.converged:
-        out.append(
-            "The fit of the best explanation had not fully come to rest when its steps were used up; its errors may be "
-            "too small. Before relying on its numbers let the corrected model predict another recording, by "
-            "`runner gap`, or diagnose that and this one together."
-        )
-    if far := _far_from_usual(top.fit, system.context):
-        out.append(
-            f"By how much {listed(far)} {'differs' if len(far) == 1 else 'differ'} from the model is more than "
-            f"{SETTINGS.fit.trust_radius:.0f} times what is usual. It may be so; but what stands in for a cause that "
-            "was not tried has such numbers, too: see by hand whether it can be, before the model is changed."
-        )
-    if hit and top.fit.explanation.candidates:
-        out.append(
-            "Of what hits something standard errors hold only roughly what contact models lack: in a test on tosses "
-            "that another engine simulated, a quarter of the numbers were off the truth by two to four of them."
-        )
     if turned:
         out.append(
             "What the last episodes show the others do not, or hardly: they were fitted, and the first ones held out."
@@ -102,6 +83,29 @@ def notes(
     if len(held_out) < SETTINGS.held_out.episodes:
         out.append("Only one episode was left to check the explanation: with more of them the check says more.")
     return (*out, *stretched)
+
+
+def doubts(system: AbstractSystem, measured: Measured, top: Contender) -> tuple[str, ...]:
+    """Say why the numbers of the explanation that is put into the corrected model may not be what they look like."""
+    out = list[str]()
+    if far := _far_from_usual(top.fit, system.context):
+        out.append(
+            f"By how much {listed(far)} {'differs' if len(far) == 1 else 'differ'} from the model is more than "
+            f"{SETTINGS.fit.trust_radius:.0f} times what is usual. It may be so; but what stands in for a cause that "
+            "was not tried has such numbers, too: see by hand whether it can be, before the model is changed."
+        )
+    if not top.fit.converged:
+        out.append(
+            "The fit of the best explanation had not fully come to rest when its steps were used up; its errors may be "
+            "too small. Before relying on its numbers let the corrected model predict another recording, by "
+            "`runner gap`, or diagnose that and this one together."
+        )
+    if measured.scatter is not None and measured.scatter.hit and top.fit.explanation.candidates:
+        out.append(
+            "Of what hits something standard errors hold only roughly what contact models lack: in a test on tosses "
+            "that another engine simulated, a quarter of the numbers were off the truth by two to four of them."
+        )
+    return tuple(out)
 
 
 def _far_from_usual(fit: Fit, context: Scope) -> list[str]:

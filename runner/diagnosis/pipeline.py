@@ -13,7 +13,7 @@ from runner.diagnosis.attempt import attempt, unseen_only
 from runner.diagnosis.closure import close, left_by_episode
 from runner.diagnosis.engine_steps import said_of_engine_steps
 from runner.diagnosis.flights import flights_alone
-from runner.diagnosis.notes import notes
+from runner.diagnosis.notes import doubts, notes
 from runner.diagnosis.ranking import contender_of, ranking, with_equals
 from runner.diagnosis.result import Diagnosis
 from runner.diagnosis.split import split
@@ -123,10 +123,10 @@ def diagnose(
         abstention=helps,
         flights=flights,
         disturbances=disturbances,
+        doubts=doubts(system, measured, top),
         notes=notes(
             system,
             measured,
-            top,
             found.held_out,
             stretched=found.said_of_stretches,
             turned=turned,

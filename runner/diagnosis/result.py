@@ -134,8 +134,9 @@ class Diagnosis:
     with a start state of its own, (S,): `nominal_starts` and `corrected_starts` by the position of a stretch.
     `measured` is of whole episodes. `left_by_episode` is what the corrected model leaves beyond the noise, in squared
     noises summed over values, by the number of the episode. Of such squares noise of a measured force hardly makes more
-    than `drive_excess`. It took `wall_s` by the clock and `cpu_s` of the processor, all threads of this process
-    together, and `simulated_s` of motion were simulated in it.
+    than `drive_excess`. `doubts` are of the numbers of the best explanation, `notes` of all else. It took `wall_s` by
+    the clock and `cpu_s` of the processor, all threads of this process together, and `simulated_s` of motion were
+    simulated in it.
     """
 
     case: str
@@ -161,6 +162,7 @@ class Diagnosis:
     simulated_s: float
     next_push: str | None
     disturbances: tuple[DatedDisturbance, ...]
+    doubts: tuple[str, ...]
     notes: tuple[str, ...]
     rivals: tuple[Rival, ...] = ()
     abstention: Abstention | None = None

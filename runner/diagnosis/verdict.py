@@ -24,7 +24,7 @@ WHERE = ["factor", "cell", "share", "lift", "q"]
 
 def verdict(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return a diagnosis as plain data; the probabilities sum to 1 over all explanations."""
-    flights = diagnosis.flights
+    flights, notes = diagnosis.flights, [*diagnosis.doubts, *diagnosis.notes]
     return {
         "ranked": [
             {
@@ -57,8 +57,8 @@ def verdict(diagnosis: Diagnosis) -> dict[str, Any]:
             for r in diagnosis.rivals[:RIVALS_SHOWN]
         ],
         "next_push": diagnosis.next_push,
-        "notes": list(diagnosis.notes),
-    } | ({} if flights is None else _of_flights(flights, diagnosis.notes))
+        "notes": notes,
+    } | ({} if flights is None else _of_flights(flights, notes))
 
 
 def _of_flights(flights: Flights, notes: Sequence[str]) -> dict[str, Any]:

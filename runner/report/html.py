@@ -16,7 +16,7 @@ from runner.importing.record import called, episode_sources
 from runner.report import sections, unknown, words
 from runner.report.before_after import headline_miss
 from runner.report.motions import replay
-from runner.report.statement import NONE, Statement, caveats, state
+from runner.report.statement import NONE, Statement, caveats, doubts, state
 from runner.storage.reading import file_of
 from runner.storage.writing import write_text
 from runner.systems.base import AbstractSystem
@@ -79,6 +79,7 @@ def _content(diagnosis: Diagnosis, folder: Path | None) -> dict[str, Any]:
         "verdict": verdict,
         "long": len(verdict) > LONG,
         "confounded": words.confounded(diagnosis),
+        "doubts": [_with_code(doubt) for doubt in doubts(diagnosis)],
         "flights": "" if diagnosis.flights is None else diagnosis.flights.sentence,
         "steps": [_with_code(step) for step in words.next_steps(diagnosis, folder)],
         "replaying": words.replaying(folder),

@@ -230,6 +230,12 @@ def _known(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
 
 
+def doubts(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return what speaks against the numbers of the answer, where it has any."""
+    return diagnosis.doubts if state(diagnosis).settled else ()
+
+
 def caveats(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Return what a reader should know before believing the figures."""
-    return tuple(dict.fromkeys(f"{note.rstrip('.')}." for note in (*diagnosis.notes, *diagnosis.recording.notes)))
+    """Return what else a reader should know before believing the figures."""
+    own = (*(() if doubts(diagnosis) else diagnosis.doubts), *diagnosis.notes, *diagnosis.recording.notes)
+    return tuple(dict.fromkeys(f"{note.rstrip('.')}." for note in own))

@@ -14,7 +14,7 @@ from runner.effects.wording import listed, number, percent, probability
 from runner.recording.data import introduced
 from runner.report import unknown, words
 from runner.report.before_after import of_whole_episodes
-from runner.report.statement import NONE, caveats, state
+from runner.report.statement import NONE, caveats, doubts, state
 
 if TYPE_CHECKING:
     from runner.diagnosis.result import Diagnosis
@@ -27,6 +27,7 @@ def summary(diagnosis: Diagnosis) -> RenderableType:
     parts: list[RenderableType] = [Text(words.verdict(diagnosis), style="bold")]
     if confounded := words.confounded(diagnosis):
         parts.append(Text(confounded, style="yellow"))
+    parts += [Text(doubt, style="yellow") for doubt in doubts(diagnosis)]
     if diagnosis.flights is not None:
         parts.append(Text(diagnosis.flights.note, style="yellow"))
     parts.append(Padding(ranking(diagnosis), (1, 0, 0, 0)))
