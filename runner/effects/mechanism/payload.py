@@ -23,14 +23,19 @@ from runner.effects.mechanism.mass import Mass
 from runner.effects.wording import Values, listed
 from runner.errors import check_range
 
-USUAL_SHARE, LARGEST_SHARE = 0.3, 20.0  # of the body's mass: a hand of 100 g may hold 2 kg
-FARTHEST = 4.0  # times the size of the body
+USUAL_SHIFT = 0.2  # of the body's size: how far its centre of mass moves
+FARTHEST_SHIFT = 3.0
+NEAREST, FURTHEST = -3.5, 2.5  # logs: beyond the centre of mass of both, in sizes of the body
 
 
 @effect
 @dataclass(frozen=True)
 class Payload(MechanismEffect):
-    """A point mass on a body, at a place in its axes. Fitted as a share of the body's mass, and from its centre."""
+    """A point mass on a body, at a place in its axes.
+
+    Fitted by what a motion shows first: how far the centre of mass of both is from the believed one, along each axis,
+    and by the log of how far beyond that the payload is, in sizes of the body. It is the heavier the nearer it is.
+    """
 
     name: ClassVar[str] = "payload"
     label: ClassVar[str] = "something attached that the model lacks"
@@ -73,19 +78,26 @@ class Payload(MechanismEffect):
     @classmethod
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
         size = parts.body_size_m(context.model, context.target)
-        place = (Parameter(f"{axis}_m", "m", size, -FARTHEST * size, FARTHEST * size, may_rest=True) for axis in "xyz")
-        return (Parameter("mass_share", "", USUAL_SHARE, 0.0, LARGEST_SHARE), *place)
+        usual, farthest = USUAL_SHIFT * size, FARTHEST_SHIFT * size
+        return (
+            *(Parameter(f"shift_{axis}_m", "m", usual, -farthest, farthest) for axis in "xyz"),
+            Parameter("log_beyond", "", 1.0, NEAREST, FURTHEST, may_rest=True),
+        )
 
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:
-        body = context.model.body(context.target).id
-        place = context.model.body_ipos[body] + np.asarray(x[1:4])
-        return cls(str(context.target), float(x[0] * context.model.body_mass[body]), *map(float, place))
+        model, body = context.model, context.model.body(context.target).id
+        shift, beyond_m = np.asarray(x[:3]), parts.body_size_m(model, context.target) * math.exp(x[3])
+        far = float(np.linalg.norm(shift))
+        away = shift * (1.0 + beyond_m / far) if far else shift
+        place = model.body_ipos[body] + away
+        return cls(str(context.target), float(model.body_mass[body]) * far / beyond_m, *map(float, place))
 
     @classmethod
     def starts(cls, context: Scope) -> np.ndarray:
-        """Return one vector: where there is no mass it does not matter where that is."""
-        return np.array([[0.5 * USUAL_SHARE, 0.0, 0.0, 0.0]])
+        """Return a little to each side: of what is not there nothing tells on which side it is."""
+        shifts = 0.5 * np.diag([p.scale for p in cls.parameters(context)[:3]])
+        return np.pad(np.concatenate([shifts, -shifts]), ((0, 0), (0, 1)))
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
