@@ -28,7 +28,8 @@ from rich.text import Text
 
 T = TypeVar("T")
 PATIENCE_S = 1.0  # a bar for less than this would only flicker
-EVERY_S, EVERY_SHARE = 10.0, 1 / 6  # between two lines where there is no terminal, and of the time that went by
+# between two lines where there is no terminal, of the time that went by, and at most
+EVERY_S, EVERY_SHARE, LATEST_S = 10.0, 1 / 6, 30.0
 COLUMNS = 80  # as wide as lines are where there is no terminal that says how wide it is
 AS_NOISE = 1.05  # what would be told as 1.0 times the noise
 UNLIKELY = 0.005  # what would be told as 0.00
@@ -201,7 +202,7 @@ class _Description(ProgressColumn):
 def _shown(description: str, line: Callable[[], str]) -> Generator[None]:
     """Show what changes until the end, behind the time that went by: after a second, or every ten.
 
-    Lines of what takes many minutes come more and more rarely.
+    Lines of what takes minutes come more rarely, but so that nobody takes it for dead.
     Where there is no terminal, what is longer than a line goes on in the next ones, indented.
     """
     began, over = time.monotonic(), threading.Event()
@@ -214,7 +215,7 @@ def _shown(description: str, line: Callable[[], str]) -> Generator[None]:
         return f"{head}: {said}" if said else head
 
     def pause_s() -> float:
-        return PATIENCE_S if moving else max(EVERY_S, EVERY_SHARE * (time.monotonic() - began))
+        return PATIENCE_S if moving else min(max(EVERY_S, EVERY_SHARE * (time.monotonic() - began)), LATEST_S)
 
     def show(compiles: Callable[[], bool]) -> None:
         while not over.wait(pause_s()):

@@ -21,17 +21,20 @@ MODEL = """<mujoco><option timestep="0.002"/><worldbody><body name="lever">
 EPISODES = 2
 
 
-def swung(noise_rad: float, folder: Path) -> tuple[MechanismSystem, list[np.ndarray]]:
-    """Return a lever that plain MuJoCo swung, and its true angles; the noise is stated."""
-    model = mujoco.MjModel.from_xml_string(MODEL)
-    data, angles, columns = mujoco.MjData(model), [], []
+def swung(noise_rad: float, folder: Path, model: str = MODEL) -> tuple[MechanismSystem, list[np.ndarray]]:
+    """Return a lever that plain MuJoCo swung in its own steps, and its true angles; the noise is stated.
+
+    What is believed of it is the same but for the steps, in `model`.
+    """
+    swinging = mujoco.MjModel.from_xml_string(MODEL)
+    data, angles, columns = mujoco.MjData(swinging), [], []
     t = np.arange(200) * 0.01
     for episode in range(EPISODES):
-        mujoco.mj_resetData(model, data)
+        mujoco.mj_resetData(swinging, data)
         u, angle = 2.0 * np.sin(5.0 * t + episode), np.zeros(len(t))
         for k in range(len(t)):
             data.ctrl[0], angle[k] = u[k], data.qpos[0]
-            mujoco.mj_step(model, data, nstep=5)
+            mujoco.mj_step(swinging, data, nstep=5)
         angles.append(angle)
         columns.append({"t": t, "u": u, "q": angle + noise_rad * np.random.default_rng(episode).normal(size=len(t))})
     nominal = {
@@ -40,7 +43,7 @@ def swung(noise_rad: float, folder: Path) -> tuple[MechanismSystem, list[np.ndar
         "noise": {"q": noise_rad},
         "start": "rest",
     }
-    return system_of(write_case(folder / "case", MODEL, columns, nominal)), angles
+    return system_of(write_case(folder / "case", model, columns, nominal)), angles
 
 
 def test_by_itself_the_engine_steps_as_plain_mujoco_does(tmp_path: Path) -> None:
@@ -65,3 +68,17 @@ def test_it_is_said_where_the_sensor_would_tell(noise_rad: float, said: int, tmp
     found = said_of_engine_steps(system, measure(system), (), starts, system.stretches())
     assert len(found) == said
     assert all("steps of 2 ms" in note and "'q'" in note for note in found)
+
+
+def test_the_step_that_would_do_does(tmp_path: Path) -> None:
+    """What is said to be short enough is; twice as long is not."""
+    starts = {e: np.zeros(2) for e in range(EPISODES)}
+
+    def said(step_s: float, name: str) -> tuple[str, ...]:
+        system, _ = swung(1e-3, tmp_path / name, MODEL.replace("0.002", str(step_s)))
+        return said_of_engine_steps(system, measure(system), (), starts, system.stretches())
+
+    (note,) = said(0.002, "long")
+    enough_s = float(note.rpartition("`timestep` to ")[2].rstrip("."))
+    assert said(enough_s, "short") == ()
+    assert said(2.0 * enough_s, "twice") != ()

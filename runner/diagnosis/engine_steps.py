@@ -44,10 +44,11 @@ def said_of_engine_steps(
     if not noises.max() > 1.0:
         return ()
     worst = int(np.argmax(noises))
+    enough_s = step_s / 2.0 ** np.ceil(np.log2(noises[worst]))  # of first order: half the step leaves half
     return (
         f"MuJoCo alone, in the model's steps of {1000 * step_s:g} ms, is {noises[worst]:.2g} noises of "
         f"'{system.channels[worst].name}' off the motion that the model stands for, much as if it were half a step "
         "ahead and its dampers had inertia. A recording that MuJoCo made in such steps shows that too, one that it "
-        "made in shorter steps does not. Where MuJoCo alone is to move as the corrected model does, give it a shorter "
-        "`timestep`.",
+        "made in shorter steps does not. Where MuJoCo alone is to move as the corrected model does, to within that "
+        f"noise, set `timestep` to {enough_s:.3g}.",
     )
