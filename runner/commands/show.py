@@ -69,7 +69,11 @@ def _print(of: Described, console: Console) -> None:
     for other in effect.confounded:
         _section(console, f"Confounded with {other.name}", f"{other.why[:1].upper()}{other.why[1:]}. {other.advice}")
     if not effect.confounded:
-        _section(console, "Confounded with", "Nothing in principle; a poor recording may still not tell it apart.")
+        _section(
+            console,
+            "Confounded with",
+            "Nothing whatever is recorded; what one recording does not tell from it, its diagnosis says.",
+        )
     amount = f" ({phrase.amount})" if phrase.amount else ""
     _section(console, "What to change, for example" + amount, phrase.remedy)
     if phrase.check:

@@ -81,14 +81,14 @@ def look(fitter: Fitter, nominal: Fit) -> Look | None:
         return None
     # where the nominal model is good, little is to be learnt about what it lacks
     lacks = rough.loss - [cut.measured.count([i]) for i in rough.episodes]
+    ended = not fitter.measured.hits(episodes)  # flights too short to be looked at have ended in a hit, too
     if flown:
-        cut = replace(cut, part="flights until the first hit")
+        cut = replace(cut, part="flights" if ended else "flights until the first hit")
     elif cuttable:
         cut = replace(cut, part=f"stretches of {piece_s:.2g} s")
     first = np.array([s.begin == 0 for s in spans])
     chosen = np.flatnonzero(first | (lacks > np.quantile(lacks, 1.0 - limits.searched_share)))
     found = search(cut, chosen.tolist(), starts=rough.starts[chosen], pieces=True)
-    ended = not fitter.measured.hits(episodes)  # flights too short to be looked at have ended in a hit, too
     flown_alone = Flown(cut, *likeliest(found.contenders, found.nominal, cut), ended) if flown else None
     hung = hanging(cut, found.best.fit)
     cut = replace(cut, measured=cut.measured.without(hung))

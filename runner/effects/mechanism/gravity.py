@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from runner.effects.base import Parameter, Phrase, Vector
+from runner.effects.mechanism import contacts
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
 from runner.effects.mechanism.parts import attribute
 from runner.effects.wording import DEGREES, Values, plus_minus
@@ -60,8 +61,15 @@ class Gravity(MechanismEffect):
             f"gravity pulls {'more' if of['ratio'] > 1 else 'less'} than in the model",
             f"{of.show('ratio')} times as much",
             f'Set <option gravity="{attribute(*vector)}"/>.',
-            "Gravity itself is known: look for a counterweight, or for masses that are all wrong by one factor.",
+            f"Gravity itself is known: {_to_check(beliefs.model)}.",
         )
+
+
+def _to_check(model: mujoco.MjModel) -> str:
+    """Return what to look for where it seems to pull more or less."""
+    if any(contacts.is_alone(model, body) for body in contacts.moving_bodies(model)):
+        return "measure a length and a time of the recording by hand"
+    return "look for a counterweight, or for masses that are all wrong by one factor"
 
 
 @effect
