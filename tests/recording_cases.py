@@ -96,4 +96,5 @@ def nominals(draw: st.DrawFn) -> Nominal:
         noise=Noise(*(draw(unknown) for _ in range(4))),
         com_m=draw(st.none() | st.tuples(*[st.floats(-0.05, 0.05)] * 3)),
         inertia_kg_m2=draw(st.sampled_from([None, moment, (moment, 0.9 * moment, 1.1 * moment)])),
+        known=draw(st.sampled_from([(), ("mass", "friction_patch")])),
     )

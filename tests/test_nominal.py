@@ -43,6 +43,7 @@ def test_beliefs_are_read(tmp_path: Path) -> None:
         noise: {position: 5e-4, yaw: null, rate: 0.01}
         com: [0.01, -0.02]
         inertia: 0.1
+        known: [mass, com_offset]
     """
     (tmp_path / "nominal.yaml").write_text(text)
     assert read_nominal(tmp_path) == Nominal(
@@ -55,6 +56,7 @@ def test_beliefs_are_read(tmp_path: Path) -> None:
         noise=Noise(position_m=5e-4, rate_rad_s=0.01),
         com_m=(0.01, -0.02, 0.0),
         inertia_kg_m2=0.1,
+        known=("mass", "com_offset"),
     )
 
 

@@ -72,7 +72,7 @@ def _print(of: Described, console: Console) -> None:
         _section(
             console,
             "Confounded with",
-            "Nothing whatever is recorded; what one recording does not tell from it, its diagnosis says.",
+            "No effect in every recording. What yours does not tell from it, its diagnosis says.",
         )
     amount = f" ({phrase.amount})" if phrase.amount else ""
     _section(console, "What to change, for example" + amount, phrase.remedy)

@@ -44,6 +44,8 @@ def notes(
     """
     recording: Recorded = system.recording
     out = [*recording.notes, *outside]
+    if known := dict.fromkeys(spoken(c.name) for c in system.vocabulary.ruled_out):
+        out.append(f"Not tried, as nominal.yaml says that it is known: {listed(list(known))}.")
     if not np.isfinite(measured.stated).all():
         out.append("The noise was not stated for every channel and was estimated from the recording.")
     if off := off_from_stated(measured, system):

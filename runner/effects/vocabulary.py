@@ -7,12 +7,14 @@ fits, compares and names. Several candidates may share a name: variants of one e
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from runner.effects.base import AbstractEffect, Effects, Parameter, Scope, Vector
+from runner.errors import RecordingError, nearest
 
 ALL = "*"  # in the place of a target: all of a kind
 
@@ -117,11 +119,13 @@ class Vocabulary:
         candidates: What a verdict may name.
         outside: What it has no word for, yet is weighed lest it be taken for what has one: then it is `unknown`.
         uncertain: What every owner has slightly wrong and nobody asks for: never fitted, part of any mismatch.
+        ruled_out: What the owner knows not to be the case: it has a word, and is never fitted.
     """
 
     candidates: tuple[Candidate, ...]
     outside: tuple[Candidate, ...] = ()
     uncertain: tuple[Candidate, ...] = ()
+    ruled_out: tuple[Candidate, ...] = ()
 
     def __iter__(self) -> Iterator[Candidate]:
         return iter(self.candidates)
@@ -133,9 +137,35 @@ class Vocabulary:
     def by_name(self) -> dict[str, tuple[Candidate, ...]]:
         """The variants of each name, in order."""
         out: dict[str, tuple[Candidate, ...]] = {}
-        for candidate in (*self.candidates, *self.outside):
+        for candidate in (*self.candidates, *self.outside, *self.ruled_out):
             out[candidate.name] = (*out.get(candidate.name, ()), candidate)
         return out
+
+    def without(self, names: Iterable[str], where: Path | None) -> Vocabulary:
+        """Return it without effects that the owner knows not to be the case.
+
+        A name without its target is that of all of them. Where one target is known, the same number on all of a kind is
+        ruled out, too.
+
+        Args:
+            names: As a verdict has them.
+            where: The file that names them; None: there is none.
+
+        Raises:
+            RecordingError: If a name is none of a verdict: the file, its key, the name, what is allowed.
+        """
+        out = set[Candidate]()
+        for name in names:
+            meant = {c for c in self.candidates if name in (c.name, c.effect.name)}
+            if not meant:
+                file = "" if where is None else f"{where}: "
+                raise RecordingError(f"{file}known: no effect '{name}' here. {nearest(name, [c.name for c in self])}")
+            out |= {c for c in self.candidates if any(c.overlaps(other) for other in meant)}
+        return replace(
+            self,
+            candidates=tuple(c for c in self.candidates if c not in out),
+            ruled_out=(*self.ruled_out, *(c for c in self.candidates if c in out)),
+        )
 
     def units(self, name: str, context: Scope) -> dict[str, str]:
         """Return the unit of each number that an effect of this name may have; "" for a pure one."""
@@ -145,7 +175,7 @@ class Vocabulary:
         """Return the candidate that an effect was made from."""
         return next(
             c
-            for c in (*self.candidates, *self.outside)
+            for c in (*self.candidates, *self.outside, *self.ruled_out)
             if c.effect is type(effect) and c.target == getattr(effect, "target", None) and not c.targets
         )
 

@@ -127,6 +127,8 @@ def _nominal(wanted: Map, model_name: str) -> dict[str, Any]:
     if wanted.noise:
         content["noise"] = dict(wanted.noise)
     content["start"] = wanted.start
+    if wanted.known:
+        content["known"] = wanted.known
     return content
 
 

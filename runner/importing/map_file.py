@@ -15,6 +15,7 @@ forces:
   - {body: object, force: [a, b, c], point: [d, e, f], unit: N, point_unit: mm, between: line}   # or held
 noise: {q_elbow: 0.001}                          # SI
 start: free                                      # or rest
+known: [gravity]                                 # optional: effects that are not the case
 """
 
 from __future__ import annotations
@@ -225,6 +226,7 @@ class Map(AnyMap):
     channels: dict[str, ChannelKeys]
     forces: list[ForceKeys] = []
     start: _Text = "free"
+    known: list[_Text] = []
 
 
 class BoxMap(AnyMap):

@@ -107,6 +107,7 @@ class Nominal:
         inertia_kg_m2: About the centre of mass: about z alone, or about x, y, z; None: uniform density.
         outline: Of the body and its base seen from above, relative to the geometric centre, body axes; None: a box.
         pin: That pushes the body on a path that was recorded; None: forces are commanded.
+        known: Effects that are not the case, as what they would change was measured.
         path: The file it was read from; not part of a comparison.
 
     Raises:
@@ -124,6 +125,7 @@ class Nominal:
     inertia_kg_m2: float | tuple[float, float, float] | None = None
     outline: Polygon | None = None
     pin: BelievedPin | None = None
+    known: tuple[str, ...] = ()
     path: Path | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:

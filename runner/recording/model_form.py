@@ -152,10 +152,15 @@ def _part(episode: MechanismEpisode, index: int, samples: slice) -> MechanismEpi
     )
 
 
+def nominal_file(path: str | Path) -> Path:
+    """Return where the beliefs of a case stand: beside its table, or in its folder."""
+    path = Path(path)
+    return (path if path.is_dir() else path.parent) / FILE
+
+
 def is_model_form(path: str | Path) -> bool:
     """Whether a folder's `nominal.yaml` names a model; a folder without the file, or with a broken one, does not."""
-    path = Path(path)
-    file = (path if path.is_dir() else path.parent) / FILE
+    file = nominal_file(path)
     try:
         return file.is_file() and "model" in load_mapping(file, ("model",))
     except RecordingError:

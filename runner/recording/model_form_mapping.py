@@ -13,6 +13,8 @@ channels:                        # recorded column -> what it measures
   gyro_z: {sensor: gyro, index: 2}                # any sensor of the MJCF
 noise: {q: 0.001}                # standard deviations; missing or null: not known
 start: free                      # or `rest`
+known:                           # optional: effects that are not the case, as what they would change was measured
+- mass[forearm]
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ import mujoco
 
 from runner.errors import RecordingError, nearest
 
-KEYS = ("model", "commands", "forces", "channels", "noise", "start")
+KEYS = ("model", "commands", "forces", "channels", "noise", "start", "known")
 STARTS = ("free", "rest")
 AXES = ("x", "y", "z")
 QUANTITIES = {
@@ -121,6 +123,7 @@ class ModelMapping:
         orientations: The orientations among them.
         noise: Stated standard deviation by channel.
         rests: Whether every episode starts at rest.
+        known: Effects that are not the case.
     """
 
     commands: Mapping[str, CommandTarget]
@@ -129,6 +132,7 @@ class ModelMapping:
     orientations: tuple[OrientationColumns, ...]
     noise: Mapping[str, float]
     rests: bool
+    known: tuple[str, ...] = ()
 
     @property
     def driving(self) -> tuple[str, ...]:
@@ -177,9 +181,10 @@ def read_mapping(path: Path, content: Mapping, model: mujoco.MjModel) -> ModelMa
         if start not in STARTS:
             raise RecordingError(f"start: unknown '{start}'. {nearest(str(start), STARTS)}")
         noise = _noise(content.get("noise"), sources)
+        known = _known(content.get("known"))
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from None
-    return ModelMapping(commands, forces, tuple(sources), tuple(orientations), noise, start == "rest")
+    return ModelMapping(commands, forces, tuple(sources), tuple(orientations), noise, start == "rest", known)
 
 
 def _items(key: str, value: object) -> Iterator[tuple[str, Mapping]]:
@@ -318,6 +323,14 @@ def _sensor(key: str, name: str, target: str, of: Mapping, model: mujoco.MjModel
         raise RecordingError(f"{key}.index: must be an integer from 0 to {size - 1}, got {index!r}.")
     kind = mujoco.mjtSensor(int(sensor.type[0])).name.removeprefix("mjSENS_")
     return ChannelSource(name, "sensor", target, "sensor", index, SENSOR_UNITS.get(kind, ""))
+
+
+def _known(value: object) -> tuple[str, ...]:
+    if value is None:
+        return ()
+    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+        raise RecordingError(f"known: must be a list of effects, such as [gravity], got {value!r}.")
+    return tuple(value)
 
 
 def _noise(value: object, sources: list[ChannelSource]) -> dict[str, float]:

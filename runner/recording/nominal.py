@@ -15,6 +15,7 @@ com: [0, 0, 0]        # optional; m, relative to the geometric centre; two numbe
 outline: {disc: 0.05} # optional; what lies on the floor is no rectangle, see `runner.recording.outline`
 pin: {radius: 0.005, friction: 0.2, height: 0}   # optional; m, Coulomb, m: a round pin, see `runner.recording.table`
 inertia: 0.5          # optional; kg m2, about the vertical through the centre of mass, or [Ixx, Iyy, Izz]
+known: [mass]         # optional; effects that are not the case, as what they would change was measured
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, Field, StrictStr, ValidationError
 
 from runner.errors import LimitError, RecordingError, nearest
 from runner.recording.data import BelievedPin, Noise, Nominal, Support
@@ -93,6 +94,7 @@ class _Believed(BaseModel, extra="forbid"):
     inertia: Annotated[list[_Moment], _several("kg m2", 1, 3)] | None = None
     outline: Any = None
     pin: Annotated[_Pin, must("hold 'radius' in m, 'friction' and perhaps 'height' in m")] | None = None
+    known: Annotated[list[StrictStr], must("be a list of effects, such as [mass]")] = []
 
 
 REQUIRED = tuple(name for name, field in _Believed.model_fields.items() if field.is_required())
@@ -148,6 +150,8 @@ def write_nominal(nominal: Nominal, path: str | Path) -> None:
     if nominal.pin is not None:
         pin = nominal.pin
         content["pin"] = {"radius": float(pin.radius_m), "friction": float(pin.friction), "height": float(pin.height_m)}
+    if nominal.known:
+        content["known"] = list(nominal.known)
     write_yaml(Path(path), content)
 
 
@@ -201,6 +205,7 @@ def nominal_of(content: Mapping, path: Path) -> Nominal:
         pin=None
         if believed.pin is None
         else BelievedPin(believed.pin.radius, believed.pin.friction, believed.pin.height),
+        known=tuple(believed.known),
         path=path,
     )
     _check_units(nominal)

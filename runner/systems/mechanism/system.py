@@ -18,7 +18,7 @@ from runner.effects.mechanism.parts import attribute
 from runner.effects.wording import listed
 from runner.numerics.arrays import FloatArray
 from runner.recording import Span
-from runner.recording.model_form import MechanismRecording, read_model_case, with_episode_to_check
+from runner.recording.model_form import MechanismRecording, nominal_file, read_model_case, with_episode_to_check
 from runner.recording.model_form_mapping import ChannelSource
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
@@ -96,7 +96,8 @@ class MechanismSystem(AbstractSystem):
         self._raw = raw_signals(recording)
         self.initial = MechanismStart(recording, self._models, self._raw.sigma)
         self.context = self.beliefs = scope_of(recording, self._models, self.initial, self._raw)
-        self.vocabulary = vocabulary_of(recording, self.context, self.initial.coordinates)
+        every = vocabulary_of(recording, self.context, self.initial.coordinates)
+        self.vocabulary = every.without(recording.mapping.known, nominal_file(recording.path))
         ways = sum(len(c.starts(self.context)) or len(c.parameters(self.context)) for c in self.vocabulary)
         self.searched_s = min(self.searched_s, MECHANISM.effort.look_s / max(ways, 1))
         self.disturbance = self._missing_force()

@@ -88,7 +88,9 @@ class PlanarBox(AbstractSystem):
         if recording.form is not Form.PLANAR:
             raise RecordingError(f"{recording.path}: only planar recordings (x, y, yaw) can be replayed.")
         self.recording = recording
-        self.vocabulary, self.beliefs = vocabulary(pin=recording.nominal.pin is not None), recording.nominal
+        self.beliefs = recording.nominal
+        every = vocabulary(pin=recording.nominal.pin is not None)
+        self.vocabulary = every.without(recording.nominal.known, recording.nominal.path)
         self.rate_hz = recording.nominal.rate_hz
         self._columns = measured_columns(recording)
         self.channels = tuple(CHANNELS[k] for k in self._columns)

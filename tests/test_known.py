@@ -1,0 +1,80 @@
+"""What an owner has measured is not tried: `known` in `nominal.yaml`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from runner.diagnosis.notes import notes
+from runner.errors import RecordingError
+from runner.noise.measured import measure
+from runner.recording import write_case as write_box_case
+from runner.systems.base import AbstractSystem
+from runner.systems.case import open_case
+from tests.mechanism_cases import write_case
+from tests.mechanisms import ARM
+from tests.recording_cases import planar
+
+T_S = 0.01 * np.arange(40)
+SHOWN = {"t": T_S, "u": np.sin(T_S), "s": 0.1 * np.sin(9 * T_S), "e": 0.1 * np.cos(9 * T_S)}
+NOMINAL = {
+    "commands": {"u": {"actuator": "elbow"}},
+    "channels": {
+        "s": {"joint": "shoulder", "quantity": "position"},
+        "e": {"joint": "elbow", "quantity": "position"},
+    },
+}
+
+
+def arm(folder: Path, *known: str) -> AbstractSystem:
+    """Return an arm of which so much is known."""
+    return open_case(write_case(folder, ARM, [SHOWN, SHOWN], {**NOMINAL, "known": list(known)}))
+
+
+def names(system: AbstractSystem) -> set[str]:
+    return {c.name for c in system.vocabulary}
+
+
+def test_what_is_known_is_not_tried(tmp_path: Path) -> None:
+    """Of one target, of all by the bare name, and of all of a kind where one of them is known."""
+    every = names(arm(tmp_path / "all"))
+    assert every - names(arm(tmp_path / "one", "mass[forearm]")) == {"mass[forearm]"}
+    assert every - names(arm(tmp_path / "bare", "mass")) == {"mass[forearm]", "mass[upper]"}
+    gone = every - names(arm(tmp_path / "shared", "backlash[elbow]"))
+    assert gone == {"backlash[elbow]", "backlash[*]"}
+
+
+def test_it_is_said(tmp_path: Path) -> None:
+    """A reader of the verdict knows what could not be named; a corrected model may still hold it."""
+    system = arm(tmp_path, "mass[forearm]", "gravity")
+    assert "Not tried, as nominal.yaml says that it is known: gravity and mass of forearm." in notes(
+        system, measure(system), (1,)
+    )
+    assert "mass[forearm]" in system.vocabulary.by_name
+
+
+def test_a_box_has_it_too(tmp_path: Path) -> None:
+    """The same key."""
+    write_box_case(planar(), tmp_path)
+    nominal = tmp_path / "nominal.yaml"
+    before = names(open_case(tmp_path))
+    nominal.write_text(yaml.safe_dump({**yaml.safe_load(nominal.read_text()), "known": ["mass", "floor_tilt"]}))
+    assert before - names(open_case(tmp_path)) == {"mass", "floor_tilt"}
+
+
+@pytest.mark.parametrize(
+    ("known", "said"),
+    [
+        (["mass[foream]"], r"nominal\.yaml: known: no effect 'mass\[foream\]' here\..*mass\[forearm\]"),
+        ("gravity", r"nominal\.yaml: known: must be a list of effects, such as \[gravity\], got 'gravity'"),
+        ([3], r"known: must be a list of effects, .* got \[3\]"),
+    ],
+)
+def test_what_is_no_effect_is_refused(known: object, said: str, tmp_path: Path) -> None:
+    """With the file, the key, and what was probably meant."""
+    folder = write_case(tmp_path, ARM, [SHOWN, SHOWN], {**NOMINAL, "known": known})
+    with pytest.raises(RecordingError, match=said):
+        open_case(folder)
