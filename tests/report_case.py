@@ -29,7 +29,10 @@ NOMINAL = Nominal((0.5, 0.5, 0.5), 3.0, 0.3, 9.81, RATE_HZ, noise=Noise(5e-4, 1e
 
 def ranked(effects: tuple[str, ...], chance: float, **other: Any) -> Any:
     """Return one explanation."""
-    empty = {"equivalent": (), "values": (), "parameters": {}, "errors": {}, "gap_closed": None, "log_evidence": 0.0}
+    empty = {
+        "equivalent": (), "values": (), "parameters": {}, "errors": {}, "gap_closed": None, "log_evidence": 0.0,
+        "equal_numbers": {},
+    }  # fmt: skip
     return SimpleNamespace(**({"effects": effects, "probability": chance} | empty | other))
 
 

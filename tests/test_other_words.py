@@ -35,17 +35,23 @@ def test_what_says_the_same_in_other_words_is_found_beside_the_likeliest() -> No
     tried = rivals(best.around, best.evidence, fitter, [by_names["actuator_delay", "floor_tilt"].fit])
     assert {r.rival for r in tried if r.one} == {"floor_tilt"}
     ranked = [entry("actuator_delay", "wind", probability=0.7), entry("mass", probability=0.2)]
-    (first, second) = with_equals([*ranked, entry("actuator_delay", "floor_tilt", probability=0.1)], best, tried)
+    (first, second) = with_equals(
+        [*ranked, entry("actuator_delay", "floor_tilt", probability=0.1)], best, tried, fitter.context
+    )
     assert first.equivalent == (("actuator_delay", "floor_tilt"),)
     assert first.probability == pytest.approx(0.8)
+    (slope,) = (n[0] for n in first.equal_numbers.values())
+    assert slope["actuator_delay"]["delay_s"] == pytest.approx(0.05, rel=0.1)
+    assert slope["floor_tilt"]["angle_rad"] > 0.0
     assert second == ranked[1]
 
 
 def test_a_ranking_without_rivals_stays_as_it_is() -> None:
     ranked = (entry("mass", probability=0.6), entry("friction", probability=0.4))
+    context: Any = None
     top: Any = SimpleNamespace(fit=SimpleNamespace(explanation=SimpleNamespace(names=("mass",))))
-    assert with_equals(ranked, top, ()) == ranked
-    assert with_equals(ranked, top, [Rival("mass", "actuator_gain", 0.9, 3.0)]) == ranked  # alike, and not one
+    assert with_equals(ranked, top, (), context) == ranked
+    assert with_equals(ranked, top, [Rival("mass", "actuator_gain", 0.9, 3.0)], context) == ranked  # alike, and not one
 
 
 def entry(*effects: str, probability: float) -> Ranked:

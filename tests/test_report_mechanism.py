@@ -17,9 +17,10 @@ import rerun as rr
 from runner.localise.regimes import closure_by_regime
 from runner.localise.where import localise
 from runner.noise.measured import measure
-from runner.report import before_after, html, words
+from runner.report import before_after, html
 from runner.report.before_after import misses
 from runner.report.motions import replay
+from runner.report.next_steps import next_steps
 from runner.report.record import write_rrd
 from runner.report.record_shapes import shapes
 from runner.report.suspects import suspects
@@ -86,11 +87,17 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Any:
         for c in system.channels
     ]
     top = SimpleNamespace(
-        effects=(candidate.name,), equivalent=(), probability=0.95, gap_closed=0.95, values=effects,
+        effects=(candidate.name,), equivalent=(), equal_numbers={}, probability=0.95, gap_closed=0.95, values=effects,
         parameters={candidate.name: {"friction": 0.06}}, errors={candidate.name: {"friction": 0.001}},
     )  # fmt: skip
     unknown: Any = SimpleNamespace(
-        effects=("unknown",), equivalent=(), probability=0.05, gap_closed=None, parameters={}, errors={}
+        effects=("unknown",),
+        equivalent=(),
+        equal_numbers={},
+        probability=0.05,
+        gap_closed=None,
+        parameters={},
+        errors={},
     )
     return SimpleNamespace(
         case="arm", system=system, recording=system.recording, ranked=(top, unknown), gap_closed=0.95,
@@ -139,7 +146,7 @@ def test_what_is_missed_points_at_the_joint(found: Any) -> None:
     assert "elbow" in found.where.sentence
     unknown: Any = SimpleNamespace(**(vars(found) | {"ranked": found.ranked[1:], "effects": ()}))
     assert any("elbow" in s.where for s in suspects(found.system, found.where))
-    assert "elbow" in " ".join(words.next_steps(unknown))
+    assert "elbow" in " ".join(next_steps(unknown))
 
 
 def test_log_of_a_mechanism(found: Any, tmp_path: Path) -> None:

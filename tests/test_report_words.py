@@ -23,6 +23,7 @@ from runner.inference.least_squares import Explanation
 from runner.localise.likeness import Likeness
 from runner.recording.data import BelievedPin
 from runner.report import html, sections, unknown, words
+from runner.report.next_steps import next_steps
 from runner.report.sections import _place
 from runner.report.statement import caveats
 from runner.report.terminal import summary
@@ -91,7 +92,7 @@ def test_verdict_of_none(found: Any) -> None:
         "(2.2 times the noise: small errors of any simulator) (probability 0.97). "
         "The likeliest alternative is wind (probability 0.03)."
     )
-    assert words.next_steps(nothing)[0].startswith("Keep your model.")
+    assert next_steps(nothing)[0].startswith("Keep your model.")
 
 
 def test_verdict_of_unknown(found: Any) -> None:
@@ -148,7 +149,7 @@ def test_what_flights_alone_say_is_told_where_the_answer_is_another(found: Any) 
     page = said(html.render(unsure))
     assert f"{sentence} Cut it." in " ".join(printed(unsure).split())
     assert f"What flights alone say. {sentence}" in page
-    assert words.next_steps(unsure)[0] == "Cut it."
+    assert next_steps(unsure)[0] == "Cut it."
     assert page.count("Cut it.") == 1
     told = verdict(unsure)
     assert told["notes"][-1] == f"{sentence} Cut it."
@@ -177,13 +178,18 @@ def test_what_cannot_be_told_apart_is_said(found: Any) -> None:
     twin = ranked(
         ("mass",), 0.99, parameters={"mass": {"mass_kg": 4.0}}, errors={"mass": {"mass_kg": 0.01}},
         equivalent=(("actuator_gain",),),
+        equal_numbers={("actuator_gain",): ({"actuator_gain": {"gain": 0.75}}, {"actuator_gain": {"gain": 0.002}})},
     )  # fmt: skip
     both = changed(found, ranked=(twin,), next_push="Add a known weight.")
     for text in (said(html.render(both)), " ".join(printed(both).split())):
         assert "These data would fit actuator gain just as well as mass: nothing in the recording tells" in text
         assert "Add a known weight." in text
-    assert any("Weigh the object." in step for step in words.next_steps(both))
-    assert "can't be told from actuator gain" in printed(both, width=80)  # in one line
+    assert any("Weigh the object." in step for step in next_steps(both))
+    amount = "actuator gain (0.750 ± 0.002 times the command)"
+    assert f"can't be told from {amount}" in " ".join(printed(both).split())
+    assert amount in said(html.render(both))
+    (entry,) = verdict(both)["ranked"]
+    assert entry["equivalent_parameters"] == [{"actuator_gain": {"gain": 0.75}}]
 
 
 @pytest.mark.parametrize("variant", [k for kinds in EFFECTS.values() for k in kinds], ids=lambda k: k.__name__)
@@ -237,7 +243,7 @@ def test_nothing_is_said_of_commands_where_there_are_none(found: Any) -> None:
     tossed.commanded = False
     unsure = changed(found, ranked=(ranked(("friction",), 0.85, parameters={"friction": {"mu": 0.27}}),))
     for system, said_of in ((found.system, True), (tossed, False)):
-        assert any("command" in step for step in words.next_steps(changed(unsure, system=system))) is said_of
+        assert any("command" in step for step in next_steps(changed(unsure, system=system))) is said_of
         assert ("The same commands" in said(html.render(changed(found, system=system)))) is said_of
 
 

@@ -18,6 +18,7 @@ from runner.effects.wording import number, percent
 from runner.localise.where import Where
 from runner.recording import Episode, Form, Nominal, Recording, Span
 from runner.report import html, words
+from runner.report.next_steps import PIN_PATH, next_steps
 from runner.report.statement import Kind, Left, caveats, state
 from runner.report.suspects import suspects
 from runner.systems.case import open_case
@@ -64,11 +65,11 @@ def made(
     named = effects[0] not in ("none", "unknown")
     top = SimpleNamespace(
         effects=effects, equivalent=(), probability=chance, parameters=parameters, errors={}, values=(),
-        gap_closed=gap_closed if named else None,
+        equal_numbers={}, gap_closed=gap_closed if named else None,
     )  # fmt: skip
     other = SimpleNamespace(
         effects=("mass",), equivalent=(), probability=0.6 * (1 - chance), parameters={"mass": {"mass_kg": 3.1}},
-        errors={}, gap_closed=gap_closed if effects == ("unknown",) else None,
+        equal_numbers={}, errors={}, gap_closed=gap_closed if effects == ("unknown",) else None,
     )  # fmt: skip
     rows = [{"channel": c.name, "before": before, "after": after, "noise": 1.0} for c in SYSTEM.channels]
     return SimpleNamespace(
@@ -81,6 +82,7 @@ def made(
             closable_closed=closable,
         ),
         where=SimpleNamespace(exceeds=False), rivals=(), abstention=None, flights=None, next_push=None,
+        doubts=("A doubt.",),
         notes=("A caveat.",),
         stretches=tuple(Span(e, 0, 31) for e in range(2)),
     )  # fmt: skip
@@ -103,7 +105,7 @@ def every(step: int) -> list[Any]:
 def said_by(diagnosis: Any) -> str:
     """Return all that a report says of what is left, one part after another."""
     said = state(diagnosis)
-    parts = [words.verdict(diagnosis), *words.next_steps(diagnosis), *caveats(diagnosis)]
+    parts = [words.verdict(diagnosis), *next_steps(diagnosis), *caveats(diagnosis)]
     parts += [f"{value} {name}" for name, value in html.facts(diagnosis, said)]
     parts.append("".join(words.left_at_large(said)))
     if said.corrected:
@@ -202,7 +204,7 @@ def test_more_is_recorded_where_it_may_help(count: int, chance: float, asked: bo
     """Of four effects no recording makes more than 0.885 certain: three of them leave 3 % each to what has no name."""
     names = ("friction", "mass", "wind", "actuator_delay")[:count]
     diagnosis = made((names, {}), chance)
-    assert any("record more episodes" in step for step in words.next_steps(diagnosis)) is asked
+    assert any("record more episodes" in step for step in next_steps(diagnosis)) is asked
 
 
 def test_what_noise_of_a_measured_force_makes_has_no_other_cause() -> None:
@@ -213,9 +215,9 @@ def test_what_noise_of_a_measured_force_makes_has_no_other_cause() -> None:
     assert words.left(state(made(FRICTION, 0.6, drive_excess=1500.0, **few)))[1].endswith(
         ": noise of the measured force"
     )
-    assert words.PIN_PATH in words.next_steps(made(FRICTION, 0.6, drive_excess=1500.0, **few))
-    open_steps = words.next_steps(made(FRICTION, 0.4, drive_excess=1500.0, **few))
-    assert open_steps[0] == words.PIN_PATH
+    assert PIN_PATH in next_steps(made(FRICTION, 0.6, drive_excess=1500.0, **few))
+    open_steps = next_steps(made(FRICTION, 0.4, drive_excess=1500.0, **few))
+    assert open_steps[0] == PIN_PATH
     assert open_steps[1].startswith("To try the likeliest: take the corrected model")
     assert open_steps[2].startswith("Or change your own model. Set the friction coefficient")
     text = words.verdict(made(FRICTION, 0.6, drive_excess=100.0, **few))
@@ -341,7 +343,7 @@ def test_an_unknown_cause_has_a_suspect(factor: str, cell: str, where: str, advi
     (suspect,) = suspects(SYSTEM, diagnosis.where)
     assert suspect.where == f"The gap is largest {where}: 70 % of it, in 20 % of the time."
     assert advice in suspect.advice
-    assert words.next_steps(diagnosis)[0] == f"{suspect.where} {suspect.advice}"
+    assert next_steps(diagnosis)[0] == f"{suspect.where} {suspect.advice}"
 
 
 def test_one_channel_is_a_suspect_of_its_own() -> None:

@@ -95,7 +95,7 @@ def diagnose(
     if advise:
         observer.step(Step.TRYING)
     near = found_rivals(top, searched, fitter) if advise else ()
-    ranked = with_equals(ranked, top, near)
+    ranked = with_equals(ranked, top, near, system.context)
     return Diagnosis(
         case=recording.path.name,
         system=system,

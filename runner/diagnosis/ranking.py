@@ -77,24 +77,22 @@ def rank(found: Search, system: AbstractSystem, unknown: float, weighed: Contain
         lead = min(group, key=lambda i: (share[i] < equal, _commonness(contenders[i].fit)))
         contender = contenders[lead]
         names = contender.fit.explanation.names or ("none",)
-        others = tuple(
-            dict.fromkeys(
-                n
-                for i in group
-                if (n := contenders[i].fit.explanation.names or ("none",)) != names and share[i] > equal
-            )
-        )
+        others: dict[tuple[str, ...], Contender] = {}
+        for i in (i for i in group if share[i] > equal):
+            others.setdefault(contenders[i].fit.explanation.names or ("none",), contenders[i])
+        others.pop(names, None)
         parameters, errors = values_of(contender, context)
         out.append(
             Ranked(
                 names,
-                others,
+                tuple(others),
                 float(share[group].sum() * (1 - unknown)),
                 contender.fit.explanation.make(contender.fit.x, context),
                 parameters,
                 errors,
                 None if contender.fit.x.size else 0.0,
                 float(contender.log_posterior - contenders[0].log_posterior) if id(contender.fit) in weighed else None,
+                {other: values_of(c, context) for other, c in others.items()},
             )
         )
     # variants of one effect are one explanation to the reader
@@ -109,24 +107,36 @@ def rank(found: Search, system: AbstractSystem, unknown: float, weighed: Contain
     return tuple(sorted(merged.values(), key=lambda r: -r.probability))
 
 
-def with_equals(ranked: Sequence[Ranked], top: Contender, rivals: Iterable[Rival]) -> tuple[Ranked, ...]:
+def with_equals(
+    ranked: Sequence[Ranked], top: Contender, rivals: Iterable[Rival], context: Scope
+) -> tuple[Ranked, ...]:
     """Return a ranking in which an explanation stands for what is one with it, whether a search has come across or not.
 
     Args:
         ranked: Likeliest first.
         top: The contender that rivals are of.
         rivals: What could be taken for its effects.
+        context: What candidates are told when they describe themselves.
     """
     names = top.fit.explanation.names
-    equal = {r.instead.explanation.names for r in rivals if r.one and r.instead is not None} - {names}
+    equal = {r.instead.explanation.names: r.instead for r in rivals if r.one and r.instead is not None}
+    equal.pop(names, None)
     place = next((k for k, r in enumerate(ranked) if r.effects == names), None)
     if not equal or place is None:
         return tuple(ranked)
     own, others = ranked[place], [r for k, r in enumerate(ranked) if k != place]
     share = sum((r.probability for r in others if r.effects in equal), own.probability)
     equivalent = tuple(dict.fromkeys((*own.equivalent, *sorted(equal))))
-    whole = replace(own, equivalent=equivalent, probability=share)
+    tried = {e: (_reported(fit, context), {}) for e, fit in equal.items()}
+    numbers = {**tried, **own.equal_numbers}
+    whole = replace(own, equivalent=equivalent, probability=share, equal_numbers=numbers)
     return tuple(sorted((whole, *(r for r in others if r.effects not in equal)), key=lambda r: -r.probability))
+
+
+def _reported(fit: Fit, context: Scope) -> dict[str, dict[str, float]]:
+    """Return the physical values of a fit by effect."""
+    parts = fit.explanation.parts(context)
+    return {candidate.name: dict(candidate.make(fit.x[part], context)[0].report()) for candidate, part in parts}
 
 
 def _commonness(fit: Fit) -> tuple[int, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ from runner.localise.where import Where
 from runner.noise.measured import Measured
 from runner.recording import Span
 from runner.systems.base import AbstractSystem
+
+ByEffect = dict[str, dict[str, float]]
 
 
 @dataclass(frozen=True)
@@ -33,16 +35,18 @@ class Ranked:
         gap_closed: 1 - error after / error before, on the held-out episodes; None: not computed.
         log_evidence: Natural log, relative to the best explanation. None: `unknown` has no model to weigh, and what is
             far behind on the fitted episodes is not held against the others.
+        equal_numbers: Of `equivalent`, `parameters` and `errors` of each; no errors of what a trial alone has told.
     """
 
     effects: tuple[str, ...]
     equivalent: tuple[tuple[str, ...], ...]
     probability: float
     values: Effects
-    parameters: dict[str, dict[str, float]]
-    errors: dict[str, dict[str, float]]
+    parameters: ByEffect
+    errors: ByEffect
     gap_closed: float | None
     log_evidence: float | None
+    equal_numbers: Mapping[tuple[str, ...], tuple[ByEffect, ByEffect]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

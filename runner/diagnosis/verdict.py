@@ -30,6 +30,7 @@ def verdict(diagnosis: Diagnosis) -> dict[str, Any]:
             {
                 "effects": list(r.effects),
                 "equivalent": [list(e) for e in r.equivalent],
+                "equivalent_parameters": [r.equal_numbers.get(e, ({}, {}))[0] for e in r.equivalent],
                 "probability": r.probability,
                 "parameters": r.parameters,
                 "standard_errors": r.errors,

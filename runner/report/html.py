@@ -16,6 +16,7 @@ from runner.importing.record import called, episode_sources
 from runner.report import sections, unknown, words
 from runner.report.before_after import headline_miss
 from runner.report.motions import replay
+from runner.report.next_steps import next_steps, replaying
 from runner.report.statement import NONE, Statement, caveats, doubts, state
 from runner.storage.reading import file_of
 from runner.storage.writing import write_text
@@ -81,8 +82,8 @@ def _content(diagnosis: Diagnosis, folder: Path | None) -> dict[str, Any]:
         "confounded": words.confounded(diagnosis),
         "doubts": [_with_code(doubt) for doubt in doubts(diagnosis)],
         "flights": "" if diagnosis.flights is None else diagnosis.flights.sentence,
-        "steps": [_with_code(step) for step in words.next_steps(diagnosis, folder)],
-        "replaying": words.replaying(folder),
+        "steps": [_with_code(step) for step in next_steps(diagnosis, folder)],
+        "replaying": replaying(folder),
         "facts": facts(diagnosis, said),
         "first": sections.first_figure(diagnosis, paths),
         "ranking": ranking(diagnosis, said),
@@ -149,7 +150,7 @@ def ranking(diagnosis: Diagnosis, said: Statement) -> dict[str, Any]:
                 "amounts": words.amounts(system, ranked),
                 "parameters": _parameters(system, ranked),
                 "gap": "" if closed is None else percent(closed),
-                "equivalent": [words.title(e) for e in words.equals(ranked)],
+                "equivalent": words.equals_with_amounts(system, ranked),
             }
         )
     return {

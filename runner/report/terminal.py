@@ -55,7 +55,7 @@ def ranking(diagnosis: Diagnosis) -> Table:
         closed = said.closed_by(ranked)
         amounts = words.amounts(diagnosis.system, ranked)
         # below them, not in a column: one that is mostly empty would fold the others in 80 columns
-        equals = [words.title(e) for e in words.equals(ranked)]
+        equals = words.equals_with_amounts(diagnosis.system, ranked)
         twins = [f"can't be told from {listed(equals, 'or')}"] if equals else []
         table.add_row(
             words.title(ranked.effects or (NONE,)),

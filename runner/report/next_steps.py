@@ -1,0 +1,128 @@
+"""What to do next, once a diagnosis has said what it found."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from runner.effects.wording import listed
+from runner.report import words
+from runner.report.statement import Kind, Left, Statement, state
+from runner.report.suspects import suspects
+from runner.settings import SETTINGS
+
+if TYPE_CHECKING:
+    from runner.diagnosis.result import Diagnosis, Ranked
+    from runner.systems.base import AbstractSystem
+
+SURE = 0.9  # an answer less likely than this asks for more data
+ROUNDED = 0.01  # of a probability: less is the same in words
+PIN_PATH = (
+    "Where an arm or a hand decides the motion, record the path of what pushes, too, and state it as a `pin`: motion "
+    "then follows the path, and the measured force is held against the force that this takes."
+)
+
+
+def replaying(folder: Path | None) -> str:
+    """Return the command that replays another recording with the corrected model of this folder, None: wherever it is.
+
+    It is run where the diagnosis was, not in that folder.
+    """
+    return f"runner gap NEW model={'FOLDER' if folder is None else shlex.quote(str(folder))}"
+
+
+def next_steps(diagnosis: Diagnosis, folder: Path | None = None) -> list[str]:
+    """Return what to do next, most useful first, one or two sentences each.
+
+    Args:
+        diagnosis: What was found.
+        folder: Where that is written to; None: nobody knows.
+    """
+    said = state(diagnosis)
+    if said.kind is Kind.NONE:
+        steps = [
+            "Keep your model. Nothing in this recording asks for a change of it.",
+            "Should it miss elsewhere, record what you care about: other speeds, loads, places.",
+        ]
+        if remedy := diagnosis.system.solver_remedy(()):
+            steps[0] = f"Keep your model but for how it is solved. {remedy}"
+    elif said.kind is Kind.UNKNOWN:
+        steps = _suspicions(diagnosis)
+    else:
+        steps = _corrections(diagnosis.system, said.top)
+        if said.kind is Kind.OPEN:
+            steps[0] = f"To try the likeliest: {steps[0][0].lower()}{steps[0][1:]}"
+    if diagnosis.flights is not None:
+        steps.insert(0, diagnosis.flights.advice)
+    if said.left is Left.DRIVE:
+        steps.insert(0 if said.kind is Kind.OPEN else len(steps), PIN_PATH)
+    if diagnosis.next_push:
+        text = diagnosis.next_push.strip()
+        steps.append(f"Next {diagnosis.system.experiment}: {text}" + ("" if text.endswith((".", "!")) else "."))
+    commanded = diagnosis.system.commanded
+    # each effect beside the first leaves so much to what has no name, however much is recorded
+    most = SETTINGS.probability.max_unknown ** max(len(said.top.effects), 1)
+    if said.top.probability < min(SURE, most - ROUNDED):
+        varied = "with stronger and more varied commands" if commanded else "that differ more from each other"
+        so_far = "This is not settled" if said.kind is Kind.OPEN else "The answer is likely, not certain"
+        steps.append(f"{so_far}: record more episodes, {varied}, and diagnose all of them together.")
+    if said.settled:
+        others = "other commands" if commanded else "other motions"
+        steps.append(
+            f"Record again, {others} than before, and let the corrected model predict them: "
+            f"`{replaying(folder)}` {_to_be_expected(said)}"
+        )
+    return steps
+
+
+def _to_be_expected(said: Statement) -> str:
+    """Return what a corrected model should miss of another recording."""
+    if said.left is Left.NOISE:
+        return "should show the noise and no more."
+    if said.left is Left.SMALL_ERRORS:
+        return "should show no more than what is left here."
+    if said.left is Left.DRIVE:
+        return "should show no more than the noise of the measured force makes."
+    return "will show what is left here too, as long as its cause is not found."
+
+
+def _suspicions(diagnosis: Diagnosis) -> list[str]:
+    """Return what to look at where no effect explains the gap."""
+    found = suspects(diagnosis.system, diagnosis.where)
+    return [
+        *(f"{s.where} {s.advice}" for s in found),
+        "Look below at where and when the simulator misses, and at the force that is missing: they are the best hint "
+        "at its cause.",
+        f"Check the recording itself: time stamps, axes, calibration, whether anything touched the "
+        f"{diagnosis.system.noun}.",
+    ]
+
+
+def _corrections(system: AbstractSystem, top: Ranked) -> list[str]:
+    """Return what to change in the simulator, what to decide, and what to confirm by hand."""
+    found, others = words.phrases(system, top), words.equals(top)
+    together = system.remedies_together(top.values, top.errors)
+    if not set(together) <= set(top.effects):
+        together = {}  # what acts on all of a kind has a sentence of its own
+    remedies = [together.get(e, p.remedy) for e, p in zip(top.effects, found, strict=True)]
+    remedies.append(system.solver_remedy(top.values))
+    steps = [
+        "Take the corrected model from the folder of this report: corrected.yaml is for `runner gap`; model.xml "
+        f"{system.model_use(top.values)}."
+    ]
+    if change := [r for r in dict.fromkeys(remedies) if r]:
+        counted = change if len(change) == 1 else [f"({k}) {r}" for k, r in enumerate(change, 1)]
+        steps.append(f"Or change your own model. {' '.join(counted)}")
+    if others:
+        either = f"{words.title(top.effects)} and {listed([words.title(e) for e in others], 'or')}"
+        steps.append(f"Decide between {either} by a measurement of another kind: more recordings like this one can't.")
+    checks = [p.check for p in found if p.check]
+    for names in others:
+        # a check that speaks of the fitted values has none to speak of
+        checks += [
+            c for n in names if (c := words.phrase(system, n, {}, {}).check) and "?" not in c and c not in checks
+        ]
+    if checks:
+        steps.append("Confirm it by hand. " + " ".join(checks))
+    return steps
