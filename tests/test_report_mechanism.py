@@ -141,6 +141,16 @@ def test_page_of_a_mechanism(found: Any) -> None:
     assert len(ids) == len(set(ids))
 
 
+def test_what_is_to_be_written_is_set_as_code(found: Any) -> None:
+    """Elements of MJCF and commands can be copied from what there is to do; the rest is text."""
+    page = html.render(found)
+    steps = page.partition("What to do next")[2].partition("</ol>")[0]
+    code = re.findall(r"<code>(.*?)</code>", steps)
+    assert "&lt;joint name=&#34;elbow&#34;&gt;" in code
+    assert any(c.startswith("runner gap ") for c in code)
+    assert "&lt;" not in re.sub(r"<code>.*?</code>", "", steps)
+
+
 def test_what_is_missed_points_at_the_joint(found: Any) -> None:
     """The gap is the elbow's, and so the suspect is."""
     assert "elbow" in found.where.sentence

@@ -5,6 +5,7 @@ What it says is said by one statement (`runner.report.statement`); the long sect
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +31,7 @@ FILE = "report.html"
 TEMPLATE = "template.html.j2"
 LONG = 220  # letters of a verdict, from which on it is set smaller
 SHOWN = 8  # explanations in the ranking; the rest are summed up
+CODE = re.compile(r"(`[^`]*`|<[a-z]\w*(?: [^<>]*)?>)")
 
 
 def write_html(diagnosis: Diagnosis, path: str | Path) -> Path:
@@ -106,9 +108,9 @@ def _content(diagnosis: Diagnosis, folder: Path | None) -> dict[str, Any]:
 
 
 def _with_code(text: str) -> Markup:
-    """Return text with what stands between backticks as code."""
-    parts = text.split("`")
-    return Markup("").join(Markup("<code>{}</code>").format(p) if i % 2 else p for i, p in enumerate(parts))
+    """Return text with what stands between backticks, and elements of MJCF, as code."""
+    parts = CODE.split(text)
+    return Markup("").join(Markup("<code>{}</code>").format(p.strip("`")) if i % 2 else p for i, p in enumerate(parts))
 
 
 def facts(diagnosis: Diagnosis, said: Statement) -> list[tuple[str, str]]:
