@@ -220,20 +220,20 @@ def _take_out_untold(rounds: Rounds) -> None:
 
 
 def fitted_again(found: Search, fitter: Fitter) -> Search:
-    """Return the nominal model and what is near the likeliest, fitted anew to the same episodes by another simulator.
+    """Return the nominal model and what leads, fitted anew to the same episodes by another simulator.
 
     It moves by less than the noise of one reading otherwise: which effects may be meant has been told, by how much and
-    how likely each of them is has not.
+    how likely each of them is has not. What is hopelessly behind stays as it is.
     """
-    episodes = found.nominal.episodes
-    rounds = Rounds.begun(fitter, episodes, found.nominal.starts, resumed(found, fitter), pieces=False)
-    how, fits = SETTINGS.fit, list[Fit]()
-    for seed in sorted(rounds.seeds.values(), key=lambda s: s.total):
+    episodes, how, fits = found.nominal.episodes, SETTINGS.fit, list[Fit]()
+    rounds = Rounds.begun(fitter, episodes, found.nominal.starts, Beginning(), pieces=False)
+    leaders = [c.fit for c in leading(found.contenders) if c.fit.explanation.candidates]
+    for before in sorted(leaders, key=lambda f: f.total):
         fit = fitter.fit(
-            seed.explanation,
+            before.explanation,
             episodes,
-            x=seed.x,
-            starts=seed.starts,
+            x=before.x,
+            starts=before.starts,
             target=min((f.total for f in fits), default=np.inf),
             patience=how.patience_steps,
             iterations=how.final_steps,
@@ -242,6 +242,9 @@ def fitted_again(found: Search, fitter: Fitter) -> Search:
     fits.sort(key=lambda f: f.total)
     for fit in fits:
         rounds.take(fit, rounds.around(fits[0]))
+    known = {key_of(c.fit.explanation) for c in rounds.contenders}
+    left = (c for c in found.contenders if key_of(c.fit.explanation) not in known)
+    rounds.contenders += [c.weighed(fitter.system, rounds.dispersion) for c in left]
     return _ended(rounds)
 
 
