@@ -164,7 +164,10 @@ class Box:
             # about the CoM: N y + height * f_y = -Mx, -N x - height * f_x = -My
             system = sums[:, :3].T.copy()
             system[1:] += height * sums[:, 3:].T
-            share = table[:, :3] @ np.linalg.solve(system, (1.0, my / carried, -mx / carried))
+            try:
+                share = table[:, :3] @ np.linalg.solve(system, (1.0, my / carried, -mx / carried))
+            except np.linalg.LinAlgError:
+                break  # it tips over an edge: only where an integrator tries a step that is too long
             now = np.where(share > 0, self._weights, 0.0)
             if (now == bearing).all():
                 break

@@ -10,6 +10,9 @@ from numba import njit
 from runner.physics.dry_friction.record import COLUMN
 
 AT_REST = 1e-5  # m/s, a slip that has no direction of its own
+# Squares of slips in widths of a fall: below the first nothing has fallen, over less than the second it is as good as
+# even. Where a body rests, which is much of a recording, all points are there.
+AS_REST, AS_ONE = 1e-18, 1e-6
 
 MU, ALONG, ACROSS, NORMALITY = COLUMN["mu"], COLUMN["along"], COLUMN["across"], COLUMN["normality"]
 STRIBECK, STRIBECK_SPEED = COLUMN["stribeck"], COLUMN["stribeck_speed"]
@@ -32,7 +35,24 @@ def depends_on_speed(record):
 def _bump(u2, width, exponent):
     """Return exp(-(u / width)^exponent) at a slip whose square is u2."""
     z2 = u2 / (width * width)
+    if z2 < AS_REST:
+        return 1.0
     return math.exp(-z2 if exponent == 2.0 else -(z2 ** (0.5 * exponent)))
+
+
+@njit(error_model="numpy")
+def largest_change(record, slip):
+    """Return by which share of itself the coefficient may change at most where the slip changes by so much, m/s.
+
+    Roughly: 1 - exp(-z^e) is at most z^e, and where e > 1 the curve is hardly steeper than 1 / width.
+    """
+    change = 0.0
+    if record[STRIBECK] != 0.0:
+        exponent = min(record[STRIBECK_EXPONENT], 1.0)
+        change += abs(record[STRIBECK]) * min((slip / record[STRIBECK_SPEED]) ** exponent, 1.0)
+    if record[STICTION] != 0.0:
+        change += abs(record[STICTION]) * min(slip / record[STICTION_SPEED], 1.0)
+    return change
 
 
 @njit(error_model="numpy")
@@ -59,7 +79,12 @@ def coefficients(record, n, rx, ry, v, place, mu):
         ux = v[0] - v[2] * ry[i]
         uy = v[1] + v[2] * rx[i]
         u2 = ux * ux + uy * uy
-        mu[i] *= level + stribeck * _bump(u2, speed, exponent) + stiction * _bump(u2, still, 2.0)
+        share = level
+        if stribeck != 0.0:
+            share += stribeck * _bump(u2, speed, exponent)
+        if stiction != 0.0:
+            share += stiction * _bump(u2, still, 2.0)
+        mu[i] *= share
 
 
 @njit(error_model="numpy")
@@ -105,6 +130,9 @@ def _mean_bump_of(ux, uy, dx, dy, width, exponent):
     """Average exp(-(u / width)^exponent) on the straight way of the slip from u to u + d."""
     if exponent == 2.0:
         return _mean_bump(ux, uy, dx, dy, width)
+    if dx * dx + dy * dy < AS_ONE * width * width:
+        x, y = ux + 0.5 * dx, uy + 0.5 * dy
+        return _bump(x * x + y * y, width, exponent)
     total = 0.0
     for k in range(len(NODES)):
         part = 0.5 * (1.0 + NODES[k])
@@ -122,11 +150,12 @@ def average_speed_effects(record, n, rx, ry, v, x, mu):
     for i in range(n):
         ux, uy = v[0] - v[2] * ry[i], v[1] + v[2] * rx[i]
         u2 = ux * ux + uy * uy
-        before = level + stribeck * _bump(u2, slow, exponent) + stiction * _bump(u2, still, 2.0)
+        before = mean = level
         dx, dy = x[0] - x[2] * ry[i] - ux, x[1] + x[2] * rx[i] - uy
-        mean = level
         if stribeck != 0.0:
+            before += stribeck * _bump(u2, slow, exponent)
             mean += stribeck * _mean_bump_of(ux, uy, dx, dy, slow, exponent)
         if stiction != 0.0:
+            before += stiction * _bump(u2, still, 2.0)
             mean += stiction * _mean_bump(ux, uy, dx, dy, still)
         mu[i] *= mean / before

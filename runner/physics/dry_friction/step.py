@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from numba import njit
 
-from runner.physics.dry_friction.coefficients import depends_on_speed
+from runner.physics.dry_friction.coefficients import depends_on_speed, largest_change
 from runner.physics.dry_friction.kernel import derivatives, gradient_by_load
 from runner.physics.dry_friction.load import lifted_points, lifted_share, moments, onto_base, share_load
 from runner.physics.dry_friction.matrix3 import Symmetric, Triple, along, dot, plus, solve, solve_any, times
@@ -26,7 +26,9 @@ from runner.physics.dry_friction.settle import AIR_DRAG, balance_of_momentum, se
 # A step is parted where the motion turns by such an angle (rad), or no more than such a share of it is left, from
 # such a speed (m/s) on; its shortest part.
 TURNED, STOPPED, STANDING, SHORTEST_PART = 0.1, 0.05, 1e-3, 0.02
-CHANGED = 0.1  # the same where friction depends on speed and it changes by such a share
+# The same where friction depends on speed, which changes by such a share, and the coefficient perhaps by such a one:
+# what changes less within a step is, at its middle, as good as constant.
+CHANGED, CHANGED_FRICTION = 0.1, 0.01
 
 HALF_X, HALF_Y = COLUMN["half_x"], COLUMN["half_y"]
 
@@ -214,7 +216,10 @@ def step_in_parts(record, n, h, v, body, room):
         motion, goes_on, after = dot(v, momentum), dot(end, momentum), dot(end, times(m, end))
         turned = goes_on < STOPPED * motion or goes_on * goes_on < (1.0 - TURNED * TURNED) * motion * after
         if by_speed:
-            turned = turned or motion - 2.0 * goes_on + after > CHANGED * CHANGED * motion
+            change = motion - 2.0 * goes_on + after
+            slip = math.sqrt(max(change, 0.0) / m[0])
+            slower = change > CHANGED * CHANGED * motion and largest_change(record, slip) > CHANGED_FRICTION
+            turned = turned or slower
         if turned and motion > least and n > 0 and part > SHORTEST_PART * h:
             part *= 0.5
             continue
