@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import tracemalloc
 from dataclasses import replace
+from pathlib import Path
 
+import mujoco
 import numpy as np
 import pandas as pd
 import pytest
 from cases import RATE_HZ, made
+from mechanism_cases import system_of, write_case
 
 from runner.effects.planar_box import ActuatorDelay, FrictionPatch, Inertia, Wind
 from runner.errors import RecordingError
@@ -216,3 +219,36 @@ def test_permutations_of_an_hour_take_little_memory(monkeypatch: pytest.MonkeyPa
     assert peak < 50e6
     assert factors["episode"].names[by_chance["episode"].argmin()] == "episode 7"
     assert by_chance["third"].min() > 0.01
+
+
+SAGGING = """<mujoco><option timestep="0.001"/><worldbody><body name="lever">
+<joint name="hinge" axis="0 1 0" damping="0.1"/>
+<inertial pos="0.3 0 0" mass="1" diaginertia="0.01 0.01 0.01"/></body></worldbody>
+<actuator><position name="servo" joint="hinge" kp="{kp}" kv="1.5"/></actuator></mujoco>"""
+
+
+def test_what_a_joint_misses_at_rest_is_no_slow_noise(tmp_path: Path) -> None:
+    """A servo that is softer than believed lets its load sag, and stands there as still as any sensor sees it."""
+    model = mujoco.MjModel.from_xml_string(SAGGING.format(kp=20.0))
+    t, columns = 0.01 * np.arange(600), []
+    for episode in range(3):
+        data, u, q = mujoco.MjData(model), 0.4 * np.round(np.sin(0.8 * t + episode)), np.zeros(len(t))
+        for k in range(len(t)):
+            data.ctrl[0], q[k] = u[k], data.qpos[0]
+            mujoco.mj_step(model, data, nstep=10)
+        columns.append({"t": t, "u": u, "q": q + 2e-4 * np.random.default_rng(episode).normal(size=len(t))})
+    nominal = {
+        "commands": {"u": {"actuator": "servo"}},
+        "channels": {"q": {"joint": "hinge", "quantity": "position"}},
+        "noise": {"q": 2e-4},
+    }
+    system = system_of(write_case(tmp_path, SAGGING.format(kp=25.0), columns, nominal))
+    measured = measure(system)
+    starts = {e: system.initial.guess(measured, e) for e in range(3)}
+    found = localise(system, measured, starts)
+    table = found.windows[found.windows["regime"] == "at rest"]
+    assert len(table) > 20
+    assert table["excess"].min() > 10.0 * table["freedom"].max()
+    # under its load of 2.9 N m it sags to where the believed servo, stiffer by a quarter, exerts a quarter more
+    still = found.missing_force[found.missing_force["regime"] == "at rest"]
+    assert still["tau_hinge_n_m"].median() == pytest.approx(0.25 * 2.94 * 0.95, rel=0.1)

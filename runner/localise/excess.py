@@ -17,6 +17,7 @@ from runner.localise.windows import window_lengths_s, windows_of_length
 from runner.noise.measured import Measured
 from runner.settings import SETTINGS
 from runner.simulate.shooting import WINDOWS_AT_ONCE
+from runner.systems.channels import Space
 from runner.systems.windows import Labels, Windows
 
 
@@ -85,10 +86,15 @@ def window_excess(model: Model, windows: Windows, measured: Measured, shorter: n
     for _, some in windows.chunks(WINDOWS_AT_ONCE):
         first = linearised(model, some, measured, system.initial.guess_windows(measured, some, smooth=True))
         local = linearised(model, some, measured, first.fitted(), np.diag(system.disturbance.steps))
-        parts.append((*local.slow(), *local.missing_force(weak)))
-    slow, freedom, force, covariance = (np.concatenate(every) for every in zip(*parts, strict=True))
+        parts.append((*local.slow(), *local.slow_of_what_stands_still(), *local.missing_force(weak)))
+    slow, freedom, wanders, free, force, covariance = (np.concatenate(every) for every in zip(*parts, strict=True))
     labels = system.label(measured, windows)
-    noise = _noise_at_rest(slow, freedom, labels.table["regime"].to_numpy() == system.regimes[0], shorter)
+    rest = labels.table["regime"].to_numpy() == system.regimes[0]
+    # what the model leaves where nothing moves, and the measurement does not show, it has wrong: where a joint comes to
+    # rest under a load, say
+    shown = _noise_at_rest(wanders, free, rest, np.full(len(shorter), np.inf))
+    seen = np.array([c.space is not Space.ROTATION for c in system.channels])
+    noise = np.fmin(_noise_at_rest(slow, freedom, rest, shorter), np.where(seen, shown, np.inf))
     return WindowExcess(windows.samples, labels, slow / noise - freedom, freedom, noise, force, covariance)
 
 

@@ -39,7 +39,8 @@ class Linearised:
 
     `starts` (W, S), `scale` of them (S,); `residual` whitened (W, n, C); `raw` the same in physical units; `jacobian`
     by the starts, per scale, whitened (W, n, C, S), and `change` the same not whitened; `by_force` per step, whitened
-    (W, n, C, D).
+    (W, n, C, D). `still` is how what was measured differs from its mean, whitened (W, n, C); 0 of orientations, of
+    which a recording holds no number.
     """
 
     measured: Measured
@@ -51,6 +52,7 @@ class Linearised:
     change: np.ndarray
     jacobian: np.ndarray
     by_force: np.ndarray
+    still: np.ndarray
 
     def _solve(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the inverse of the normal equations, (W, S, S), and the step of the starts, (W, S), per scale."""
@@ -74,13 +76,24 @@ class Linearised:
 
     def slow(self) -> tuple[np.ndarray, np.ndarray]:
         """Return sums of squares of the slow residual, and what noise makes of them, per window and channel, (W, C)."""
-        w, n, c, p = self.jacobian.shape
+        return self._slow(self.residual, self.jacobian)
+
+    def slow_of_what_stands_still(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the same, (W, C), of what was measured beside a constant: of a channel the mean alone is taken off."""
+        w, n, c, _ = self.jacobian.shape
+        constant = np.zeros((w, n, c, c))
+        level = whiten(np.ones((w, n, c)), self.valid, self.measured)
+        constant[..., np.arange(c), np.arange(c)] = level
+        return self._slow(self.still, constant)
+
+    def _slow(self, residual: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        w, n, c, p = jacobian.shape
         basis = np.linalg.qr(
             np.polynomial.legendre.legvander(np.linspace(-1, 1, n), min(SETTINGS.noise.smooth_degree, n - 1))
         )[0]
         d = basis.shape[1]
-        part = np.einsum("nd,wnc->wcd", basis, self.residual).reshape(w, c * d)
-        starts = np.einsum("nd,wncp->wcdp", basis, self.jacobian, optimize=True).reshape(w, c * d, p)
+        part = np.einsum("nd,wnc->wcd", basis, residual).reshape(w, c * d)
+        starts = np.einsum("nd,wncp->wcdp", basis, jacobian, optimize=True).reshape(w, c * d, p)
         normal = starts.transpose(0, 2, 1) @ starts + np.eye(p) / PRIOR_SIGMAS**2
         out = np.eye(c * d) - starts @ np.linalg.solve(normal, starts.transpose(0, 2, 1))
         # what doesn't count has no noise either
@@ -122,6 +135,8 @@ def linearised(
     values = windows.of(measured.values)
     valid = model.system.initial.settled(windows.of(measured.valid), model.system.rate_hz)
     raw = rows[:, 0] - values
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(valid, values, 0.0).sum(axis=1, keepdims=True) / valid.sum(axis=1, keepdims=True)
     moved = (rows[:, 1 : 1 + size] - rows[:, :1]) / steps[:, None, None] * scale[:, None, None]
     return Linearised(
         measured=measured,
@@ -132,5 +147,6 @@ def linearised(
         residual=whiten(raw, valid, measured),
         change=np.moveaxis(moved / measured.sigma, 1, -1),
         jacobian=np.moveaxis(whiten(moved, valid[:, None], measured), 1, -1),
+        still=whiten(np.where(valid, values - mean, 0.0), valid, measured),
         by_force=np.moveaxis(whiten(rows[:, 1 + size :] - rows[:, :1], valid[:, None], measured), 1, -1),
     )
