@@ -68,7 +68,12 @@ def test_a_box_has_it_too(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("known", "said"),
     [
-        (["mass[foream]"], r"nominal\.yaml: known: no effect 'mass\[foream\]' here\..*mass\[forearm\]"),
+        (
+            ["mass[foream]"],
+            r"nominal\.yaml: known: no effect 'mass\[foream\]' here\. Valid: 'mass\[forearm\]', 'mass\[upper\]'\. "
+            r"Did you mean 'mass\[forearm\]'\?$",
+        ),
+        (["mas"], r"no effect 'mas' here\. Valid: 'actuator_delay', .* Did you mean 'mass'\?$"),
         ("gravity", r"nominal\.yaml: known: must be a list of effects, such as \[gravity\], got 'gravity'"),
         ([3], r"known: must be a list of effects, .* got \[3\]"),
     ],
@@ -78,3 +83,14 @@ def test_what_is_no_effect_is_refused(known: object, said: str, tmp_path: Path) 
     folder = write_case(tmp_path, ARM, [SHOWN, SHOWN], {**NOMINAL, "known": known})
     with pytest.raises(RecordingError, match=said):
         open_case(folder)
+
+
+def test_a_name_with_brackets_in_brackets_needs_quotes(tmp_path: Path) -> None:
+    """As one would write it from `[gravity]`."""
+    folder = write_case(tmp_path, ARM, [SHOWN, SHOWN], NOMINAL)
+    nominal = folder / "nominal.yaml"
+    nominal.write_text(nominal.read_text() + "known: [mass[forearm]]\n")
+    with pytest.raises(RecordingError, match=r"nominal\.yaml: line \d+, .*\['mass\[link\]'\]"):
+        open_case(folder)
+    nominal.write_text(nominal.read_text().replace("[mass[forearm]]", "['mass[forearm]']"))
+    assert "mass[forearm]" not in names(open_case(folder))

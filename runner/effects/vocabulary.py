@@ -158,8 +158,10 @@ class Vocabulary:
         for name in names:
             meant = {c for c in self.candidates if name in (c.name, c.effect.name)}
             if not meant:
-                file = "" if where is None else f"{where}: "
-                raise RecordingError(f"{file}known: no effect '{name}' here. {nearest(name, [c.name for c in self])}")
+                file, kind = "" if where is None else f"{where}: ", name.partition("[")[0]
+                # of a kind that there is, its targets; else the kinds, each of which is short for all of its targets
+                valid = {c.name for c in self if c.effect.name == kind} or {c.effect.name for c in self}
+                raise RecordingError(f"{file}known: no effect '{name}' here. {nearest(name, valid)}")
             out |= {c for c in self.candidates if any(c.overlaps(other) for other in meant)}
         return replace(
             self,

@@ -40,6 +40,9 @@ def with_lost(one: Series, told: Told) -> Series:
         jumped = gaps[one.values[gaps] != one.values[gaps + 1]]
         said = "{names}: {n} samples were lost where the command changed; the one before is held, so it may change late"
         told.add(said, int((counts[jumped] - 1).sum()), column=name)
+        still = np.setdiff1d(gaps, jumped)
+        said = "{names}: {n} samples were lost between two that are the same, which is held"
+        told.add(said, int((counts[still] - 1).sum()), column=name)
         return one
     after = np.repeat(gaps, counts[gaps] - 1)
     share = np.concatenate([np.arange(1, n) / n for n in counts[gaps]])

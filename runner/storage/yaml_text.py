@@ -62,7 +62,11 @@ def read_yaml(path: Path) -> Any:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         place = f" line {mark.line + 1}, column {mark.column + 1}:" if mark else ""
-        raise YamlError(f"{place} not valid YAML: {error.problem}.") from None
+        # a list in brackets of names that have some, as the effects of a mechanism do
+        hint = (
+            " A name with brackets needs quotes there: ['mass[link]']." if "but got '['" in str(error.problem) else ""
+        )
+        raise YamlError(f"{place} not valid YAML: {error.problem}.{hint}") from None
     except UnicodeDecodeError as error:
         raise YamlError(f" not valid YAML: {error}.") from None
     except yaml.YAMLError as error:

@@ -83,7 +83,7 @@ def write_model(models: Models, effects: Effects, folder: Path) -> tuple[str, ..
         text = f"<!-- {_of_delays(late)} -->\n" + text
     if by_law:
         text = f"<!-- {_of_law(by_law)} -->\n" + text
-    if left := _of_left([e for e in effects if e not in inside and e not in written]):
+    if left := _of_left(left_out(models, effects)):
         text = f"<!-- {left} -->\n" + text
     path = folder / MODEL
     write_text(path, text)
@@ -119,6 +119,11 @@ def needing_law(models: Models, effects: Effects) -> list[AbstractEffect]:
 def is_written(effect: AbstractEffect) -> TypeGuard[MechanismEffect]:
     """Whether an effect acts outside the engine here, and MuJoCo has an attribute that does the same."""
     return isinstance(effect, MechanismEffect) and type(effect).edit_written is not MechanismEffect.edit_written
+
+
+def left_out(models: Models, effects: Effects) -> list[AbstractEffect]:
+    """Return the effects that the written model does not have."""
+    return [e for e in effects if not expressible(models, e) and not is_written(e)]
 
 
 def _of_left(left: Sequence[AbstractEffect]) -> str:

@@ -30,7 +30,7 @@ from runner.systems.mechanism.drawing import body_poses, drawn_bodies
 from runner.systems.mechanism.flights import flights, measured_freely, rests, size_m
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.labels import FACTORS, PHRASES, REGIMES, label
-from runner.systems.mechanism.model_file import LAW, needing_law, write_model
+from runner.systems.mechanism.model_file import LAW, left_out, needing_law, write_model
 from runner.systems.mechanism.models import HARD_IMPEDANCE, HARD_S, Models, has_soft_friction
 from runner.systems.mechanism.proposals import Trial, trials, unmeasured
 from runner.systems.mechanism.rests import resting
@@ -327,7 +327,8 @@ class MechanismSystem(AbstractSystem):
         """See `AbstractSystem`."""
         needed = needing_law(self._models, effects)
         law = f', loaded by `import model; m = model.load("model.xml")` with {LAW} beside it' if needed else ""
-        return f"runs in plain MuJoCo{law}; what is no part of a model its first lines name"
+        left = "; what is no part of a model its first lines name" if left_out(self._models, effects) else ""
+        return f"runs in plain MuJoCo{law}{left}"
 
     def write_model(self, effects: Effects, folder: Path) -> tuple[str, ...]:
         """See `AbstractSystem`."""
