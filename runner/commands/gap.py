@@ -46,7 +46,7 @@ EPISODES_FILE = "gap_episodes.parquet"
 # so that a reader sees 5 numbers and no zeros: mm, mrad
 LEGEND = (
     ("starts fitted", "from the start states that suit the model best; 1 is a perfect model"),
-    ("starts measured", "from the measured start states, whose noise spreads"),
+    ("starts measured", "from the measured start states: their noise spreads, and what smoothing makes of jumps"),
     ("noise alone", "what that noise makes of a perfect model; compare starts measured with it"),
 )
 LEGEND_AMPLIFIES = (

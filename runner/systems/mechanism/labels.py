@@ -327,9 +327,8 @@ def _thirds_of_speed(share: FloatArray, moves: np.ndarray, usual: str) -> np.nda
     if moves.sum() >= 6:
         edges = np.quantile(share[moves], [0, 1 / 3, 2 / 3, 1])
         third = np.clip(np.searchsorted(edges, share[moves], side="right") - 1, 0, 2)
-        said = [
-            f"{name} speed ({a:.2g} to {b:.2g} times the usual {usual})"
-            for name, (a, b) in zip(THIRDS, pairwise(edges), strict=True)
-        ]
+        _, a, b, _ = edges
+        within = (f"up to {a:.2g}", f"{a:.2g} to {b:.2g}", f"more than {b:.2g}")
+        said = [f"{name} speed ({which} times the usual {usual})" for name, which in zip(THIRDS, within, strict=True)]
         out[moves] = [said[i] for i in third]
     return out
