@@ -20,6 +20,7 @@ TOGETHER_ALIKE = (
     {"asymmetric_friction", "sensor_offset"}, {"actuator_delay", "observation_delay"}, {"backlash", "compliance"},
     # what lies between drive and link, and a friction that the two would have to share
     *({a, b} for a in ("backlash", "compliance") for b in ("stribeck", "asymmetric_friction", "load_friction")),
+    *({"payload", of_body} for of_body in ("mass", "com_offset", "inertia")),
 )  # fmt: skip
 
 
