@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -10,10 +11,18 @@ import pytest
 from mechanisms import ARM as TWO_JOINTS
 from mechanisms import scope
 
-from runner.effects.mechanism import ComOffset, Inertia, Mass, Payload
+from runner.diagnosis.ranking import values_of
+from runner.effects.mechanism import ComOffset, Inertia, Mass, Payload, parts
 from runner.effects.mechanism.inertials import inertials
 from runner.effects.mechanism.parts import changed
+from runner.effects.vocabulary import Vocabulary
 from runner.effects.wording import Values
+from runner.inference.doubts import errors_off
+from runner.inference.least_squares import Fitter
+from runner.inference.search import search
+from runner.noise.measured import measure
+from runner.systems.mechanism import MechanismSystem
+from tests.mechanism_cases import PENDULUM, joint_channels, system_of, write_case
 
 ARM = """<mujoco><worldbody><body name="upper"><joint name="shoulder" axis="0 -1 0"/>
 <inertial pos="0.12 0 0" mass="0.9" diaginertia="0.0005 0.004 0.004"/>
@@ -87,3 +96,75 @@ def test_one_body_has_one_element(model: mujoco.MjModel) -> None:
     written = float(first.split('diaginertia="')[1].split()[1])
     assert written == pytest.approx(0.00242 * RATIO * 0.7498 / 0.6, rel=1e-4)
     assert inertials(model, TOOL[:1], ERRORS) == {}
+
+
+CARRIED = Payload("lever", 0.3, 0.06, 0.0, -0.52)
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory) -> MechanismSystem:
+    """A lever that MuJoCo swung in steps of a tenth of a millisecond, with a load on it that its model lacks."""
+    xml = PENDULUM.format(damping=0.05)
+    spec = mujoco.MjSpec.from_string(xml)
+    spec.body("lever").add_body(
+        pos=[CARRIED.x_m, CARRIED.y_m, CARRIED.z_m],
+        mass=CARRIED.mass_kg,
+        ipos=[0.0] * 3,
+        inertia=[1e-9] * 3,
+        explicitinertial=True,
+    )
+    spec.option.timestep = 1e-4
+    swinging, t, columns = spec.compile(), 0.01 * np.arange(301), []
+    for seed, (amplitude, hz) in enumerate(((1.5, 0.6), (2.5, 0.9))):
+        data, q, u = mujoco.MjData(swinging), np.zeros(len(t)), amplitude * np.sin(2 * np.pi * hz * t)
+        for k in range(len(t)):
+            data.ctrl[0], q[k] = u[k], data.qpos[0]
+            mujoco.mj_step(swinging, data, nstep=100)
+        columns.append({"t": t, "u": u, "q_hinge": q + 1e-3 * np.random.default_rng(seed).normal(size=len(t))})
+    nominal = {
+        "commands": {"u": {"actuator": "drive"}},
+        "channels": joint_channels(["hinge"], velocities=False),
+        "noise": {"q_hinge": 1e-3},
+        "start": "rest",
+    }
+    return system_of(write_case(tmp_path_factory.mktemp("carried"), xml, columns, nominal))
+
+
+def test_a_load_along_the_link_is_found(system: MechanismSystem) -> None:
+    """As one effect, among mass, centre and inertia, and by far more than its errors."""
+    own = {"mass", "com_offset", "inertia", "payload", "joint_damping", "armature"}
+    known = MechanismSystem(system.recording)
+    known.vocabulary = Vocabulary(tuple(c for c in known.vocabulary if c.effect.name in own))
+    fitter = Fitter(known, known.simulator(threads=1), measure(known))
+    found = search(fitter, (0, 1), most=3)
+    best = found.best
+    assert best.fit.explanation.names == ("payload[lever]",)
+    values, errors = (by["payload[lever]"] for by in values_of(best, fitter.context))
+    for name in ("mass_kg", "x_m", "z_m"):
+        assert values[name] == pytest.approx(getattr(CARRIED, name), abs=4 * errors[name])
+    assert errors["mass_kg"] < 0.02 * CARRIED.mass_kg
+    assert "does not tell y" in Payload.phrase(Values(values, errors), fitter.system.beliefs, "lever").amount
+    ((candidate, part),) = best.fit.explanation.parts(fitter.context)
+    assert errors_off(best, candidate, part, fitter.context, found.contenders) > 10.0
+
+
+def test_it_is_written_into_a_model_that_moves_as_it_does(system: MechanismSystem, tmp_path: Path) -> None:
+    """Mass, centre and moments about every axis, as MuJoCo reads them; what was written is compared on the way."""
+    effect = replace(CARRIED, y_m=0.04)
+    assert system.write_model((effect,), tmp_path) == ("model.xml",)
+    written = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
+    wanted = changed(system.context.model, effect)
+    body = written.body("lever").id
+    for name in ("body_mass", "body_ipos", "body_inertia"):
+        found = getattr(written, name)[body]
+        np.testing.assert_allclose(found, getattr(wanted, name)[wanted.body("lever").id], rtol=1e-4, atol=1e-6)
+
+
+def test_a_tool_far_from_a_small_link_is_written_where_it_is(model: mujoco.MjModel) -> None:
+    """It is told to a tenth, though to no better than the size of the link."""
+    beliefs, far = replace(scope(TWO_JOINTS), model=model), parts.body_size_m(model, "forearm") * 8
+    values = {"mass_kg": 0.05, "x_m": 0.11 + far, "y_m": 0.0, "z_m": 0.0}
+    errors = {"mass_kg": 0.01, "x_m": 0.15 * far, "y_m": 10.0, "z_m": 0.01}
+    phrase = Payload.phrase(Values(values, errors), beliefs, "forearm")
+    assert "does not tell y" in phrase.amount
+    assert f'pos="{0.11 + 0.05 * far / 0.65:.5g} 0 0"' in phrase.remedy

@@ -119,7 +119,9 @@ def with_equals(
         context: What candidates are told when they describe themselves.
     """
     names = top.fit.explanation.names
-    equal = {r.instead.explanation.names: r.instead for r in rivals if r.one and r.instead is not None}
+    tried = [r.instead for r in rivals if r.one and r.instead is not None]
+    # of one name the trial that leaves least, which is put last
+    equal = {fit.explanation.names: fit for fit in sorted(tried, key=lambda fit: -fit.total)}
     equal.pop(names, None)
     place = next((k for k, r in enumerate(ranked) if r.effects == names), None)
     if not equal or place is None:
@@ -127,8 +129,9 @@ def with_equals(
     own, others = ranked[place], [r for k, r in enumerate(ranked) if k != place]
     share = sum((r.probability for r in others if r.effects in equal), own.probability)
     equivalent = tuple(dict.fromkeys((*own.equivalent, *sorted(equal))))
-    tried = {e: (_reported(fit, context), {}) for e, fit in equal.items()}
-    numbers = {**tried, **own.equal_numbers}
+    numbers = {e: (_reported(fit, context), {}) for e, fit in equal.items()}
+    numbers |= {r.effects: (r.parameters, r.errors) for r in others if r.effects in equal}
+    numbers |= own.equal_numbers
     whole = replace(own, equivalent=equivalent, probability=share, equal_numbers=numbers)
     return tuple(sorted((whole, *(r for r in others if r.effects not in equal)), key=lambda r: -r.probability))
 

@@ -126,6 +126,9 @@ class AbstractEffect(ABC):
     # a first parameter smaller than that is not told from the unevenness of everything
     detection_limit: ClassVar[float] = 0.0
     discontinuous: ClassVar[bool] = False  # at some values of its first parameter the motion jumps: a push fails
+    amplitudes: ClassVar[int] = (
+        1  # of what has a place or a range: so many first numbers are all zero where it is absent
+    )
     switch: ClassVar[bool] = False  # is there or is not: no part of it means anything
     rough_form: ClassVar[bool] = False  # engines have other laws for it, none of which is the true one
     shared: ClassVar[bool] = False  # may be one thing on all targets of a kind, by the same numbers

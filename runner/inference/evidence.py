@@ -239,7 +239,7 @@ def log_densities(fit: Fit, context: Scope) -> np.ndarray:
     for candidate, part in fit.explanation.parts(context):
         scattered = candidate.is_placed(context)
         for k, (p, value) in enumerate(zip(candidate.parameters(context), fit.x[part], strict=True)):
-            if scattered and k > 0:
+            if scattered and k >= candidate.effect.amplitudes:
                 out.append(-np.log(p.upper - p.lower))
             else:
                 # Student's t with three degrees of freedom; one-sided amplitudes have twice the density
@@ -416,8 +416,9 @@ def trusted(amplitudes: np.ndarray) -> np.ndarray:
 def moved_by(every: Sequence[Direction], way: Sequence[int], amplitudes: np.ndarray) -> np.ndarray:
     """Return the vector of an effect that has moved by amplitudes in the directions of one way."""
     if every[way[0]].whole:
-        vector = every[way[0]].vector.copy()
-        vector[0] *= amplitudes[0] / every[way[0]].per
+        direction = every[way[0]]
+        vector = direction.vector.copy()
+        vector[: direction.candidate.effect.amplitudes] *= amplitudes[0] / direction.per
         return vector
     return np.asarray(amplitudes) * np.array([np.max(np.abs(every[m].vector)) / abs(every[m].per) for m in way])
 

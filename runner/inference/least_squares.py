@@ -80,8 +80,8 @@ NONE = Explanation(())
 
 
 def amplitudes(candidate: Candidate, part: slice, context: Scope) -> slice:
-    """Return what of an effect's part of the vector makes it absent at zero: the first if it has a place or a range."""
-    return slice(part.start, part.start + 1) if candidate.is_placed(context) else part
+    """Return what of an effect's part of the vector makes it absent at zero: of what has a place the first numbers."""
+    return slice(part.start, part.start + candidate.effect.amplitudes) if candidate.is_placed(context) else part
 
 
 @dataclass(frozen=True)

@@ -220,15 +220,16 @@ def _take_out_untold(rounds: Rounds) -> None:
 
 
 def fitted_again(found: Search, fitter: Fitter) -> Search:
-    """Return the nominal model and what leads, fitted anew to the same episodes by another simulator.
+    """Return the nominal model and what is near the likeliest, fitted anew to the same episodes by another simulator.
 
     It moves by less than the noise of one reading otherwise: which effects may be meant has been told, by how much and
     how likely each of them is has not. What is hopelessly behind stays as it is.
     """
     episodes, how, fits = found.nominal.episodes, SETTINGS.fit, list[Fit]()
     rounds = Rounds.begun(fitter, episodes, found.nominal.starts, Beginning(), pieces=False)
-    leaders = [c.fit for c in leading(found.contenders) if c.fit.explanation.candidates]
-    for before in sorted(leaders, key=lambda f: f.total):
+    hopeless = found.best.log_posterior - SETTINGS.held_out.hopeless_log_odds
+    near = [c.fit for c in found.contenders if c.log_posterior > hopeless and c.fit.explanation.candidates]
+    for before in sorted(near, key=lambda f: f.total):
         fit = fitter.fit(
             before.explanation,
             episodes,

@@ -66,11 +66,13 @@ def where_to_begin(
             return {"x": begin, "near": near} | ({"iterations": 0} if rests else {})
         if new.is_placed(fitter.context) and not new.effect.switch:
             # the amplitude that a linear model promises may overshoot; none of it is the fit that is near
-            amplitude = len(x) - len(new.parameters(fitter.context))
+            first = len(x) - len(new.parameters(fitter.context))
+            amplitude = slice(first, first + new.effect.amplitudes)
             for _ in range(3):
                 if fitter.loss(explanation, x, near.starts, near.episodes) < near.total:
                     break
-                x = np.concatenate([x[:amplitude], x[amplitude : amplitude + 1] / 4, x[amplitude + 1 :]])
+                x = x.copy()
+                x[amplitude] /= 4
         return {"x": x, "near": near}
     seeded = _in_order(seed, explanation, fitter)
     by = [fitter.loss(explanation, v, s, near.episodes) for v, s in ((x, near.starts), (seeded, seed.starts))]

@@ -356,7 +356,8 @@ def equals_with_amounts(system: AbstractSystem, ranked: Ranked) -> list[str]:
     out = []
     for names in equals(ranked):
         parameters, errors = ranked.equal_numbers.get(names, ({}, {}))
-        other = [e for e in names if e not in ranked.effects and e in parameters]
-        told = [p.amount for e in other if (p := phrase(system, e, parameters[e], errors.get(e, {}))).amount]
+        # what a trial alone has told comes without errors, and how well it is known is part of how much it is
+        other = [e for e in names if e not in ranked.effects and e in errors]
+        told = [p.amount for e in other if (p := phrase(system, e, parameters[e], errors[e])).amount]
         out.append(title(names) + (f" ({'; '.join(told)})" if told else ""))
     return out

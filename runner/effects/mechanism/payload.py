@@ -23,9 +23,8 @@ from runner.effects.mechanism.mass import Mass
 from runner.effects.wording import Values, listed
 from runner.errors import check_range
 
-USUAL_SHIFT = 0.2  # of the body's size: how far its centre of mass moves
-FARTHEST_SHIFT = 3.0
-NEAREST, FURTHEST = -3.5, 2.5  # logs: beyond the centre of mass of both, in sizes of the body
+USUAL_SHARE, LARGEST_SHARE = 0.3, 20.0  # of the body's mass: a hand of 100 g may hold 2 kg
+FARTHEST = 10.0  # times the size of the body: a tool on a wrist
 
 
 @effect
@@ -33,8 +32,7 @@ NEAREST, FURTHEST = -3.5, 2.5  # logs: beyond the centre of mass of both, in siz
 class Payload(MechanismEffect):
     """A point mass on a body, at a place in its axes.
 
-    Fitted by what a motion shows first: how far the centre of mass of both is from the believed one, along each axis,
-    and by the log of how far beyond that the payload is, in sizes of the body. It is the heavier the nearer it is.
+    Fitted as a share of the body's mass, and by how far it is from the believed centre of mass along each axis.
     """
 
     name: ClassVar[str] = "payload"
@@ -78,26 +76,24 @@ class Payload(MechanismEffect):
     @classmethod
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
         size = parts.body_size_m(context.model, context.target)
-        usual, farthest = USUAL_SHIFT * size, FARTHEST_SHIFT * size
-        return (
-            *(Parameter(f"shift_{axis}_m", "m", usual, -farthest, farthest) for axis in "xyz"),
-            Parameter("log_beyond", "", 1.0, NEAREST, FURTHEST, may_rest=True),
-        )
+        far = FARTHEST * size
+        place = (Parameter(f"from_centre_{axis}_m", "m", size, -far, far, may_rest=True) for axis in "xyz")
+        return (Parameter("mass_share", "", USUAL_SHARE, 0.0, LARGEST_SHARE), *place)
 
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:
-        model, body = context.model, context.model.body(context.target).id
-        shift, beyond_m = np.asarray(x[:3]), parts.body_size_m(model, context.target) * math.exp(x[3])
-        far = float(np.linalg.norm(shift))
-        away = shift * (1.0 + beyond_m / far) if far else shift
-        place = model.body_ipos[body] + away
-        return cls(str(context.target), float(model.body_mass[body]) * far / beyond_m, *map(float, place))
+        body = context.model.body(context.target).id
+        place = context.model.body_ipos[body] + np.asarray(x[1:4])
+        return cls(str(context.target), float(x[0] * context.model.body_mass[body]), *map(float, place))
 
     @classmethod
     def starts(cls, context: Scope) -> np.ndarray:
-        """Return a little to each side: of what is not there nothing tells on which side it is."""
-        shifts = 0.5 * np.diag([p.scale for p in cls.parameters(context)[:3]])
-        return np.pad(np.concatenate([shifts, -shifts]), ((0, 0), (0, 1)))
+        """Return a little of it at either side along each axis: a descent from the centre goes astray.
+
+        What a share does at a place hangs on the product of the two first, which makes a long valley.
+        """
+        sides = parts.body_size_m(context.model, context.target) * np.concatenate([np.eye(3), -np.eye(3)])
+        return np.column_stack([np.full(len(sides), 0.5 * USUAL_SHARE), sides])
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
@@ -121,8 +117,9 @@ class Payload(MechanismEffect):
 
 def _told(of: Values, model: mujoco.MjModel, target: str | None) -> list[str]:
     """Return the axes along which the motion tells where it is: along one that a body turns about none does."""
-    untold_m = parts.UNTOLD * parts.body_size_m(model, target)
-    return [axis for axis in "xyz" if (of.error(f"{axis}_m") or 0.0) < untold_m]
+    untold_m, centre = parts.UNTOLD * parts.body_size_m(model, target), model.body_ipos[model.body(target).id]
+    far = {axis: 0.5 * abs(of[f"{axis}_m"] - at) for axis, at in zip("xyz", centre.tolist(), strict=True)}
+    return [axis for axis in "xyz" if (of.error(f"{axis}_m") or 0.0) < max(untold_m, far[axis])]
 
 
 def _written(

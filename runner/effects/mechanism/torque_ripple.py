@@ -37,6 +37,7 @@ class TorqueRipple(MechanismEffect):
     label: ClassVar[str] = "a torque that depends on the position"
     of_joint: ClassVar = {"amplitude": parts.force_unit}
     commonness: ClassVar[int] = 3
+    amplitudes: ClassVar[int] = 2
     target: str
     amplitude: float
     cycles: float
