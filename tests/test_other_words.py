@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -35,14 +36,17 @@ def test_what_says_the_same_in_other_words_is_found_beside_the_likeliest() -> No
     tried = rivals(best.around, best.evidence, fitter, [by_names["actuator_delay", "floor_tilt"].fit])
     assert {r.rival for r in tried if r.one} == {"floor_tilt"}
     ranked = [entry("actuator_delay", "wind", probability=0.7), entry("mass", probability=0.2)]
-    (first, second) = with_equals(
-        [*ranked, entry("actuator_delay", "floor_tilt", probability=0.1)], best, tried, fitter.context
-    )
+    numbers = ({"floor_tilt": {"angle_rad": 0.01}}, {"floor_tilt": {"angle_rad": 0.001}})
+    slope = replace(entry("actuator_delay", "floor_tilt", probability=0.1), parameters=numbers[0], errors=numbers[1])
+    (first, second) = with_equals([*ranked, slope], best, tried, fitter.context)
     assert first.equivalent == (("actuator_delay", "floor_tilt"),)
     assert first.probability == pytest.approx(0.8)
-    (slope,) = (n[0] for n in first.equal_numbers.values())
-    assert slope["actuator_delay"]["delay_s"] == pytest.approx(0.05, rel=0.1)
-    assert slope["floor_tilt"]["angle_rad"] > 0.0
+    assert first.equal_numbers == {("actuator_delay", "floor_tilt"): numbers}
+    # what no entry of the ranking says the trial does, without errors
+    ((told, errors),) = with_equals(ranked, best, tried, fitter.context)[0].equal_numbers.values()
+    assert told["actuator_delay"]["delay_s"] == pytest.approx(0.05, rel=0.1)
+    assert told["floor_tilt"]["angle_rad"] > 0.0
+    assert errors == {}
     assert second == ranked[1]
 
 
