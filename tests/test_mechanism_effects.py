@@ -28,6 +28,7 @@ from mechanisms import (
 from runner.effects import mechanism as m
 from runner.effects.mechanism import EFFECTS, Command, MechanismEffect, Reading, Scope
 from runner.effects.wording import Values
+from runner.inference.parameters import is_out_of_range
 
 VOCABULARY = (
     "mass com_offset inertia payload link_length gravity joint_friction joint_damping stribeck asymmetric_friction "
@@ -405,6 +406,8 @@ def test_a_ripple_goes_round() -> None:
         where = scope(xml, joint)
         slowest = np.array([p.lower for p in m.TorqueRipple.parameters(where)])
         assert m.TorqueRipple.from_vector(slowest, where).cycles == pytest.approx(least)
+        slow = np.array([*m.TorqueRipple.starts(where)[0][:2], slowest[2]])
+        assert is_out_of_range(m.TorqueRipple.parameters(where), slow)
     far = replace(scope(ARM, "elbow"), reach={"elbow": math.pi})
     slowest = np.array([p.lower for p in m.TorqueRipple.parameters(far)])
     assert m.TorqueRipple.from_vector(slowest, far).cycles == pytest.approx(0.9)

@@ -66,7 +66,8 @@ class TorqueRipple(MechanismEffect):
         return (
             Parameter("sine", unit, 0.1 * force, -3 * force, 3 * force),
             Parameter("cosine", unit, 0.1 * force, -3 * force, 3 * force),
-            Parameter("log_cycles_ratio", "", 1.0, math.log(_fewest_cycles(context) / usual), 3.5, may_rest=True),
+            # at the fewest it is some smooth force, which a spring beside it may bend into any other
+            Parameter("log_cycles_ratio", "", 1.0, math.log(_fewest_cycles(context) / usual), 3.5),
         )
 
     @classmethod
