@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pandas as pd
 import yaml
@@ -87,6 +88,15 @@ def write_case(
     else:
         table.to_parquet(folder / "recording.parquet", index=False)
     return folder
+
+
+def followed(model: mujoco.MjModel, u: np.ndarray, step_s: float = 0.01) -> np.ndarray:
+    """Return the angle of a joint that plain MuJoCo moves by one actuator, whose commands last so long, (T,)."""
+    data, q = mujoco.MjData(model), np.zeros(len(u))
+    for k in range(len(u)):
+        data.ctrl[0], q[k] = u[k], data.qpos[0]
+        mujoco.mj_step(model, data, nstep=round(step_s / model.opt.timestep))
+    return q
 
 
 def system_of(folder: Path) -> MechanismSystem:

@@ -12,7 +12,7 @@ from runner.diagnosis.engine_steps import said_of_engine_steps
 from runner.noise.measured import measure
 from runner.systems.mechanism import MechanismSystem
 from runner.systems.simulator import Run
-from tests.mechanism_cases import system_of, write_case
+from tests.mechanism_cases import followed, system_of, write_case
 
 MODEL = """<mujoco><option timestep="0.002"/><worldbody><body name="lever">
 <joint name="hinge" axis="0 -1 0" damping="0.05" frictionloss="0.1" solreffriction="0.02 1"/>
@@ -27,14 +27,11 @@ def swung(noise_rad: float, folder: Path, model: str = MODEL) -> tuple[Mechanism
     What is believed of it is the same but for the steps, in `model`.
     """
     swinging = mujoco.MjModel.from_xml_string(MODEL)
-    data, angles, columns = mujoco.MjData(swinging), [], []
+    angles, columns = [], []
     t = np.arange(200) * 0.01
     for episode in range(EPISODES):
-        mujoco.mj_resetData(swinging, data)
-        u, angle = 2.0 * np.sin(5.0 * t + episode), np.zeros(len(t))
-        for k in range(len(t)):
-            data.ctrl[0], angle[k] = u[k], data.qpos[0]
-            mujoco.mj_step(swinging, data, nstep=5)
+        u = 2.0 * np.sin(5.0 * t + episode)
+        angle = followed(swinging, u)
         angles.append(angle)
         columns.append({"t": t, "u": u, "q": angle + noise_rad * np.random.default_rng(episode).normal(size=len(t))})
     nominal = {

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from cases import RATE_HZ, made
-from mechanism_cases import system_of, write_case
+from mechanism_cases import followed, system_of, write_case
 
 from runner.effects.planar_box import ActuatorDelay, FrictionPatch, Inertia, Wind
 from runner.errors import RecordingError
@@ -232,10 +232,8 @@ def test_what_a_joint_misses_at_rest_is_no_slow_noise(tmp_path: Path) -> None:
     model = mujoco.MjModel.from_xml_string(SAGGING.format(kp=20.0))
     t, columns = 0.01 * np.arange(600), []
     for episode in range(3):
-        data, u, q = mujoco.MjData(model), 0.4 * np.round(np.sin(0.8 * t + episode)), np.zeros(len(t))
-        for k in range(len(t)):
-            data.ctrl[0], q[k] = u[k], data.qpos[0]
-            mujoco.mj_step(model, data, nstep=10)
+        u = 0.4 * np.round(np.sin(0.8 * t + episode))
+        q = followed(model, u)
         columns.append({"t": t, "u": u, "q": q + 2e-4 * np.random.default_rng(episode).normal(size=len(t))})
     nominal = {
         "commands": {"u": {"actuator": "servo"}},

@@ -22,7 +22,7 @@ from runner.inference.least_squares import Fitter
 from runner.inference.search import search
 from runner.noise.measured import measure
 from runner.systems.mechanism import MechanismSystem
-from tests.mechanism_cases import PENDULUM, joint_channels, system_of, write_case
+from tests.mechanism_cases import PENDULUM, followed, joint_channels, system_of, write_case
 
 ARM = """<mujoco><worldbody><body name="upper"><joint name="shoulder" axis="0 -1 0"/>
 <inertial pos="0.12 0 0" mass="0.9" diaginertia="0.0005 0.004 0.004"/>
@@ -116,10 +116,8 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> MechanismSystem:
     spec.option.timestep = 1e-4
     swinging, t, columns = spec.compile(), 0.01 * np.arange(301), []
     for seed, (amplitude, hz) in enumerate(((1.5, 0.6), (2.5, 0.9))):
-        data, q, u = mujoco.MjData(swinging), np.zeros(len(t)), amplitude * np.sin(2 * np.pi * hz * t)
-        for k in range(len(t)):
-            data.ctrl[0], q[k] = u[k], data.qpos[0]
-            mujoco.mj_step(swinging, data, nstep=100)
+        u = amplitude * np.sin(2 * np.pi * hz * t)
+        q = followed(swinging, u)
         columns.append({"t": t, "u": u, "q_hinge": q + 1e-3 * np.random.default_rng(seed).normal(size=len(t))})
     nominal = {
         "commands": {"u": {"actuator": "drive"}},

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr  # of scipy.stats' import every diagnosis would wait for a second
 
-from runner.localise.linearised import Model, linearised
+from runner.localise.linearised import Model, linearised, slow_beside_constants
 from runner.localise.windows import window_lengths_s, windows_of_length
 from runner.noise.measured import Measured
 from runner.settings import SETTINGS
@@ -86,25 +86,36 @@ def window_excess(model: Model, windows: Windows, measured: Measured, shorter: n
     for _, some in windows.chunks(WINDOWS_AT_ONCE):
         first = linearised(model, some, measured, system.initial.guess_windows(measured, some, smooth=True))
         local = linearised(model, some, measured, first.fitted(), np.diag(system.disturbance.steps))
-        parts.append((*local.slow(), *local.slow_of_what_stands_still(), *local.missing_force(weak)))
-    slow, freedom, wanders, free, force, covariance = (np.concatenate(every) for every in zip(*parts, strict=True))
+        parts.append((*local.slow(), *local.missing_force(weak)))
+    slow, freedom, force, covariance = (np.concatenate(every) for every in zip(*parts, strict=True))
     labels = system.label(measured, windows)
     rest = labels.table["regime"].to_numpy() == system.regimes[0]
-    # what the model leaves where nothing moves, and the measurement does not show, it has wrong: where a joint comes to
-    # rest under a load, say
-    shown = _noise_at_rest(wanders, free, rest, np.full(len(shorter), np.inf))
-    seen = np.array([c.space is not Space.ROTATION for c in system.channels])
-    noise = np.fmin(_noise_at_rest(slow, freedom, rest, shorter), np.where(seen, shown, np.inf))
+    noise = _noise_at_rest(slow[rest], freedom[rest], shorter)
+    if rest.any():
+        # what the model leaves where nothing moves, and the measurement does not show, it has wrong: of a joint that
+        # rests under a load, say; of orientations a recording holds no number
+        shown = _noise_at_rest(*_wanders(model, windows.at(rest), measured), np.full(len(noise), np.inf))
+        noise = np.where([c.space is Space.ROTATION for c in system.channels], noise, np.fmin(noise, shown))
     return WindowExcess(windows.samples, labels, slow / noise - freedom, freedom, noise, force, covariance)
 
 
-def _noise_at_rest(slow: np.ndarray, freedom: np.ndarray, rest: np.ndarray, shorter: np.ndarray) -> np.ndarray:
-    """Return how much more slow noise each channel has at rest than it should, at least 1, (C,).
+def _wanders(model: Model, still: Windows, measured: Measured) -> tuple[np.ndarray, np.ndarray]:
+    """Return how much what was measured moves slowly by itself in windows at rest, and what noise makes of it."""
+    parts = []
+    for _, some in still.chunks(WINDOWS_AT_ONCE):
+        valid = model.system.initial.settled(some.of(measured.valid), model.system.rate_hz)
+        parts.append(slow_beside_constants(some.of(measured.values), valid, measured))
+    slow, freedom = (np.concatenate(every) for every in zip(*parts, strict=True))
+    return slow, freedom
+
+
+def _noise_at_rest(slow: np.ndarray, freedom: np.ndarray, shorter: np.ndarray) -> np.ndarray:
+    """Return how much more slow noise each channel has in windows at rest, (W, C), than it should, at least 1, (C,).
 
     Where there is too little rest to tell, noise that was slow in `shorter` windows of half the length is taken for
     slower still: its ratio squared.
     """
-    free = freedom[rest].sum(axis=0)
-    ratio = slow[rest].sum(axis=0) / np.maximum(free, 1e-9)
+    free = freedom.sum(axis=0)
+    ratio = slow.sum(axis=0) / np.maximum(free, 1e-9)
     sure = ratio > 1 + 2 * np.sqrt(2 / np.maximum(free, 1e-9))
     return np.where(free >= SETTINGS.where.min_rest_values, np.where(sure, ratio, 1.0), shorter**2)

@@ -39,8 +39,7 @@ class Linearised:
 
     `starts` (W, S), `scale` of them (S,); `residual` whitened (W, n, C); `raw` the same in physical units; `jacobian`
     by the starts, per scale, whitened (W, n, C, S), and `change` the same not whitened; `by_force` per step, whitened
-    (W, n, C, D). `still` is how what was measured differs from its mean, whitened (W, n, C); 0 of orientations, of
-    which a recording holds no number.
+    (W, n, C, D).
     """
 
     measured: Measured
@@ -52,7 +51,6 @@ class Linearised:
     change: np.ndarray
     jacobian: np.ndarray
     by_force: np.ndarray
-    still: np.ndarray
 
     def _solve(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the inverse of the normal equations, (W, S, S), and the step of the starts, (W, S), per scale."""
@@ -76,34 +74,7 @@ class Linearised:
 
     def slow(self) -> tuple[np.ndarray, np.ndarray]:
         """Return sums of squares of the slow residual, and what noise makes of them, per window and channel, (W, C)."""
-        return self._slow(self.residual, self.jacobian)
-
-    def slow_of_what_stands_still(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the same, (W, C), of what was measured beside a constant: of a channel the mean alone is taken off."""
-        w, n, c, _ = self.jacobian.shape
-        constant = np.zeros((w, n, c, c))
-        level = whiten(np.ones((w, n, c)), self.valid, self.measured)
-        constant[..., np.arange(c), np.arange(c)] = level
-        return self._slow(self.still, constant)
-
-    def _slow(self, residual: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        w, n, c, p = jacobian.shape
-        basis = np.linalg.qr(
-            np.polynomial.legendre.legvander(np.linspace(-1, 1, n), min(SETTINGS.noise.smooth_degree, n - 1))
-        )[0]
-        d = basis.shape[1]
-        part = np.einsum("nd,wnc->wcd", basis, residual).reshape(w, c * d)
-        starts = np.einsum("nd,wncp->wcdp", basis, jacobian, optimize=True).reshape(w, c * d, p)
-        normal = starts.transpose(0, 2, 1) @ starts + np.eye(p) / PRIOR_SIGMAS**2
-        out = np.eye(c * d) - starts @ np.linalg.solve(normal, starts.transpose(0, 2, 1))
-        # what doesn't count has no noise either
-        noise = np.zeros((w, c, d, c, d))
-        gram = np.einsum("nd,wnc,ne->wcde", basis, self.valid, basis, optimize=True)
-        noise[:, np.arange(c), :, np.arange(c), :] = gram.transpose(1, 0, 2, 3)
-        spread = out @ noise.reshape(w, c * d, c * d)
-        freedom = (spread * out).sum(axis=2).reshape(w, c, d).sum(axis=2)
-        left = (out @ part[..., None])[..., 0].reshape(w, c, d)
-        return (left**2).sum(axis=2), freedom
+        return _slow_part(self.residual, self.jacobian, self.valid)
 
     def missing_force(self, prior_steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the missing force in steps, (W, D), and its covariance, (W, D, D), inflated where the fit is bad."""
@@ -135,8 +106,6 @@ def linearised(
     values = windows.of(measured.values)
     valid = model.system.initial.settled(windows.of(measured.valid), model.system.rate_hz)
     raw = rows[:, 0] - values
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.where(valid, values, 0.0).sum(axis=1, keepdims=True) / valid.sum(axis=1, keepdims=True)
     moved = (rows[:, 1 : 1 + size] - rows[:, :1]) / steps[:, None, None] * scale[:, None, None]
     return Linearised(
         measured=measured,
@@ -147,6 +116,39 @@ def linearised(
         residual=whiten(raw, valid, measured),
         change=np.moveaxis(moved / measured.sigma, 1, -1),
         jacobian=np.moveaxis(whiten(moved, valid[:, None], measured), 1, -1),
-        still=whiten(np.where(valid, values - mean, 0.0), valid, measured),
         by_force=np.moveaxis(whiten(rows[:, 1 + size :] - rows[:, :1], valid[:, None], measured), 1, -1),
     )
+
+
+def slow_beside_constants(values: np.ndarray, valid: np.ndarray, measured: Measured) -> tuple[np.ndarray, np.ndarray]:
+    """Return what `Linearised.slow` does, (W, C) each, of measured values, (W, n, C), that should stand still.
+
+    Of each channel its mean is all that is taken off.
+    """
+    w, n, c = values.shape
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(valid, values, 0.0).sum(axis=1, keepdims=True) / valid.sum(axis=1, keepdims=True)
+    levels = np.zeros((w, n, c, c))
+    levels[..., np.arange(c), np.arange(c)] = whiten(np.ones((w, n, c)), valid, measured)
+    return _slow_part(whiten(np.where(valid, values - mean, 0.0), valid, measured), levels, valid)
+
+
+def _slow_part(residual: np.ndarray, jacobian: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the slow part of residuals, (W, n, C), that unknowns, (W, n, C, P), may take away; see `slow`."""
+    w, n, c, p = jacobian.shape
+    basis = np.linalg.qr(
+        np.polynomial.legendre.legvander(np.linspace(-1, 1, n), min(SETTINGS.noise.smooth_degree, n - 1))
+    )[0]
+    d = basis.shape[1]
+    part = np.einsum("nd,wnc->wcd", basis, residual).reshape(w, c * d)
+    starts = np.einsum("nd,wncp->wcdp", basis, jacobian, optimize=True).reshape(w, c * d, p)
+    normal = starts.transpose(0, 2, 1) @ starts + np.eye(p) / PRIOR_SIGMAS**2
+    out = np.eye(c * d) - starts @ np.linalg.solve(normal, starts.transpose(0, 2, 1))
+    # what doesn't count has no noise either
+    noise = np.zeros((w, c, d, c, d))
+    gram = np.einsum("nd,wnc,ne->wcde", basis, valid, basis, optimize=True)
+    noise[:, np.arange(c), :, np.arange(c), :] = gram.transpose(1, 0, 2, 3)
+    spread = out @ noise.reshape(w, c * d, c * d)
+    freedom = (spread * out).sum(axis=2).reshape(w, c, d).sum(axis=2)
+    left = (out @ part[..., None])[..., 0].reshape(w, c, d)
+    return (left**2).sum(axis=2), freedom

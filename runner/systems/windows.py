@@ -29,7 +29,10 @@ class Windows:
 
     def some(self, count: int) -> Windows:
         """Return so many of them at most, spread over all."""
-        chosen = spread_over(len(self), count)
+        return self.at(spread_over(len(self), count))
+
+    def at(self, chosen: np.ndarray) -> Windows:
+        """Return those at some positions, (k,), or of a mask, (W,)."""
         return Windows(self.episode[chosen], self.first[chosen], self.samples)
 
     def chunks(self, size: int) -> list[tuple[slice, Windows]]:

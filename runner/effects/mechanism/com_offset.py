@@ -11,7 +11,7 @@ import mujoco
 from runner.effects.base import Parameter, Phrase, Vector
 from runner.effects.mechanism import parts
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
-from runner.effects.wording import Values, listed
+from runner.effects.wording import Values
 from runner.errors import check_range
 
 NEAR = 0.1  # of the size of its body: how far off one is believed to be
@@ -68,14 +68,10 @@ class ComOffset(MechanismEffect):
 
 
 def _told(of: Values, model: mujoco.MjModel, target: str | None) -> list[str]:
-    """Return the axes along which the motion tells how far off it is: along one that a body turns about none does."""
-    untold_m = parts.UNTOLD * NEAR * parts.body_size_m(model, target)
-    errors = {axis: of.error(f"{axis}_m") or 0.0 for axis in "xyz"}
-    return [axis for axis, e in errors.items() if e < max(untold_m, 0.5 * abs(of[f"{axis}_m"]))]
+    return parts.axes_told(of, parts.UNTOLD * NEAR * parts.body_size_m(model, target))
 
 
 def _amount(of: Values, told: Sequence[str]) -> str:
     """Return how far off it is along each axis that the motion tells."""
-    lacks = f"the motion does not tell {listed([a for a in 'xyz' if a not in told], 'or')}" if len(told) < 3 else ""
     off = f"off by {', '.join(axis + ' ' + of.long(axis + '_m') for axis in told)} in body axes" if told else ""
-    return "; ".join(part for part in (off, lacks) if part)
+    return "; ".join(part for part in (off, parts.said_of_others(told)) if part)

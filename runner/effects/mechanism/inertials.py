@@ -28,18 +28,12 @@ def inertials(model: mujoco.MjModel, effects: Iterable[AbstractEffect], errors: 
     out = dict[str, str]()
     for body, own in _by_body(effects).items():
         if len(own) > 1:
-            told = [
-                e.as_told(model, errors.get(_name(e), {})) if isinstance(e, ComOffset | Payload) else e for e in own
-            ]
-            out |= dict.fromkeys((_name(e) for e in own), "")
-            out[_name(own[0])] = parts.to_give(parts.changed(model, *in_stages(told)), body)
+            told = [e.as_told(model, errors.get(e.full_name, {})) if isinstance(e, PLACED) else e for e in own]
+            out |= dict.fromkeys((e.full_name for e in own), "")
+            out[own[0].full_name] = parts.to_give(parts.changed(model, *in_stages(told)), body)
     return out
 
 
 def _by_body(effects: Iterable[AbstractEffect]) -> dict[str, list[MechanismEffect]]:
     found = sorted((e for e in effects if isinstance(e, OF_A_BODY)), key=lambda e: e.target)
     return {body: list(own) for body, own in itertools.groupby(found, key=lambda e: e.target)}
-
-
-def _name(effect: MechanismEffect) -> str:
-    return f"{effect.name}[{getattr(effect, 'target', '')}]"

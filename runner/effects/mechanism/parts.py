@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 
 from runner.effects.mechanism.base import JointUnit, MechanismEffect, Scope
+from runner.effects.wording import Values, listed
 from runner.physics.joint_law import JointLaw
 from runner.physics.medium import AIR
 
@@ -65,6 +67,23 @@ def changed(model: mujoco.MjModel, *effects: MechanismEffect) -> mujoco.MjModel:
     for effect in effects:
         effect.edit_model(out)
     return out
+
+
+def axes_told(of: Values, untold_m: float, believed_m: Sequence[float] = (0.0, 0.0, 0.0)) -> list[str]:
+    """Return the axes along which the motion tells where something is: along one that its body turns about none does.
+
+    Args:
+        of: Its place, `x_m`, `y_m`, `z_m`, with errors.
+        untold_m: An error as large says that nothing was learned, unless the place is much farther off.
+        believed_m: Where it is if nothing is learned, (3,).
+    """
+    off = {axis: abs(of[f"{axis}_m"] - at) for axis, at in zip("xyz", believed_m, strict=True)}
+    return [axis for axis in "xyz" if (of.error(f"{axis}_m") or 0.0) < max(untold_m, 0.5 * off[axis])]
+
+
+def said_of_others(told: Sequence[str]) -> str:
+    """Return that the motion does not tell the axes beside those that it tells; empty: it tells all."""
+    return f"the motion does not tell {listed([a for a in 'xyz' if a not in told], 'or')}" if len(told) < 3 else ""
 
 
 def joint_of(model: mujoco.MjModel, name: str | None) -> int:

@@ -8,8 +8,7 @@ of mass of a body of mass M and inertia I (matrices, in the body's axes) makes
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
@@ -97,35 +96,30 @@ class Payload(MechanismEffect):
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
+        centre = _centre(beliefs.model, target)
         told = _told(of, beliefs.model, target)
-        where = [f"{axis} {of.long(axis + '_m')}" for axis in told]
-        lacks = [axis for axis in "xyz" if axis not in told]
-        written = _written({key: of[key] for key in ("mass_kg", "x_m", "y_m", "z_m")}, told, beliefs.model, target)
+        where = listed([f"{axis} {of.long(axis + '_m')}" for axis in told])
+        amount = of.show("mass_kg", "kg") + (f" at {where} in body axes" if where else "")
+        written = {f"{axis}_m": of[f"{axis}_m"] if axis in told else at for axis, at in centre.items()}
         return Phrase(
             f"something that the model lacks is attached to body '{target}': a tool, a payload or a part",
-            f"{of.show('mass_kg', 'kg')}{' at ' + listed(where) + ' in body axes' if where else ''}"
-            + (f"; the motion does not tell {listed(lacks, 'or')}" if lacks else ""),
-            parts.to_give_of(beliefs.model, cls, target, **written),
+            "; ".join(part for part in (amount, parts.said_of_others(told)) if part),
+            parts.to_give_of(beliefs.model, cls, target, mass_kg=of["mass_kg"], **written),
             f"Look what '{target}' carries, or weigh it.",
         )
 
     def as_told(self, model: mujoco.MjModel, errors: Mapping[str, float]) -> Payload:
         """Return it where the motion tells it; along other axes it lies beside the body's centre of mass."""
-        values = dict(self.report())
-        return replace(self, **_written(values, _told(Values(values, errors), model, self.target), model, self.target))
+        told = _told(Values(self.report(), errors), model, self.target)
+        centre = _centre(model, self.target)
+        return replace(self, **{f"{axis}_m": at for axis, at in centre.items() if axis not in told})
 
 
 def _told(of: Values, model: mujoco.MjModel, target: str | None) -> list[str]:
-    """Return the axes along which the motion tells where it is: along one that a body turns about none does."""
-    untold_m, centre = parts.UNTOLD * parts.body_size_m(model, target), model.body_ipos[model.body(target).id]
-    far = {axis: 0.5 * abs(of[f"{axis}_m"] - at) for axis, at in zip("xyz", centre.tolist(), strict=True)}
-    return [axis for axis in "xyz" if (of.error(f"{axis}_m") or 0.0) < max(untold_m, far[axis])]
+    centre = tuple(_centre(model, target).values())
+    return parts.axes_told(of, parts.UNTOLD * parts.body_size_m(model, target), centre)
 
 
-def _written(
-    values: Mapping[str, float], told: Sequence[str], model: mujoco.MjModel, target: str | None
-) -> dict[str, float]:
-    """Return values of which those that the motion does not tell are the body's centre of mass."""
-    centre = dict(zip("xyz", model.body_ipos[model.body(target).id].tolist(), strict=True))
-    place = {f"{axis}_m": values[f"{axis}_m"] if axis in told else centre[axis] for axis in "xyz"}
-    return {"mass_kg": values["mass_kg"], **place} if math.isfinite(values["mass_kg"]) else dict(values)
+def _centre(model: mujoco.MjModel, target: str | None) -> dict[str, float]:
+    """Return the centre of mass of a body, in its axes, m, by axis."""
+    return dict(zip("xyz", model.body_ipos[model.body(target).id].tolist(), strict=True))
