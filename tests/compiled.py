@@ -11,19 +11,23 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
 from runner import commands
 from runner.blind.make import make_cases
 from runner.blind.mechanism.maker import Circumstances, MechanismMaker
 from runner.blind.planar_box.case import PlanarBoxMaker
 from runner.commands._self_test import sliding, swinging
+from runner.numerics.recursive_filter import filtered
 
 SHORT = Circumstances(episodes=(3, 3), seconds=(3.0, 3.0))
 
 
 def laws() -> None:
-    """Let a box slide and a pendulum swing."""
+    """Let a box slide, a pendulum swing and a filter run."""
     sliding()
     swinging()
+    filtered(np.zeros(2), 1.0, 0.0, 0.0)
 
 
 def worlds() -> None:

@@ -17,6 +17,7 @@ from pydantic import BaseModel
 
 from runner.errors import RecordingError
 from runner.importing import map_file, units
+from runner.importing.entries import Entry, Role
 from runner.importing.propose import propose
 from runner.importing.readers import read_log
 from runner.importing.readers.rosbag import check_definitions
@@ -174,6 +175,21 @@ def test_maps_on_the_page_are_maps(number: int, kind: Any, tmp_path: Path) -> No
 )  # fmt: skip
 def test_units_have_their_sizes(unit: str, si: str, size: float) -> None:
     assert units.allowed(si)[units.spelled(unit)] == pytest.approx(size)
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ({}, "z"),
+        ({"size": -0.001}, "-z"),
+        ({"scale": 0.5, "offset": -3.0}, "0.5 z - 3"),
+        ({"scale": 2.0, "size": -1.0}, "-(2 z)"),
+        ({"value": 45.0, "size": 0.001}, "45 always"),
+    ],
+)
+def test_what_is_done_to_a_signal_is_told(entry: dict[str, Any], said: str) -> None:
+    """Where y points up an axis changes its sign, too."""
+    assert Entry("channels.y", "y", "z", Role.CHANNEL, **entry).formula == said
 
 
 def test_pickles_are_refused(tmp_path: Path) -> None:

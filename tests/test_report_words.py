@@ -303,6 +303,9 @@ def test_lost_samples_are_no_outliers(found: Any) -> None:
     valid[0][20, 0] = False
     said = notes(found.system, replace(lost, valid=tuple(valid)), (1, 2))
     assert "1 value sticks out of its neighbours and was left out: position x at 0.33 s of episode 3." in said
+    valid[0][30:33, 1] = valid[1][5, 1] = False
+    said = notes(found.system, replace(lost, valid=tuple(valid)), (1, 2))
+    assert any(n.endswith("left out: 4 of position y and 1 of position x; in episodes 3 (4) and 4 (1).") for n in said)
 
 
 @pytest.mark.parametrize(

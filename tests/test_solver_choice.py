@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
@@ -149,6 +150,15 @@ def test_a_corrected_model_is_solved_as_it_was_when_it_was_found(tmp_path: Path)
     path.write_text(path.read_text().replace("truly", "hardly"))
     with pytest.raises(runner.RunnerError, match="solved: allowed of this model: 'dry friction as soft"):
         runner.gap(case, model=path)
+
+
+def test_nothing_is_said_of_how_friction_is_solved_where_there_is_none(tmp_path: Path) -> None:
+    recording = dry_case(tmp_path).recording
+    path = recording.model_path
+    path.write_text(re.sub(' frictionloss="[^"]*"', "", path.read_text()))
+    system = MechanismSystem(replace(recording))
+    assert "solved" not in write_corrected(tmp_path / "without", (), system).read_text()
+    assert "solved" in write_corrected(tmp_path / "with", (JointFriction("slide", 4.0),), system).read_text()
 
 
 def test_a_model_that_means_hard_friction_has_no_other_way(tmp_path: Path) -> None:

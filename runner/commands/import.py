@@ -116,11 +116,7 @@ def _import(config: ImportConfig, map_file: Path, console: Console) -> None:
     clocks = _clocks(built.clocks)
     print_table(console, "Clocks", clocks, right=range(2, len(clocks[0])))
     conversions = [
-        (
-            e.column,
-            e.signal if e.value is None else f"{e.value:g} always",
-            f"{e.unit or '-'}" + (f" -> {e.si_unit}" if e.unit != e.si_unit and e.si_unit else ""),
-        )
+        (e.column, e.formula, f"{e.unit or '-'}" + (f" -> {e.si_unit}" if e.unit != e.si_unit and e.si_unit else ""))
         for e in built.plan.entries
     ]
     print_table(console, "Columns", (("column", "signal", "unit"), conversions))

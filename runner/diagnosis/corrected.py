@@ -53,7 +53,7 @@ def write_corrected(folder: str | Path, effects: Effects, system: AbstractSystem
         "effects": {e.full_name: {f.name: float(getattr(e, f.name)) for f in _fields(type(e))} for e in effects},
         "units": {e.full_name: _units(e, system) for e in effects},
         "model": list(files),
-        **({"solved": system.solved} if system.solved else {}),
+        **({"solved": system.solved} if system.is_solved(effects) else {}),
     }
     path = folder / FILE
     write_yaml(path, content)

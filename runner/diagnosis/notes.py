@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,7 +19,7 @@ from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 from runner.systems.recorded import Recorded
 
-MOST_PLACES = 3  # values that are told one by one
+MOST_PLACES = 3  # values that are told one by one; of more, episodes that are
 
 
 def notes(
@@ -128,9 +129,13 @@ def _left_out(measured: Measured, system: AbstractSystem) -> str:
         if len(places) == 1
         else (f"{len(places)} values stick out of their neighbours and were")
     )
-    if len(places) > MOST_PLACES:
-        return f"{said} left out."
     episodes = system.recording.episodes
+    if len(places) > MOST_PLACES:
+        channels, of = (Counter(each).most_common() for each in ([c for *_, c in places], [e for e, *_ in places]))
+        by_channel = listed([f"{count} of {system.channels[c].label}" for c, count in channels])
+        named = [f"{called(system.recording.path, episodes[e].index)} ({count})" for e, count in of[:MOST_PLACES]]
+        more = [f"{len(of) - MOST_PLACES} more"] if len(of) > MOST_PLACES else []
+        return f"{said} left out: {by_channel}; in {'episode' if len(of) == 1 else 'episodes'} {listed(named + more)}."
     each = listed(
         [
             f"{system.channels[c].label} at {episodes[e].t_s[i]:.2f} s of episode "

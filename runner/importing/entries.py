@@ -67,6 +67,18 @@ class Entry:
             return np.full(len(values), self.value * self.size)
         return (self.scale * values + self.offset) * self.size
 
+    @property
+    def formula(self) -> str:
+        """What of the log it is, before its unit is changed: `-0.5 z`, or `3 always`."""
+        if self.value is not None:
+            return f"{self.value:g} always"
+        scale = "" if self.scale == 1.0 else f"{self.scale:g} "
+        offset = f" {'-' if self.offset < 0 else '+'} {abs(self.offset):g}" if self.offset else ""
+        taken = f"{scale}{self.signal}{offset}"
+        if self.size > 0:
+            return taken
+        return f"-{taken}" if taken == self.signal else f"-({taken})"
+
 
 @dataclass(frozen=True)
 class Plan:

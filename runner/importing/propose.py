@@ -331,7 +331,7 @@ def _text(draft: _Draft, head: Mapping[str, object]) -> str:
     rounding = "here step / sqrt(12) of coarse ones; " if draft.noise else ""
     lines.append(f"noise: {_flow(draft.noise)}  # standard deviations in SI; {rounding}what is missing is estimated")
     if not draft.box:
-        free = "start: free  # or rest: every episode starts at rest"
+        free = "start: free  # nothing shows that every episode begins at rest; if they all do: rest"
         lines.append(
             "start: rest  # every episode begins far slower than it goes on; else free" if draft.rests else free
         )

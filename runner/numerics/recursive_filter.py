@@ -33,8 +33,7 @@ def filtered(x: np.ndarray, now: float, before: float, decay: float, start: np.n
     return out
 
 
-# compiled when it is imported, or read from the disk: else whoever calls it first would wait
-@njit("(float64[:, ::1], float64[::1], float64, float64, float64)", cache=True)
+@njit(cache=True)
 def _filter(rows: np.ndarray, state: np.ndarray, now: float, before: float, decay: float) -> None:
     for i in range(rows.shape[0]):
         left = state[i]

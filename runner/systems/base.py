@@ -208,6 +208,10 @@ class AbstractSystem(ABC):
         """How what may be `solved_otherwise` is solved, in words; empty where nothing is."""
         return ""
 
+    def is_solved(self, effects: Effects) -> bool:
+        """Whether these beliefs with effects in them hold anything that is solved as `solved` says."""
+        return bool(self.solved)
+
     def remedies_together(self, effects: Effects, errors: Mapping[str, Mapping[str, float]]) -> Mapping[str, str]:
         """Return what to change in a simulator for effects that change one element of it together, by their names.
 

@@ -211,6 +211,10 @@ class MechanismSystem(AbstractSystem):
         """See `AbstractSystem`."""
         return HARD if self._models.hard_friction else SOFT
 
+    def is_solved(self, effects: Effects) -> bool:
+        """See `AbstractSystem`."""
+        return bool((self._models.edited(effects).dof_frictionloss > 0).any())
+
     def remedies_together(self, effects: Effects, errors: Mapping[str, Mapping[str, float]]) -> Mapping[str, str]:
         """See `AbstractSystem`."""
         return inertials(self.beliefs.model, effects, errors)
