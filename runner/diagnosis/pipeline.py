@@ -13,6 +13,7 @@ from runner.diagnosis.attempt import attempt, unseen_only
 from runner.diagnosis.closure import close, left_by_episode
 from runner.diagnosis.engine_steps import said_of_engine_steps
 from runner.diagnosis.flights import flights_alone
+from runner.diagnosis.known import contradicted
 from runner.diagnosis.notes import doubts, notes
 from runner.diagnosis.ranking import contender_of, ranking, with_equals
 from runner.diagnosis.result import Diagnosis
@@ -95,6 +96,7 @@ def diagnose(
     if advise:
         observer.step(Step.TRYING)
     near = found_rivals(top, searched, fitter) if advise else ()
+    false = contradicted(searched, fitter) if advise else ""
     ranked = with_equals(ranked, top, near, system.context)
     return Diagnosis(
         case=recording.path.name,
@@ -123,7 +125,7 @@ def diagnose(
         abstention=helps,
         flights=flights,
         disturbances=disturbances,
-        doubts=doubts(system, measured, top),
+        doubts=(*doubts(system, measured, top), *([false] if false else [])),
         notes=notes(
             system,
             measured,
