@@ -152,6 +152,18 @@ def test_parts_and_windows_go_on_as_the_episode_does(tmp_path: Path):
     assert nested.predict(0, [Run((), state)])[0] == pytest.approx(part, abs=1e-12)
 
 
+def test_parts_side_by_side_move_as_each_does_alone(tmp_path: Path):
+    """Of whatever length, with whatever each is asked for: what is simulated beyond a shorter one's end is not seen."""
+    simulator = arm(tmp_path).simulator().parts([Span(0, 0, 100), Span(0, 20, 200), Span(0, 5, 98), Span(0, 3, 4)])
+    state = np.array([0.2, -0.1, 0.4, 0.3])
+    runs = [[Run((), state), Run((Heavier(1.25),), state)], [Run((), -state)], [Run((Heavier(1.1),), state)], []]
+    each = simulator.predict_each(list(enumerate(runs)))
+    assert [len(shown) for shown in each] == [2, 1, 1, 0]
+    for k, shown in enumerate(each):
+        for run, row in zip(runs[k], shown, strict=True):
+            np.testing.assert_array_equal(row, simulator.predict(k, [run])[0])
+
+
 def test_a_late_command_of_before_the_cut_still_comes(tmp_path: Path):
     """The last third of a log in one piece goes on under what was commanded before it: a carriage driven by sin(4t)."""
     delay_s, mass = 0.15, 2.0

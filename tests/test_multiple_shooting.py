@@ -74,6 +74,22 @@ def test_a_part_moves_as_the_whole_does_there(effects: Effects) -> None:
     assert parts.predict(0, [Run(effects, one[75])])[0] == pytest.approx(one[75:150], abs=1e-9)
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+def test_episodes_side_by_side_move_as_each_does_alone(threads: int) -> None:
+    """Of whatever length, with whatever each is asked for; nothing is asked of one."""
+    recording = pushed(random_pushes(2, 3.0), [()] * 2)
+    spans = [Span(1, 0, 150), Span(0, 20, 80), Span(1, 5, 152), Span(0, 0, 60)]
+    simulator = Simulator(recording, grid=8, threads=threads).parts(spans)
+    start = np.array([0.2, -0.1, 0.4, 0.3, -0.2, 0.5])
+    late, leaking, spring = (fx.ObservationDelay(0.05),), (fx.ActuatorLag(0.2),), (fx.Tether(5.0, 1.0, 0.0),)
+    runs = [[Run(late, start), Run((), -start)], [Run((), start)], [Run(leaking, start), Run(spring, start)], []]
+    each = simulator.predict_each(list(enumerate(runs)))
+    for k, shown in enumerate(each):
+        assert shown.shape == (len(runs[k]), spans[k].end - spans[k].begin, 6)
+        for run, row in zip(runs[k], shown, strict=True):
+            np.testing.assert_array_equal(row, simulator.predict(k, [run])[0])
+
+
 def test_measured_parts_keep_what_hangs() -> None:
     """The first sample that hangs on a breakaway is counted from where a part begins; the earliest counts."""
     recording = pushed(random_pushes(2, 2.0), [()] * 2)

@@ -39,8 +39,9 @@ def said_of_engine_steps(
         return ()
     engine, step_s = alone
     one, other = system.simulator().parts(spans), engine.parts(spans)
-    off = [one.predict(e, [Run(effects, s)])[0] - other.predict(e, [Run(effects, s)])[0] for e, s in starts.items()]
-    noises = np.sqrt(np.mean(np.concatenate(off) ** 2, axis=0)) / measured.sigma
+    asked = [(e, [Run(effects, s)]) for e, s in starts.items()]
+    off = np.concatenate(one.predict_each(asked), axis=1) - np.concatenate(other.predict_each(asked), axis=1)
+    noises = np.sqrt(np.mean(off[0] ** 2, axis=0)) / measured.sigma
     if not noises.max() > 1.0:
         return ()
     worst = int(np.argmax(noises))

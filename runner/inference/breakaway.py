@@ -44,7 +44,7 @@ def hanging(fitter: Fitter, fit: Fit) -> dict[int, int]:
         x[1:, place] = np.clip(excess + changes * (1.0 + excess), low[place], high[place])
         effects = [fit.explanation.make(row, fitter.context) for row in x]
         told, start = _foretold(fitter, effects[0], e, fit.starts[k])
-        rows = fitter.whitened(e, [Run(each, start) for each in effects])
+        (rows,) = fitter.whitened([(e, [Run(each, start) for each in effects])])
         rows = rows.reshape(len(x), len(fitter.measured.values[e]), -1)
         sample = _parting(rows, told, fitter.system.rate_hz)
         if sample is not None and len(rows[0]) > least:
@@ -83,7 +83,7 @@ def _foretold(fitter: Fitter, effects: Effects, episode: int, start: np.ndarray)
     for _ in range(limits.max_growths):
         first = replace(fitter.parts([Span(episode, 0, told)]), held=effects)
         begun = first.fit(NONE, [0], starts=start[None], iterations=limits.start_steps, polish=False).starts[0]
-        white = fitter.whitened(episode, [Run(effects, begun)])[0].reshape(samples, -1)
+        white = fitter.whitened([(episode, [Run(effects, begun)])])[0].reshape(samples, -1)
         square = np.convolve((white**2).mean(axis=1), np.full(lasting, 1.0 / lasting), mode="valid")
         astray = np.flatnonzero(square > limits.lost_mean_square)
         reached = int(astray[0]) if len(astray) else samples

@@ -90,8 +90,9 @@ def _tried(rival: Rival, fit: Fit, fitter: Fitter, found: Mapping[Key, Fit]) -> 
     context = fitter.context
     effects = fit.explanation.make(fit.x, context)
     values = list(fitter.measured.values)
-    for e, start in zip(fit.episodes, fit.starts, strict=True):
-        values[e] = fitter.simulator.predict(e, [Run(effects, start)])[0]
+    each = [(e, [Run(effects, start)]) for e, start in zip(fit.episodes, fit.starts, strict=True)]
+    for (e, _), shown in zip(each, fitter.simulator.predict_each(each), strict=True):
+        values[e] = shown[0]
     stand_in = replace(fitter, measured=replace(fitter.measured, values=tuple(values)))
     fits = []
     for candidate in fitter.system.vocabulary.by_name[rival.rival]:

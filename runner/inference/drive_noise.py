@@ -91,9 +91,9 @@ def _moved_beside_starts(fit: Fit, k: int, effects: Effects, other: Fitter) -> F
     """
     episode, start, left = fit.episodes[k], fit.starts[k], fit.residual[k]
     q, r = fit.basis.q[k], fit.basis.r[k]
-    first = np.nan_to_num(other.whitened(episode, [Run(effects, start)])[0] - left)
+    first = np.nan_to_num(other.whitened([(episode, [Run(effects, start)])])[0][0] - left)
     follow = start - np.linalg.pinv(r) @ (q.T @ first)
-    then = np.nan_to_num(other.whitened(episode, [Run(effects, follow)])[0] - left)
+    then = np.nan_to_num(other.whitened([(episode, [Run(effects, follow)])])[0][0] - left)
     return min(project(first, q), project(then, q), key=lambda moved: float(moved @ moved))
 
 

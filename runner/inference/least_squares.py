@@ -245,29 +245,31 @@ class Fitter:
         """Return rough start states from the first samples, (E, S)."""
         return np.array([self.system.initial.guess(self.measured, e) for e in episodes])
 
-    def whitened(self, episode: int, runs: Sequence[Run]) -> np.ndarray:
-        """Return whitened residuals of several simulations of one episode, (len(runs), n)."""
-        runs = [Run(self.held + run.effects, run.start) for run in runs]
-        predicted = self.simulator.predict(episode, runs)
-        return self.measured.whiten(episode, predicted - self.measured.values[episode]).reshape(len(runs), -1)
+    def whitened(self, asked: Sequence[tuple[int, Sequence[Run]]]) -> list[np.ndarray]:
+        """Return whitened residuals of several simulations of each of some episodes, (len(runs), n) of each."""
+        asked = [(e, [Run(self.held + run.effects, run.start) for run in runs]) for e, runs in asked]
+        values, each = self.measured.values, self.simulator.predict_each(asked)
+        return [
+            self.measured.whiten(e, shown - values[e]).reshape(len(shown), values[e].size)
+            for (e, _), shown in zip(asked, each, strict=True)
+        ]
 
     def loss(self, explanation: Explanation, x: np.ndarray, starts: np.ndarray, episodes: Sequence[int]) -> float:
         """Return minus twice the log likelihood at given unknowns, see `Fit.total`; infinite where the motion is."""
-        run = explanation.make(x, self.context)
-        return float(np.sum([self._left(e, [Run(run, s)])[0] for e, s in zip(episodes, starts, strict=True)]))
+        return float(self.losses([explanation.make(x, self.context)], starts, episodes)[0])
 
     def losses(self, models: Sequence[Effects], starts: np.ndarray, episodes: Sequence[int]) -> np.ndarray:
         """Return the loss of each of several models, (M,), at the same start states (E, S)."""
-        return sum(
-            (self._left(e, [Run(m, start) for m in models]) for e, start in zip(episodes, starts, strict=True)),
-            np.zeros(len(models)),
-        )
+        asked = [(e, [Run(m, start) for m in models]) for e, start in zip(episodes, starts, strict=True)]
+        return np.sum(self._left(asked), axis=0)
 
-    def _left(self, episode: int, runs: Sequence[Run]) -> np.ndarray:
-        """Return the loss of several simulations of one episode, (len(runs),); infinite where the motion is."""
-        rows = list(self.whitened(episode, runs))
-        left = self.spread(rows, [episode] * len(rows)).loss(rows)
-        return np.where(np.isfinite(left), left, np.inf)
+    def _left(self, asked: Sequence[tuple[int, Sequence[Run]]]) -> np.ndarray:
+        """Return the loss of as many simulations of each of some episodes, (E, runs); infinite where the motion is."""
+        each = [
+            self.spread(list(rows), [e] * len(rows)).loss(list(rows))
+            for (e, _), rows in zip(asked, self.whitened(asked), strict=True)
+        ]
+        return np.where(np.isfinite(each), each, np.inf)
 
     def changes(self, base: Effects, runs: Sequence[Effects], fit: Fit) -> list[np.ndarray]:
         """Return how the whitened prediction changes from `base` to each run, per episode (n, len(runs)).
@@ -291,11 +293,9 @@ class Fitter:
             if known.spans == spans and known.held == self.held and are_near(known.fit, fit, self.context):
                 return known.shown
         with self.simulator.survey() as simulator:
-            shown = tuple(
-                simulator.predict(e, [Run(self.held + effects, start) for effects in models])
-                for e, start in zip(fit.episodes, fit.starts, strict=True)
-            )
-        self.surveys.append(Survey(spans, self.held, fit, shown))
+            each = zip(fit.episodes, fit.starts, strict=True)
+            shown = simulator.predict_each([(e, [Run(self.held + m, start) for m in models]) for e, start in each])
+        self.surveys.append(Survey(spans, self.held, fit, tuple(shown)))
         return self.surveys[-1].shown
 
     def fit(
@@ -369,14 +369,10 @@ class Fitter:
             (E, S) and (E,).
         """
         shown = [self.simulator.seen_start(self.held + effects, s) for s in self.first_starts(episodes)]
-        chosen, losses = [], []
-        for e, some, own in zip(episodes, starts, shown, strict=True):
-            tried = np.vstack([some, own])
-            left = self._left(e, [Run(effects, start) for start in tried])
-            best = int(left.argmin())
-            chosen.append(tried[best])
-            losses.append(left[best])
-        return np.array(chosen), np.array(losses)
+        tried = [np.vstack([some, own]) for some, own in zip(starts, shown, strict=True)]
+        left = self._left([(e, [Run(effects, s) for s in of]) for e, of in zip(episodes, tried, strict=True)])
+        best = left.argmin(axis=1)
+        return np.array([of[k] for of, k in zip(tried, best, strict=True)]), left.min(axis=1)
 
     def spread(self, residual: Sequence[np.ndarray], episodes: Sequence[int]) -> Spread:
         """Return how uncertain whitened residuals (n,) of some episodes are."""
@@ -398,7 +394,7 @@ class _Problem:
         """See `Problem`."""
         effects = self.explanation.make(x, self.fitter.context)
         each = zip(self.episodes, starts, strict=True)
-        residual = [self.fitter.whitened(e, [Run(effects, start)])[0] for e, start in each]
+        residual = [rows[0] for rows in self.fitter.whitened([(e, [Run(effects, start)]) for e, start in each])]
         return Residuals(residual, self.fitter.spread(residual, self.episodes))
 
     def linearise(
@@ -412,21 +408,24 @@ class _Problem:
         beside = [self.explanation.make(x + d, fitter.context) for d in np.diag(steps)]
         if checked and fitter.measured.scatter is not None:
             basis = None  # what a start does through a hit is taken over far more than its standard error
-        residual, jacobian, by_starts = [], [], []
-        for k, e in enumerate(self.episodes):
-            known = None if basis is None else (basis.q[k], basis.r[k])
-            moves = each if known is None else [probing_move(known[1])] if checked else []
-            here = [Run(at, starts[k])] if there is None else []
-            runs = [*here, *(Run(f, starts[k]) for f in beside), *_moved(at, starts[k], moves)]
-            # without parameters, and starts that are to be checked, there is nothing to simulate where that is known
-            rows = fitter.whitened(e, runs) if runs else np.empty((0, 1))
-            left = rows[0] if there is None else there.each[k]
-            by_x, by_move = np.split(rows[len(here) :] - left, [len(x)])
-            if known is not None and checked and not _foretold(*known, moves[0], by_move[0]):
-                known, by_move = None, fitter.whitened(e, _moved(at, starts[k], each)) - left
-            residual.append(left)
-            jacobian.append((finite(by_x) / steps[:, None]).T)
-            by_starts.append(known or orthonormal((finite(by_move) / own[:, None]).T))
+        known: list[tuple[np.ndarray, np.ndarray] | None] = [None] * len(starts)
+        if basis is not None:
+            known = list(zip(basis.q, basis.r, strict=True))
+        moves = [each if of is None else [probing_move(of[1])] if checked else [] for of in known]
+        here = [] if there is not None else [at]
+        runs = [[*(Run(f, s) for f in (*here, *beside)), *_moved(at, s, m)] for s, m in zip(starts, moves, strict=True)]
+        rows = fitter.whitened(list(zip(self.episodes, runs, strict=True)))
+        residual = [of[0] for of in rows] if there is None else there.each
+        parts = [np.split(of[len(here) :] - left, [len(x)]) for of, left in zip(rows, residual, strict=True)]
+        by_x, by_move = [by for by, _ in parts], [by for _, by in parts]
+        stale = [k for k, of in enumerate(known) if of and checked and not _foretold(*of, moves[k][0], by_move[k][0])]
+        anew = fitter.whitened([(self.episodes[k], _moved(at, starts[k], each)) for k in stale])
+        for k, of in zip(stale, anew, strict=True):
+            known[k], by_move[k] = None, of - residual[k]
+        jacobian = [(finite(of) / steps[:, None]).T for of in by_x]
+        by_starts = [
+            of or orthonormal((finite(move) / own[:, None]).T) for of, move in zip(known, by_move, strict=True)
+        ]
         around = Basis(tuple(q for q, _ in by_starts), tuple(r for _, r in by_starts))
         spread = fitter.spread(residual, self.episodes) if there is None else there.spread
         return FitPoint(x, starts, residual, jacobian, spread, around, fresh=basis is None or checked)

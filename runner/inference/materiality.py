@@ -31,8 +31,9 @@ def influence(fit: Fit, fitter: Fitter) -> dict[Candidate, float]:
     whole = explanation.make(fit.x, context)
     fewer = [explanation.without(c).make(np.delete(fit.x, part), context) for c, part in explanation.parts(context)]
     squares, count = np.zeros((len(fewer), channels)), np.zeros(channels)
-    for e, start in zip(fit.episodes, fit.starts, strict=True):
-        rows = fitter.whitened(e, [Run(effects, start) for effects in (whole, *fewer)])
+    each = zip(fit.episodes, fit.starts, strict=True)
+    every = fitter.whitened([(e, [Run(effects, start) for effects in (whole, *fewer)]) for e, start in each])
+    for e, rows in zip(fit.episodes, every, strict=True):
         moved = (rows[1:] - rows[0]).reshape(len(fewer), -1, channels)
         squares += np.nan_to_num(moved**2).sum(axis=1)
         count += fitter.measured.counted(e).sum(axis=0)

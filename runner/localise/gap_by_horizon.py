@@ -45,9 +45,9 @@ def gap_by_horizon(
             rows += _rows(system, f"{horizon:g} s", squares, count, measured)
     parts, order = measured.parts(stretches), sorted(starts)
     replayed = simulator.parts(stretches)
-    whole = [replayed.predict(i, [Run(model.effects, starts[i])])[0] - parts.values[i] for i in order]
+    shown = np.concatenate(replayed.predict_each([(i, [Run(model.effects, starts[i])]) for i in order]), axis=1)[0]
     valid = np.concatenate([parts.valid[i] for i in order])
-    squares = np.where(valid, np.concatenate(whole) ** 2, 0.0).sum(axis=0)
+    squares = np.where(valid, (shown - np.concatenate([parts.values[i] for i in order])) ** 2, 0.0).sum(axis=0)
     rows += _rows(system, _longest(stretches, lengths, rate), squares, valid.sum(axis=0) - len(order), measured)
     return pd.DataFrame(rows)
 

@@ -12,6 +12,8 @@ from runner.numerics.arrays import FloatArray
 from runner.recording import Span
 from runner.systems.windows import Windows
 
+ALIKE_SHARE = 0.9  # of the steps of the longest that is simulated beside it
+
 
 @dataclass(frozen=True)
 class Run:
@@ -19,6 +21,20 @@ class Run:
 
     effects: Effects
     start: FloatArray
+
+
+def alike(steps: Sequence[int]) -> list[list[int]]:
+    """Return which of runs of so many steps are simulated side by side: of about one length, as the longest sets it.
+
+    What a shorter one does beyond its end costs time and is thrown away.
+    """
+    out: list[list[int]] = []
+    for i in sorted(range(len(steps)), key=lambda i: -steps[i]):
+        if out and steps[i] >= ALIKE_SHARE * steps[out[-1][0]]:
+            out[-1].append(i)
+        else:
+            out.append([i])
+    return out
 
 
 class AbstractSimulator(ABC):
@@ -31,8 +47,15 @@ class AbstractSimulator(ABC):
     simulated_s: float
 
     @abstractmethod
+    def predict_each(self, asked: Sequence[tuple[int, Sequence[Run]]]) -> list[FloatArray]:
+        """Return the predicted channels of runs of several episodes, or spans, (len(runs), T, C) of each.
+
+        All at once: cores that one run of one episode leaves idle simulate the others.
+        """
+
     def predict(self, episode: int, runs: Sequence[Run]) -> FloatArray:
         """Return the predicted channels at the samples of an episode, or span, (len(runs), T, C)."""
+        return self.predict_each([(episode, runs)])[0]
 
     def surveying(self) -> AbstractSimulator:
         """Return a simulator of the same that may be coarser, and cheaper.

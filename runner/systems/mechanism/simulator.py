@@ -27,7 +27,7 @@ from runner.systems.mechanism.held import even_times
 from runner.systems.mechanism.models import Compiled, Models, mechanical
 from runner.systems.mechanism.observer import Observer, States
 from runner.systems.mechanism.readings import Readings, on_readings
-from runner.systems.simulator import AbstractSimulator, Run
+from runner.systems.simulator import AbstractSimulator, Run, alike
 from runner.systems.windows import Windows
 
 FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
@@ -65,15 +65,20 @@ class Stretch:
 class _Batch:
     """What one rollout simulates: stretches, their models, which are of one shape, and steps of one length.
 
-    The first may be shorter: it lasts `first_s`.
+    The first may be shorter: it lasts `first_s`. All go on for as many steps as the longest has.
     """
 
     compiled: Compiled
     models: Sequence[mujoco.MjModel]
     stretches: Sequence[Stretch]
-    steps: int
+    lengths: Sequence[int]
     step_s: float
     first_s: float
+
+    @property
+    def steps(self) -> int:
+        """Of the longest."""
+        return max(self.lengths)
 
 
 class MechanismSimulator(AbstractSimulator):
@@ -126,10 +131,17 @@ class MechanismSimulator(AbstractSimulator):
         part._spans, part.simulated_s = inside, 0.0
         return part
 
-    def predict(self, episode: int, runs: Sequence[Run]) -> FloatArray:
-        """Return the predicted channels at the samples of an episode, or span, (len(runs), T, C)."""
-        span = self._spans[episode]
-        return self.simulate([Stretch(span.episode, span.begin, span.end, r.effects, r.start) for r in runs])
+    def predict_each(self, asked: Sequence[tuple[int, Sequence[Run]]]) -> list[FloatArray]:
+        """See the base class."""
+        spans = [self._spans[episode] for episode, _ in asked]
+        stretches = [
+            Stretch(s.episode, s.begin, s.end, r.effects, r.start)
+            for s, (_, runs) in zip(spans, asked, strict=True)
+            for r in runs
+        ]
+        shown, channels = iter(self.simulate(stretches)), len(self.recording.mapping.sources)
+        each = ([next(shown) for _ in runs] for _, runs in asked)
+        return [np.reshape(rows, (len(rows), s.end - s.begin, channels)) for s, rows in zip(spans, each, strict=True)]
 
     def predict_windows(
         self, effects: Effects, windows: Windows, starts: FloatArray, disturbance: FloatArray | None = None
@@ -147,29 +159,30 @@ class MechanismSimulator(AbstractSimulator):
             for k in range(columns):
                 push = None if force is None else force[w, k]
                 stretches.append(Stretch(span.episode, first, first + windows.samples, effects, true[k], push))
-        return self.simulate(stretches).reshape(count, columns, windows.samples, -1)
+        return np.reshape(self.simulate(stretches), (count, columns, windows.samples, -1))
 
-    def simulate(self, stretches: Sequence[Stretch]) -> FloatArray:
-        """Return the predicted channels of stretches of equally many samples, (R, T, C); NaN once it has diverged."""
-        samples = stretches[0].end - stretches[0].begin
-        out = np.empty((len(stretches), samples, len(self.recording.mapping.sources)))
+    def simulate(self, stretches: Sequence[Stretch]) -> list[FloatArray]:
+        """Return the predicted channels of each stretch at its samples, (T, C); NaN once it has diverged."""
+        out: dict[int, FloatArray] = {}
         groups: dict[tuple[object, float, float], list[int]] = {}
         for i, stretch in enumerate(stretches):
             compiled = self.models.compiled(stretch.effects)
             step_s = self._step(compiled, stretch.effects)
             first_s = self._commands.first_s(stretch.effects, step_s)
             groups.setdefault((compiled.signature, step_s, first_s), []).append(i)
-        for (_, step_s, first_s), members in groups.items():
-            compiled = self.models.compiled(stretches[members[0]].effects)
-            steps = max(self._steps(stretches[i], step_s) for i in members)
+        for (_, step_s, first_s), every in groups.items():
+            compiled = self.models.compiled(stretches[every[0]].effects)
             width = mujoco.mj_stateSize(compiled.model, FULL) + mujoco.mj_stateSize(compiled.model, CONTROL)
-            at_once = max(1, int(BYTES_AT_ONCE / (8.0 * steps * width)))
-            for k in range(0, len(members), at_once):
-                some = members[k : k + at_once]
-                chosen = [stretches[i] for i in some]
-                models = [self.models.model(stretch.effects, step_s) for stretch in chosen]
-                out[some] = self._simulate(_Batch(compiled, models, chosen, steps, step_s, first_s))
-        return out
+            lengths = [self._steps(stretches[i], step_s) for i in every]
+            for members in alike(lengths):
+                at_once = max(1, int(BYTES_AT_ONCE / (8.0 * lengths[members[0]] * width)))
+                for k in range(0, len(members), at_once):
+                    some = members[k : k + at_once]
+                    chosen = [stretches[every[m]] for m in some]
+                    models = [self.models.model(stretch.effects, step_s) for stretch in chosen]
+                    batch = _Batch(compiled, models, chosen, [lengths[m] for m in some], step_s, first_s)
+                    out |= zip((every[m] for m in some), self._simulate(batch), strict=True)
+        return [out[i] for i in range(len(stretches))]
 
     def _step(self, compiled: Compiled, effects: Effects) -> float:
         """Return the step of a model: a whole part of the usual one where effects have added what asks for less.
@@ -192,7 +205,7 @@ class MechanismSimulator(AbstractSimulator):
         t = self.recording.episodes[stretch.episode].t_s
         return max(1, int(np.ceil((t[stretch.end - 1] - t[stretch.begin]) / step_s - 1e-6)))
 
-    def _simulate(self, batch: _Batch) -> FloatArray:
+    def _simulate(self, batch: _Batch) -> list[FloatArray]:
         model, runs = batch.compiled.model, len(batch.stretches)
         # the command of a further step: a force is read under the one that follows the last sample
         control = np.zeros((runs, batch.steps + 1, mujoco.mj_stateSize(model, CONTROL)))
@@ -285,25 +298,26 @@ class MechanismSimulator(AbstractSimulator):
             out[compiled.coordinates.by_name[joint.name].v] = force[joint.v]
         return out
 
-    def _sampled(self, batch: _Batch, full: FloatArray, control: FloatArray) -> FloatArray:
-        """Return the channels at the samples, (R, T, C), from states in even steps, (R, n + 1, ...)."""
+    def _sampled(self, batch: _Batch, full: FloatArray, control: FloatArray) -> list[FloatArray]:
+        """Return the channels of each stretch at its samples, (T, C), from states in even steps, (R, n + 1, ...)."""
         compiled, stretches = batch.compiled, batch.stretches
         q, v = _places(compiled.model)
         observer = Observer(self.recording, compiled)
         states = States(full[..., q], full[..., v], control[..., : compiled.model.nu])
         sensordata = self._sensordata(batch, full, control) if observer.needs_sensors else None
         shown = observer.channels(batch.models, states, sensordata)
-        out = np.empty((len(stretches), stretches[0].end - stretches[0].begin, len(self.recording.mapping.sources)))
+        out: dict[int, FloatArray] = {}
         # effects on readings work on many runs at once, and so do samples at the same times
         together: dict[object, list[int]] = {}
         for r, s in enumerate(stretches):
-            together.setdefault((on_readings(s.effects), s.episode, s.begin), []).append(r)
+            together.setdefault((on_readings(s.effects), s.episode, s.begin, s.end), []).append(r)
         for rows in together.values():
-            s = stretches[rows[0]]
-            some = {name: values[rows] for name, values in shown.items()}
-            grid = even_times(batch.steps + 1, batch.step_s)
-            out[rows] = self._readings.sampled(s.effects, s.episode, slice(s.begin, s.end), some, grid)
-        return out
+            s, count = stretches[rows[0]], batch.lengths[rows[0]] + 1
+            some = {name: values[rows, :count] for name, values in shown.items()}
+            grid = even_times(count, batch.step_s)
+            sampled = self._readings.sampled(s.effects, s.episode, slice(s.begin, s.end), some, grid)
+            out |= zip(rows, sampled, strict=True)
+        return [out[r] for r in range(len(stretches))]
 
     def _sensordata(self, batch: _Batch, full: FloatArray, control: FloatArray) -> FloatArray:
         """Return MuJoCo's sensors in every state, (R, n + 1, nsensordata)."""

@@ -41,7 +41,7 @@ def choose_step(
 
     def predicted(step_s: float) -> list[FloatArray]:
         simulator = MechanismSimulator(recording, models, step_s, threads)
-        return [simulator.simulate([Stretch(int(e), 0, len(recording.episodes[e]), (), starts[e])])[0] for e in order]
+        return simulator.simulate([Stretch(int(e), 0, len(recording.episodes[e]), (), starts[e]) for e in order])
 
     exact = predicted(candidates[-1])
     for step_s in candidates[:-1]:

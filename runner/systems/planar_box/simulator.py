@@ -1,7 +1,7 @@
 """Open-loop simulation of a recording: its commands through the believed model, with or without effects.
 
-A batch of models (one per set of effects) and start states runs on all cores, under the commands of one episode:
-in `mujoco.rollout`, or where the friction of the base is all that acts in `dry_friction.rollout`, which is the same to
+A batch of models (one per set of effects), start states and commands of episodes runs on all cores: in
+`mujoco.rollout`, or where the friction of the base is all that acts in `dry_friction.rollout`, which is the same to
 rounding. Effects outside the engine change the command before and the measurement after.
 """
 
@@ -27,8 +27,17 @@ from runner.recording.model_form_mjcf import quiet
 from runner.systems.planar_box.commands import Commands
 from runner.systems.planar_box.motion import measured_columns, read_at_steps, simulated_columns
 from runner.systems.planar_box.pin_force import means, steps_of_engine
-from runner.systems.planar_box.windows import FULL, USERDATA, Effects, WindowSimulator, planar, shown_alike, unseen
-from runner.systems.simulator import AbstractSimulator, Run
+from runner.systems.planar_box.windows import (
+    BYTES_AT_ONCE,
+    FULL,
+    USERDATA,
+    Effects,
+    WindowSimulator,
+    planar,
+    shown_alike,
+    unseen,
+)
+from runner.systems.simulator import AbstractSimulator, Run, alike
 from runner.systems.windows import Windows
 
 OBJECT = "object"
@@ -50,6 +59,17 @@ class _Compiled:
     model: mujoco.MjModel
     body_id: int
     data: tuple[mujoco.MjData, ...]  # one per thread
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A run of a span; its length is that of its samples."""
+
+    span: Span
+    run: Run
+
+    def __len__(self) -> int:
+        return self.span.end - self.span.begin
 
 
 def body_of(nominal: Nominal) -> BodyConfig:
@@ -187,62 +207,85 @@ class Simulator(AbstractSimulator):
             self._surveyor = replace(self, step_rate_hz=step_rate_hz, grid=min(self._points, SURVEY_POINTS))
         return self._surveyor
 
-    def predict(self, episode: int, runs: Sequence[Run]) -> np.ndarray:
-        """Return what would be measured at the samples of an episode, or span, (len(runs), T, C).
+    def predict_each(self, asked: Sequence[tuple[int, Sequence[Run]]]) -> list[np.ndarray]:
+        """See `AbstractSimulator`.
 
         Pose, then twist, then the force of a pin. That has a sensor of its own, which effects on the measured motion
         leave alone; a delay, of commands or of all that is measured, is in it.
         """
-        span = self._spans[episode]
-        out = np.empty((len(runs), span.end - span.begin, self._simulated))
+        spans = [self._spans[episode] for episode, _ in asked]
+        every = [_Asked(s, run) for s, (_, runs) in zip(spans, asked, strict=True) for run in runs]
         groups: dict[tuple[type[PlanarEffect], ...], list[int]] = {}
-        for i, run in enumerate(runs):
-            groups.setdefault(tuple(type(e) for e in planar(run.effects) if e.structural), []).append(i)
-        for members in groups.values():
-            self._predict(span, [runs[i] for i in members], out, members)
-        return out[..., self._columns_seen]
+        for i, one in enumerate(every):
+            groups.setdefault(tuple(type(e) for e in planar(one.run.effects) if e.structural), []).append(i)
+        found: dict[int, np.ndarray] = {}
+        for group in groups.values():
+            for members in alike([len(every[i]) for i in group]):
+                for some in self._at_once([group[m] for m in members], every):
+                    found |= zip(some, self._predict([every[i] for i in some]), strict=True)
+        shown = iter(found[i][:, self._columns_seen] for i in range(len(every)))
+        each = ([next(shown) for _ in runs] for _, runs in asked)
+        columns = len(self._columns_seen)
+        return [np.reshape(rows, (len(rows), s.end - s.begin, columns)) for s, rows in zip(spans, each, strict=True)]
 
-    def _predict(self, span: Span, runs: Sequence[Run], out: np.ndarray, rows: list[int]) -> None:
-        base = self._base(planar(runs[0].effects))
-        before = span.begin * self.steps_per_sample
-        n = (span.end - 1 - span.begin) * self.steps_per_sample
+    def _at_once(self, members: Sequence[int], every: Sequence[_Asked]) -> list[Sequence[int]]:
+        """Return runs in parts of which the commands take no more memory than they may."""
+        bytes_each = 8.0 * len(every[members[0]]) * self.steps_per_sample * dry_friction.USERDATA_SIZE
+        size = max(1, int(BYTES_AT_ONCE / bytes_each))
+        return [members[k : k + size] for k in range(0, len(members), size)]
+
+    def _predict(self, asked: Sequence[_Asked]) -> list[np.ndarray]:
+        """Return what would be measured of runs of about one length, of models of one structure, each (T, C)."""
+        base = self._base(planar(asked[0].run.effects))
+        before = [a.span.begin * self.steps_per_sample for a in asked]
+        steps = [(len(a) - 1) * self.steps_per_sample for a in asked]
+        n = max(steps)
         if len(self._models) > MODELS:
             self._models.clear()
-        start, members = np.zeros((len(runs), mujoco.mj_stateSize(base.model, FULL))), dict[Effects, list[int]]()
-        for i, run in enumerate(runs):
-            members.setdefault(planar(run.effects), []).append(i)
-            start[i, 0] = before * self.step_s
+        start = np.zeros((len(asked), mujoco.mj_stateSize(base.model, FULL)))
+        members, driven = dict[Effects, list[int]](), dict[tuple[Effects, Span], int]()
+        which, by = np.empty(len(asked), int), np.empty(len(asked), int)
+        for i, (span, run) in enumerate((a.span, a.run) for a in asked):
+            effects = planar(run.effects)
+            members.setdefault(effects, []).append(i)
+            by[i] = driven.setdefault((effects, span), len(driven))
+            start[i, 0] = before[i] * self.step_s
             start[i, 1:7] = run.start
             # half a step ahead: MuJoCo's pose is then the one at the middle of each step (leapfrog), second order
             start[i, 1:4] += 0.5 * self.step_s * run.start[3:]
-        which = np.empty(len(runs), int)
         for k, (effects, own) in enumerate(members.items()):
             which[own] = k
             if effects not in self._models:
                 self._models[effects] = self.model(effects)
         models = [self._models[effects] for effects in members]
-        controls = np.stack([self._commands.control(e, span.episode)[before : before + n] for e in members])
+        controls = np.empty((len(driven), n, dry_friction.USERDATA_SIZE))
+        for (effects, span), k in driven.items():
+            first, last = span.begin * self.steps_per_sample, (span.end - 1) * self.steps_per_sample
+            own = self._commands.control(effects, span.episode)[first:last]
+            controls[k, : len(own)], controls[k, len(own) :] = own, own[-1:]
         if dry_friction.is_all_that_acts(base.model):
             after = dry_friction.rollout(
-                models, controls, start[:, :7], (which, which), self._threads, columns=self._simulated
+                models, controls, start[:, :7], (which, by), self._threads, columns=self._simulated
             )
         elif self._simulated > dry_friction.STATE:
-            after = steps_of_engine([models[k] for k in which], base.data[0], start, controls[which])
+            after = steps_of_engine([models[k] for k in which], base.data[0], start, controls[by])
         else:
             each = [models[k] for k in which]
             with quiet():  # what runs away is told by its residuals
                 state, _ = self._pool.rollout(
-                    each, list(base.data), start, controls[which], control_spec=USERDATA, chunk_size=1
+                    each, list(base.data), start, controls[by], control_spec=USERDATA, chunk_size=1
                 )
             after = state[:, :, 1:7]
-        self.simulated_s += n * self.step_s * len(runs)
+        self.simulated_s += n * self.step_s * len(asked)
+        out = np.empty((len(asked), n // self.steps_per_sample + 1, self._simulated))
         for effects, own in members.items():
             measured = read_at_steps(start[own, 1:7], after[own], self.step_s, effects)
-            target = [rows[i] for i in own]
             sampled = slice(None, None, self.steps_per_sample)
-            out[target, :, :3], out[target, :, 3:6] = measured.pose[:, sampled], measured.twist[:, sampled]
+            out[own, :, :3], out[own, :, 3:6] = measured.pose[:, sampled], measured.twist[:, sampled]
         if self._simulated > dry_friction.STATE:
-            out[rows, :, 6:] = means(after[..., 6:], self.steps_per_sample, self.step_s)
+            for i, count in enumerate(steps):  # what comes after the end has no share in a mean
+                out[i, : len(asked[i]), 6:] = means(after[i, :count, 6:], self.steps_per_sample, self.step_s)
+        return [rows[: len(a)] for rows, a in zip(out, asked, strict=True)]
 
     def predict_windows(
         self,
