@@ -30,7 +30,11 @@ T = TypeVar("T")
 PATIENCE_S = 1.0  # a bar for less than this would only flicker
 # between two lines where there is no terminal, of the time that went by, and at most
 EVERY_S, EVERY_SHARE, LATEST_S = 10.0, 1 / 6, 30.0
+SHORT_S = 100.0  # what is shorter is told in seconds
 COLUMNS = 80  # as wide as lines are where there is no terminal that says how wide it is
+# How many times as long as until the first explanation a whole diagnosis takes: the 10 % and 90 % quantiles of the 44
+# made recordings that come with its formats. A search goes on as long as anything gains, so that none knows its end.
+USUAL = (6.0, 13.0)
 AS_NOISE = 1.05  # what would be told as 1.0 times the noise
 UNLIKELY = 0.005  # what would be told as 0.00
 COMPILING = "compiling, the first time only, a minute or two"
@@ -94,10 +98,11 @@ class Spoken:
 
     Args:
         say: Is given the line.
+        begun: Is called once there is an explanation.
     """
 
-    def __init__(self, say: Callable[[str], object]) -> None:
-        self._say, self._step, self._fitting, self._best = say, "", "", ""
+    def __init__(self, say: Callable[[str], object], begun: Callable[[], object] = lambda: None) -> None:
+        self._say, self._begun, self._step, self._fitting, self._best = say, begun, "", "", ""
 
     def step(self, step: Step, what: str = "") -> None:
         """A step begins, or another part of it."""
@@ -119,6 +124,8 @@ class Spoken:
         of = f"of {part} alone, " if part else ""
         # its probability is among what was fitted so far: while anything else is to come it says little, and misleads
         said = f"best {' + '.join(effects) or 'none'}" if effects or probability >= UNLIKELY else "nothing explains it"
+        if not self._best:
+            self._begun()
         self._best = f"so far {said} ({of}{in_noises(noises)})"
         self._changed()
 
@@ -154,34 +161,60 @@ def observed(description: str) -> Generator[ProgressObserver]:
     def say(line: str) -> None:
         current[0] = line
 
-    with _shown(description, lambda: current[0]):
-        yield Spoken(say)
+    with _shown(description, lambda: current[0]) as begun:
+        yield Spoken(say, begun)
+
+
+class _Compiler:
+    """Whether numba is compiling, and how long it has been."""
+
+    def __init__(self) -> None:
+        self._since: list[float] = []  # one for each lock, as one that compiles has others compiled
+        self._ended_s = 0.0
+
+    def begins(self) -> None:
+        """Its compiler is locked."""
+        self._since.append(time.monotonic())
+
+    def ends(self) -> None:
+        """It is free again."""
+        began = self._since.pop() if self._since else time.monotonic()  # it was locked before anybody looked
+        if not self._since:
+            self._ended_s += time.monotonic() - began
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether it has been locked for a second or more: it is for a moment, too, to load what was kept."""
+        return any(time.monotonic() - began > PATIENCE_S for began in self._since[:1])
+
+    @property
+    def so_far_s(self) -> float:
+        """How long it has been locked in all."""
+        return self._ended_s + sum(time.monotonic() - began for began in self._since[:1])
 
 
 @contextmanager
-def _compiling() -> Generator[Callable[[], bool]]:
-    """Give a function that says whether numba is compiling: whether it has its compiler locked for a second or more.
+def _compiling() -> Generator[_Compiler]:
+    """Give what is told of numba's compiler.
 
-    It locks that for a moment, too, to load what it has kept of an earlier time. Where numba is not loaded by now,
-    nothing is told of it: importing it would take longer than most commands.
+    Where numba is not loaded by now, nothing is told of it: importing it would take longer than most commands.
     """
-    event = sys.modules.get("numba.core.event")
+    compiler, event = _Compiler(), sys.modules.get("numba.core.event")
     if event is None:
-        yield lambda: False
+        yield compiler
         return
-    since: list[float] = []  # one for each lock, as one that compiles has others compiled
 
     class Listener(event.Listener):
         def on_start(self, _: object) -> None:
-            since.append(time.monotonic())
+            compiler.begins()
 
         def on_end(self, _: object) -> None:
-            del since[-1:]
+            compiler.ends()
 
     listener = Listener()
     event.register("numba:compiler_lock", listener)
     try:
-        yield lambda: any(time.monotonic() - began > PATIENCE_S for began in since[:1])
+        yield compiler
     finally:
         event.unregister("numba:compiler_lock", listener)
 
@@ -189,54 +222,78 @@ def _compiling() -> Generator[Callable[[], bool]]:
 class _Description(ProgressColumn):
     """What a bar is of, or that it waits for the compiler."""
 
-    def __init__(self, compiles: Callable[[], bool]) -> None:
+    def __init__(self, compiler: _Compiler) -> None:
         super().__init__()
-        self._compiles = compiles
+        self._compiler = compiler
 
     def render(self, task: Task) -> Text:
         """Return it."""
-        return Text(f"{task.description}: {COMPILING}" if self._compiles() else task.description)
+        return Text(f"{task.description}: {COMPILING}" if self._compiler.is_busy else task.description)
 
 
 @contextmanager
-def _shown(description: str, line: Callable[[], str]) -> Generator[None]:
+def _shown(description: str, line: Callable[[], str]) -> Generator[Callable[[], None]]:
     """Show what changes until the end, behind the time that went by: after a second, or every ten.
 
     Lines of what takes minutes come more rarely, but so that nobody takes it for dead.
     Where there is no terminal, what is longer than a line goes on in the next ones, indented.
+
+    Yields:
+        To be called once the first of what takes as long as this usually does is done, if anything is.
     """
     began, over = time.monotonic(), threading.Event()
-    console = Console(stderr=True)
+    console, first_s = Console(stderr=True), list[float]()
     moving = console.is_terminal
     status = console.status("", refresh_per_second=4)
 
-    def text(compiles: bool) -> str:
-        head, said = f"{description} ({time.monotonic() - began:.0f} s)", COMPILING if compiles else line()
+    def passed_s() -> float:
+        return time.monotonic() - began
+
+    def text(compiler: _Compiler) -> str:
+        usual = _usual(passed_s(), *first_s)
+        head, said = f"{description} ({passed_s():.0f} s{usual})", COMPILING if compiler.is_busy else line()
         return f"{head}: {said}" if said else head
 
     def pause_s() -> float:
-        return PATIENCE_S if moving else min(max(EVERY_S, EVERY_SHARE * (time.monotonic() - began)), LATEST_S)
+        return PATIENCE_S if moving else min(max(EVERY_S, EVERY_SHARE * passed_s()), LATEST_S)
 
-    def show(compiles: Callable[[], bool]) -> None:
+    def show(compiler: _Compiler) -> None:
         while not over.wait(pause_s()):
             try:
                 if moving:
-                    status.update(Text(text(compiles()), overflow="ellipsis", no_wrap=True))
+                    status.update(Text(text(compiler), overflow="ellipsis", no_wrap=True))
                     status.start()
                 else:
-                    print(_folded(text(compiles())), flush=True)
+                    print(_folded(text(compiler)), flush=True)
             except (OSError, ValueError):  # who read it has gone
                 return
 
-    with _compiling() as compiles:
-        thread = threading.Thread(target=show, args=(compiles,), daemon=True)
+    with _compiling() as compiler:
+        thread = threading.Thread(target=show, args=(compiler,), daemon=True)
         thread.start()
         try:
-            yield
+            yield lambda: first_s.extend((passed_s(), compiler.so_far_s))
         finally:
             over.set()
             thread.join(PATIENCE_S)
             status.stop()
+
+
+def _usual(passed_s: float, first_s: float = 0.0, compiling_s: float = 0.0) -> str:
+    """Return " of 1 to 3 min as a rule", of what took so long up to its first result; "" before, and once it is longer.
+
+    Args:
+        passed_s: Since it began.
+        first_s: Since it began when the first result was there.
+        compiling_s: Of that, which happens once.
+    """
+    low, high = (compiling_s + times * (first_s - compiling_s) for times in USUAL)
+    if not passed_s < high:
+        return ""
+    if high < SHORT_S:
+        return f" of {low:.0f} to {high:.0f} s as a rule"
+    from_min, to_min = max(round(low / 60.0), 1), max(round(high / 60.0), 2)
+    return f" of {from_min} to {to_min} min as a rule"
 
 
 def _folded(line: str) -> str:
@@ -267,9 +324,9 @@ def progress(
         with _shown(description, lambda: f"{done[0]:g} of {total:g} {unit}"):
             yield count
         return
-    with _compiling() as compiles:
+    with _compiling() as compiler:
         bar = Progress(
-            _Description(compiles),
+            _Description(compiler),
             BarColumn(),
             MofNCompleteColumn(),
             TextColumn(unit),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 
 import pytest
@@ -110,6 +111,39 @@ def test_lines_come_more_rarely_with_time(monkeypatch: pytest.MonkeyPatch, capsy
         observer.step(Step.SEARCHING)
         time.sleep(0.5)
     assert 3 <= len(capsys.readouterr().out.splitlines()) <= 12  # 50 otherwise
+
+
+@pytest.mark.parametrize(
+    ("passed_s", "first_s", "compiling_s", "said"),
+    [
+        (5.0, None, 0.0, ""),
+        (10.0, 5.0, 0.0, " of 30 to 65 s as a rule"),
+        (10.0, 9.0, 4.0, " of 34 to 69 s as a rule"),
+        (10.0, 10.0, 0.0, " of 1 to 2 min as a rule"),
+        (100.0, 30.0, 0.0, " of 3 to 6 min as a rule"),
+        (391.0, 30.0, 0.0, ""),
+    ],
+)
+def test_how_long_it_usually_takes_is_told_once_there_is_an_explanation(
+    passed_s: float, first_s: float | None, compiling_s: float, said: str
+) -> None:
+    """What is compiled is so once; what takes longer than usual is promised nothing."""
+    assert progress._usual(passed_s, *(() if first_s is None else (first_s, compiling_s))) == said
+
+
+def test_it_is_told_beside_the_time_that_went_by(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(progress, "EVERY_S", 0.02)
+    monkeypatch.setattr(progress, "USUAL", (600.0, 1300.0))
+    with observed("Diagnosing") as observer:
+        observer.fitting(())
+        time.sleep(0.1)
+        before = capsys.readouterr().out
+        observer.best((), 9.0, 0.9)
+        time.sleep(0.1)
+    assert " as a rule" not in before
+    assert re.search(r"Diagnosing \(0 s of \d+ to \d+ (s|min) as a rule\): fitting", capsys.readouterr().out)
 
 
 def test_what_is_quick_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
