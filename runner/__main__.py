@@ -21,7 +21,7 @@ from runner.processes.interruption import line as interrupted
 
 # no command draws by OpenGL: what is asked for here is loaded when MuJoCo is imported, which fails where it is missing
 os.environ["MUJOCO_GL"] = "disable"
-# The matrices here are small, and what fills the cores are simulations: threads of linear algebra beside them, or beside
+# Matrices are small here, and what fills the cores are simulations: threads of linear algebra beside them, or beside
 # other cases, wait for each other and burn what those could use (a quarter of a diagnosis on a machine that is busy).
 for library in ("OPENBLAS", "MKL", "OMP"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
