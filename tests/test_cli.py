@@ -383,3 +383,13 @@ def typed_lines() -> list[str]:
 def test_what_pages_say_to_type_is_accepted(line: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Commands, keys, names of parts and their values are known."""
     assert main([*shlex.split(line)[1:], "--config"]) == 0, capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("own", "threads"), [(None, "1"), ("3", "3")])
+def test_linear_algebra_keeps_to_one_thread(own: str | None, threads: str) -> None:
+    """It is told before it is loaded; who sets another number has it."""
+    name = "OPENBLAS_NUM_THREADS"
+    said = f"import os, sys; import runner.__main__; print(os.environ['{name}'], 'numpy' in sys.modules)"
+    env = {k: v for k, v in os.environ.items() if k != name} | ({name: own} if own else {})
+    found = subprocess.run([sys.executable, "-c", said], env=env, capture_output=True, text=True, check=True)
+    assert found.stdout.split() == [threads, "False"]
