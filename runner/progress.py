@@ -280,16 +280,18 @@ def _shown(description: str, line: Callable[[], str]) -> Generator[Callable[[], 
 
 
 def _usual(passed_s: float, first_s: float = 0.0, compiling_s: float = 0.0) -> str:
-    """Return " of 1 to 3 min as a rule", of what took so long up to its first result; "" before, and once it is longer.
+    """Return " of 1 to 3 min as a rule", of what took so long up to its first result, or that it is longer than that.
 
     Args:
         passed_s: Since it began.
         first_s: Since it began when the first result was there.
         compiling_s: Of that, which happens once.
     """
-    low, high = (compiling_s + times * (first_s - compiling_s) for times in USUAL)
-    if not passed_s < high:
+    if not first_s:
         return ""
+    low, high = (compiling_s + times * (first_s - compiling_s) for times in USUAL)
+    if passed_s > high:
+        return ", longer than usual"
     if high < SHORT_S:
         return f" of {low:.0f} to {high:.0f} s as a rule"
     from_min, to_min = max(round(low / 60.0), 1), max(round(high / 60.0), 2)

@@ -21,12 +21,15 @@ MODEL = """<mujoco><option timestep="0.002"/><worldbody><body name="lever">
 EPISODES = 2
 
 
-def swung(noise_rad: float, folder: Path, model: str = MODEL) -> tuple[MechanismSystem, list[np.ndarray]]:
-    """Return a lever that plain MuJoCo swung in its own steps, and its true angles; the noise is stated.
+def swung(
+    noise_rad: float, folder: Path, model: str = MODEL, *, made_in_s: float = 0.002
+) -> tuple[MechanismSystem, list[np.ndarray]]:
+    """Return a lever that plain MuJoCo swung in steps of some length, and its true angles; the noise is stated.
 
     What is believed of it is the same but for the steps, in `model`.
     """
     swinging = mujoco.MjModel.from_xml_string(MODEL)
+    swinging.opt.timestep = made_in_s
     angles, columns = [], []
     t = np.arange(200) * 0.01
     for episode in range(EPISODES):
@@ -67,12 +70,21 @@ def test_it_is_said_where_the_sensor_would_tell(noise_rad: float, said: int, tmp
     assert all("steps of 2 ms" in note and "'q'" in note for note in found)
 
 
+def test_nothing_is_said_beside_a_model_that_is_off_by_more(tmp_path: Path) -> None:
+    """By far more than steps make, as from a wrong start: nobody shortens those for it."""
+    system, _ = swung(1e-3, tmp_path)
+    right, wrong = ({e: np.array([q, 0.0]) for e in range(EPISODES)} for q in (0.0, 0.3))
+    measured, spans = measure(system), system.stretches()
+    assert said_of_engine_steps(system, measured, (), right, spans) != ()
+    assert said_of_engine_steps(system, measured, (), wrong, spans) == ()
+
+
 def test_the_step_that_would_do_does(tmp_path: Path) -> None:
     """What is said to be short enough is; twice as long is not."""
     starts = {e: np.zeros(2) for e in range(EPISODES)}
 
     def said(step_s: float, name: str) -> tuple[str, ...]:
-        system, _ = swung(1e-3, tmp_path / name, MODEL.replace("0.002", str(step_s)))
+        system, _ = swung(1e-3, tmp_path / name, MODEL.replace("0.002", str(step_s)), made_in_s=1e-4)
         return said_of_engine_steps(system, measure(system), (), starts, system.stretches())
 
     (note,) = said(0.002, "long")

@@ -25,7 +25,7 @@ def said_of_engine_steps(
     starts: Mapping[int, np.ndarray],
     spans: Sequence[Span],
 ) -> tuple[str, ...]:
-    """Say by how much the engine's own steps are off, if by more than the noise of a channel.
+    """Say by how much the engine's own steps are off, if by more than the model is in a channel.
 
     Args:
         system: What was diagnosed.
@@ -40,16 +40,25 @@ def said_of_engine_steps(
     engine, step_s = alone
     one, other = system.simulator().parts(spans), engine.parts(spans)
     asked = [(e, [Run(effects, s)]) for e, s in starts.items()]
-    off = np.concatenate(one.predict_each(asked), axis=1) - np.concatenate(other.predict_each(asked), axis=1)
-    noises = np.sqrt(np.mean(off[0] ** 2, axis=0)) / measured.sigma
-    if not noises.max() > 1.0:
+    shown, stepped = (np.concatenate(by.predict_each(asked), axis=1)[0] for by in (one, other))
+    noises, parts = _rms(stepped - shown) / measured.sigma, measured.parts(spans)
+    seen = np.concatenate([np.where(parts.valid[e], parts.values[e], np.nan) for e in starts])
+    # steps that are off by less than the model is, whichever way it is stepped, are no matter
+    bearable = np.maximum(np.minimum(*(_rms(by - seen) / measured.sigma for by in (shown, stepped))), 1.0)
+    worst = int(np.argmax(noises / bearable))
+    if not noises[worst] > bearable[worst]:
         return ()
-    worst = int(np.argmax(noises))
-    enough_s = step_s / 2.0 ** np.ceil(np.log2(noises[worst]))  # of first order: half the step leaves half
+    # of first order: half the step leaves half
+    enough_s = step_s / 2.0 ** np.ceil(np.log2(noises[worst] / bearable[worst]))
     return (
         f"MuJoCo alone, in the model's steps of {1000 * step_s:g} ms, is {noises[worst]:.2g} noises of "
         f"'{system.channels[worst].name}' off the motion that the model stands for, much as if it were half a step "
         "ahead and its dampers had inertia. A recording that MuJoCo made in such steps shows that too, one that it "
-        "made in shorter steps does not. Where MuJoCo alone is to move as the corrected model does, to within that "
-        f"noise, set `timestep` to {enough_s:.3g}.",
+        "made in shorter steps does not. Where MuJoCo alone is to move as the corrected model does, to within what "
+        f"that misses, set `timestep` to {enough_s:.3g}.",
     )
+
+
+def _rms(of: np.ndarray) -> np.ndarray:
+    """Return the root mean square of each channel of what there is, (T, C) to (C,)."""
+    return np.sqrt(np.nanmean(of**2, axis=0))
