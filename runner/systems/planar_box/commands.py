@@ -17,6 +17,20 @@ from runner.recording import Episode, Recording
 KEPT_BYTES = 100e6  # what was made last, as models and windows that ask for the same follow one another
 
 
+class _Kept(dict[tuple[tuple[PlanarEffect, ...], int], FloatArray]):
+    """Commands that were made, which take no more than `KEPT_BYTES`: before they would, all go."""
+
+    nbytes = 0
+
+    def keep(self, key: tuple[tuple[PlanarEffect, ...], int], made: FloatArray) -> None:
+        """Add some."""
+        if self.nbytes + made.nbytes > KEPT_BYTES:
+            self.clear()
+            self.nbytes = 0
+        self[key] = made
+        self.nbytes += made.nbytes
+
+
 @dataclass(frozen=True)
 class Commands:
     """The commands of a recording, at so many physics steps of `step_s` per sample."""
@@ -24,23 +38,24 @@ class Commands:
     recording: Recording
     steps_per_sample: int
     step_s: float
-    _kept: dict[tuple[tuple[PlanarEffect, ...], int], FloatArray] = field(
-        init=False, default_factory=dict, repr=False, compare=False
-    )
+    _kept: _Kept = field(init=False, default_factory=_Kept, repr=False, compare=False)
+
+    def acting(self, effects: Sequence[PlanarEffect]) -> tuple[PlanarEffect, ...]:
+        """Return those of some effects that act on commands: with all others a box is driven as it was."""
+        ways = PlanarEffect.edit_command, PlanarEffect.edit_pin
+        return in_stages([e for e in effects if (type(e).edit_command, type(e).edit_pin) != ways])
 
     def control(self, effects: Sequence[PlanarEffect], episode: int) -> FloatArray:
         """Return what the engine is given over a whole episode with these effects, (n, USERDATA_SIZE); not to write to.
 
         Of a long recording all of that is gigabytes: only some is kept.
         """
-        effects = in_stages(effects)
+        effects = self.acting(effects)
         key = effects, episode
         if key not in self._kept:
             made = self._control(effects, episode)
             made.setflags(write=False)
-            if sum(k.nbytes for k in self._kept.values()) + made.nbytes > KEPT_BYTES:
-                self._kept.clear()
-            self._kept[key] = made
+            self._kept.keep(key, made)
         return self._kept[key]
 
     def _control(self, effects: Sequence[PlanarEffect], episode: int) -> FloatArray:

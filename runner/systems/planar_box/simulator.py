@@ -248,7 +248,7 @@ class Simulator(AbstractSimulator):
         for i, (span, run) in enumerate((a.span, a.run) for a in asked):
             effects = planar(run.effects)
             members.setdefault(effects, []).append(i)
-            by[i] = driven.setdefault((effects, span), len(driven))
+            by[i] = driven.setdefault((self._commands.acting(effects), span), len(driven))
             start[i, 0] = before[i] * self.step_s
             start[i, 1:7] = run.start
             # half a step ahead: MuJoCo's pose is then the one at the middle of each step (leapfrog), second order
