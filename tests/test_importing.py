@@ -267,6 +267,32 @@ def test_orientations_are_reordered_and_worlds_turned(tmp_path: Path, run_import
     assert abs(np.sum(q * expected, axis=1)) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize(
+    ("unit", "up", "said"),
+    [
+        ("mm", "y", None),
+        ("um", "y", "channels: 'cube' falls with 0.00981 m/s2, where the model's gravity is 9.81: is the unit of its "
+         "positions um"),
+        ("mm", "z", "channels: 'cube' falls along -y of the case's world"),
+    ],
+)  # fmt: skip
+def test_a_fall_tells_a_wrong_unit_and_a_wrong_axis(
+    unit: str, up: str, said: str | None, tmp_path: Path, run_import: Import
+) -> None:
+    """Before a diagnosis looks for what makes a body fall otherwise than it does."""
+    Path("arm.xml").write_text(
+        '<mujoco><worldbody><body name="cube"><freejoint/><geom size=".1" mass="1"/></body></worldbody></mujoco>'
+    )
+    t = np.arange(60) / 100
+    log = pd.DataFrame({"t": t, "x": 100 + 50 * t, "y": 900.0 + 2e3 * t - 9810 / 2 * t**2, "z": -200 - 80 * t})
+    log.to_csv("log.csv", index=False)
+    place = {"body": "cube", "quantity": "position", "unit": unit}
+    channels: dict[str, dict] = {f"p_{a}": place | {"signal": a, "axis": a} for a in "xyz"}
+    code, _, err = run_import([Path("log.csv")], {"clock": {"name": "t"}, "up": up, "channels": channels})
+    assert (code, said or "") == (2 if said else 0, said or "")
+    assert (said or "") in err
+
+
 def test_a_frame_is_recognised(tmp_path: Path, run_import: Import) -> None:
     """Which axis points up shows in where the model has the body; where the scalar stands, in the names."""
     cube = '<body name="cube" pos="0 0.1 0.9"><freejoint/><geom size=".1" mass="1"/></body>'

@@ -13,6 +13,7 @@ import pandas as pd
 
 from runner.errors import RecordingError
 from runner.importing.entries import Entry, Plan
+from runner.importing.guess.fall import falls_otherwise
 from runner.importing.units import allowed
 from runner.numerics.arrays import FloatArray
 from runner.recording.model_form_mapping import ChannelSource, ModelMapping
@@ -50,11 +51,12 @@ def check_plausible(table: pd.DataFrame, planned: Plan, mapping: ModelMapping, m
     """Return what is odd.
 
     Raises:
-        RecordingError: If a joint is far outside of its range, a target outside of its actuator's, or a velocity is
-            many times the slope of its position.
+        RecordingError: If a joint is far outside of its range, a target outside of its actuator's, a velocity is
+            many times the slope of its position, or a body falls as no gravity of the model makes it.
     """
     entries = {e.column: e for e in planned.entries}
     notes: list[str] = []
+    _check_falls(table, mapping, model, entries)
     for source in mapping.sources:
         if source.kind == "body" and source.quantity == "position":
             _check_place(table, source, entries[source.name])
@@ -119,6 +121,26 @@ def _check_place(table: pd.DataFrame, source: ChannelSource, entry: Entry) -> No
         raise RecordingError(
             f"{entry.key}: goes up to {largest:.4g} m, allowed for a body: {LONGEST_M:g} m; is its unit {entry.unit}?"
         )
+
+
+def _check_falls(
+    table: pd.DataFrame, mapping: ModelMapping, model: mujoco.MjModel, entries: Mapping[str, Entry]
+) -> None:
+    """Hold how free bodies fall against the model's gravity: it tells units and axes."""
+    bodies = dict.fromkeys(s.target for s in mapping.sources if s.kind == "body" and s.quantity == "position")
+    for body in bodies:
+        own = {s.index: s for s in mapping.sources if (s.kind, s.quantity, s.target) == ("body", "position", body)}
+        first = int(model.body(body).jntadr[0])
+        if set(own) != {0, 1, 2} or first < 0 or model.jnt_type[first] != mujoco.mjtJoint.mjJNT_FREE:
+            continue
+        places = table[[own[axis].name for axis in range(3)]].to_numpy()
+        said = falls_otherwise(table["t"].to_numpy(), places, np.array(model.opt.gravity))
+        if said:
+            units = dict.fromkeys(entries[s.name].unit for s in own.values())
+            raise RecordingError(
+                f"channels: '{body}' {said}: is the unit of its positions {' or '.join(units)}, does the right axis of "
+                "the log point up (`up`), and is the clock right?"
+            )
 
 
 def within(values: FloatArray, limits: tuple[float, float], entry: Entry, whose: str) -> list[str]:

@@ -18,6 +18,18 @@ EVEN = 0.1  # of a step: how unevenly a window may be sampled
 NEAR = 0.15  # of gravity: how far off a window in flight may be, by noise, spin of a marker, drag
 WINDOWS = 5  # that agree, and
 SHARE = 0.05  # of all: an accident of pushes and impacts is rarer
+WRONG_SCALES = (
+    1e3,
+    1e-3,
+    1e2,
+    1e-2,
+    10.0,
+    0.1,
+    1e6,
+    1e-6,
+    0.0254,
+    1 / 0.0254,
+)  # by which units that are mixed up differ
 
 
 @dataclass(frozen=True)
@@ -51,6 +63,38 @@ def falls(times_s: FloatArray, places: FloatArray, gravity_m_s2: float) -> Fall 
             if count >= max(WINDOWS, SHARE * len(curved)) and (best is None or count > best[0]):
                 best = count, Fall(unit, up, -float(np.median(si[near, axis])))
     return None if best is None else best[1]
+
+
+def falls_otherwise(times_s: FloatArray, places_m: FloatArray, gravity_m_s2: FloatArray) -> str:
+    """Say how a body falls that does not fall as the model's gravity has it: by another unit, or another way; else "".
+
+    Args:
+        times_s: (T,), s; where an episode follows another, time falls back.
+        places_m: As they were understood, (T, 3), m, world axes, NaN where not measured.
+        gravity_m_s2: That is believed, (3,).
+    """
+    size = float(np.linalg.norm(gravity_m_s2))
+    curved = _accelerations(times_s, places_m)
+    if not size > 0 or not len(curved):
+        return ""
+
+    def agree(expected: FloatArray, scale: float = 1.0) -> bool:
+        near = np.linalg.norm(scale * curved - expected, axis=1) < NEAR * size
+        return int(near.sum()) >= max(WINDOWS, SHARE * len(curved))
+
+    if agree(gravity_m_s2):
+        return ""
+    for times in WRONG_SCALES:
+        if agree(gravity_m_s2, times):
+            return f"falls with {size / times:.3g} m/s2, where the model's gravity is {size:.3g}"
+    for axis, sign in ((a, s) for s in (-1.0, 1.0) for a in range(3)):
+        if agree(sign * size * np.eye(3)[axis]):
+            way = f"{'-' if sign < 0 else '+'}{'xyz'[axis]}"
+            x, y, z = gravity_m_s2
+            return (
+                f"falls along {way} of the case's world, where the model's gravity is ({x:.3g}, {y:.3g}, {z:.3g}) m/s2"
+            )
+    return ""
 
 
 def _accelerations(times_s: FloatArray, places: FloatArray) -> FloatArray:
