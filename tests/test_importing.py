@@ -424,14 +424,30 @@ def test_images_are_left_out(storage: str, tmp_path: Path) -> None:
     assert any("images, clouds and the like are not read: '/camera'" in note for note in log.notes)
 
 
+def test_a_case_of_another_log_is_not_written_over(tmp_path: Path, runs: list[Run], run_import: Import) -> None:
+    """The same log again is, with another map; a proposal does not hide that a log is missing."""
+    keys = FLAT | {"channels": {k: c for k, c in FLAT["channels"].items() if k.startswith("q_")}}
+    for name in ("log.csv", "other.csv"):
+        frame(runs[0]).to_csv(name, index=False)
+    assert run_import([Path("log.csv")], keys)[0] == 0
+    assert run_import([Path("log.csv")], keys | {"start": "rest"})[0] == 0
+    before = Path("case/import.yaml").read_bytes()
+    code, _, err = run_import([Path("other.csv")], keys)
+    assert code == 2
+    assert "out: 'case' was imported from another log, log.csv; name a new folder." in err
+    assert Path("case/import.yaml").read_bytes() == before
+    code, _, err = run_import([Path("lost.csv")], None)
+    assert (code, "lost.csv" in err, "already" in err) == (2, True, False)
+
+
 def test_a_case_that_can_not_be_read_is_not_written(tmp_path: Path, runs: list[Run], run_import: Import) -> None:
     """Times in another unit show when it is read: one sample in 10 s is no recording of a mechanism."""
     keys = FLAT | {"channels": {k: c for k, c in FLAT["channels"].items() if k.startswith("q_")}}
     Path("log.csv").write_text(frame(runs[0]).assign(time=runs[0].t * 1000).to_csv(index=False))
     code, _, err = run_import([Path("log.csv")], keys)
     assert code == 2
-    assert err.startswith("case/recording.parquet: ")
-    assert "probably not in s" in err
+    assert err.startswith("recording.parquet: data row 1 ")
+    assert "probably not in s. By 'map.yaml' the case would be so; it was not written." in err
     assert not Path("case").exists()
     assert not list(Path().glob(".case.*"))
 

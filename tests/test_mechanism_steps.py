@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from runner.effects.mechanism import Stribeck
+from runner.effects.mechanism import Compliance, Stribeck
 from runner.recording.model_form import read_model_case
 from runner.systems.mechanism import MechanismSystem
 from runner.systems.simulator import Run
@@ -138,6 +138,19 @@ def test_steps_settle_by_how_uncertain_residuals_are(tmp_path: Path):
     between = rough.settled(4.0)
     assert between is not None
     assert system.step_s < between.step_s < rough.step_s
+
+
+def test_a_spring_settles_where_it_may_be_meant(tmp_path: Path):
+    """In a search how it rings may be off; of what is near the likeliest it is not, whatever others ask."""
+    system = arm_system(tmp_path, 5e-3)
+    rough, springs = system.roughly(), (Compliance("elbow", 50.0),)
+    assert rough.step_s == system.step_s
+    assert rough.settled(1.0) is None
+    settled = rough.settled(1.0, [(), springs])
+    assert settled is not None
+    fine, coarse, own = (s.simulator().step_with(springs) for s in (settled, rough, system))
+    assert fine == own < 0.5 * coarse
+    assert settled.settled(1.0, [springs]) is None
 
 
 def test_steps_are_shorter_than_the_files_where_it_takes_that(tmp_path: Path):

@@ -73,12 +73,13 @@ def main(config: ImportConfig, job: Job) -> None:
 
 def _propose(config: ImportConfig, console: Console) -> None:
     """Read the log, say what it seems to be, and write a map to be edited."""
-    if config.propose.exists():
-        raise ConfigError(
-            f"propose: '{config.propose}' is there already; go on with map={config.propose}, or name another."
-        )
     target = target_of(config.model)
     log = read_log(config.logs, ReadOptions(rate_hz=config.rate_hz))
+    if config.propose.exists():
+        raise ConfigError(
+            f"propose: '{config.propose}' is there already: if it is of this log, go on with map={config.propose}; "
+            f"else name another, as in propose={config.logs[0].stem}_map.yaml."
+        )
     proposal = target.propose(log, config.rate_hz)
     heading, rows = ("signal", "is", "unit", "why"), proposal.table
     held = [counted(len(log.parts[0].signals), "signal")]

@@ -25,7 +25,7 @@ from runner.inference.leap import leapt
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.multiple_shooting import look, recut
 from runner.inference.outside import with_outside
-from runner.inference.search import Search, fitted_again, resumed, search
+from runner.inference.search import Search, fitted_again, near_likeliest, resumed, search
 from runner.inference.solver_choice import better_solved
 from runner.inference.unseen import portions, start_states, unseen
 from runner.inference.variable_projection import project
@@ -133,7 +133,8 @@ def attempt(
         first = replace(first, fitter=fitter, nominal=found.nominal, beginning=_open_again(found, fitter))
         observer.step(Step.SEARCHING, OTHERWISE)
         fitter, found = _explained(first, held_out)
-    if finer := fitter.system.settled(found.best.evidence.dispersion):
+    near = [f.explanation.make(f.x, fitter.context) for f in near_likeliest(found)]
+    if finer := fitter.system.settled(found.best.evidence.dispersion, near):
         fitter = _solved_otherwise(fitter, finer)
         observer.step(Step.SEARCHING, "what is near the likeliest again in shorter steps")
         found = fitted_again(found, fitter)

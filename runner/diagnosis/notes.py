@@ -95,7 +95,8 @@ def doubts(system: AbstractSystem, measured: Measured, top: Contender) -> tuple[
         out.append(
             f"By how much {listed(far)} {'differs' if len(far) == 1 else 'differ'} from the model is more than "
             f"{SETTINGS.fit.trust_radius:.0f} times what is usual. It may be so; but what stands in for a cause that "
-            "was not tried has such numbers, too: see by hand whether it can be, before the model is changed."
+            "was not tried has such numbers, too, and so has what was read in a wrong unit: see by hand whether it can "
+            "be, before the model is changed."
         )
     if not top.fit.converged:
         out.append(

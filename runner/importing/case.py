@@ -53,6 +53,18 @@ def check_out(out: Path) -> None:
         raise ConfigError(f"out: '{out}' is not empty and was not written by an import; name a new folder.")
 
 
+def _check_same_log(made: Path, out: Path) -> None:
+    """Refuse to write over what was imported from another log.
+
+    Raises:
+        ConfigError: Naming the logs.
+    """
+    new, old = (read_record(folder).get("log") for folder in (made, out))
+    names, others = ([Path(str(p)).name for p in of] if isinstance(of, list) else [] for of in (new, old))
+    if others and others != names:
+        raise ConfigError(f"out: '{out}' was imported from another log, {', '.join(others)}; name a new folder.")
+
+
 def _check_unedited(made: Path, out: Path) -> None:
     """Refuse to write over a file that somebody has edited since it was imported, unless it is what would be written.
 
@@ -89,9 +101,10 @@ def write_case(built: Built, out: Path, *, model: Path, log: Sequence[Path], map
             try:
                 notes = _make(built, Path(made), model=model, log=log, map_file=map_file)
             except RecordingError as error:
-                of_case = str(error).replace(str(Path(made)), str(out))
-                so_is = f"So is the case that '{map_file.name}' makes; it was not written."
+                of_case = str(error).replace(f"{Path(made)}/", "").replace(str(Path(made)), str(out))
+                so_is = f"By '{map_file}' the case would be so; it was not written."
                 raise RecordingError(f"{of_case} {so_is}") from None
+            _check_same_log(Path(made), out)
             _check_unedited(Path(made), out)
             _put(Path(made), out)
     except OSError as error:

@@ -112,7 +112,11 @@ def rows(episode: Cut, keys: RowKeys, told: Told, *, sparse: bool) -> Rows | Non
     late_said = "{n} episodes begin later, when every command has come once, and count their times from there: by up to"
     told.add(f"{late_said} {{largest}} s", late > 0, late)
     if len(kept) < FEWEST_ROWS:
-        told.add(f"{{n}} episodes are left out: they have fewer than {FEWEST_ROWS} rows", 1)
+        told.add(
+            f"{{n}} episodes are left out: they have fewer than {FEWEST_ROWS} rows (has `clock` the right unit, are "
+            "`episodes` told the right way?)",
+            1,
+        )
         return None
     steps = np.diff(kept)
     if keys.at == ALL:

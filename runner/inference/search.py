@@ -219,6 +219,12 @@ def _take_out_untold(rounds: Rounds) -> None:
             rounds.contenders = [again if other is c else other for other in rounds.contenders]
 
 
+def near_likeliest(found: Search) -> list[Fit]:
+    """Return the fits of effects that are not hopelessly behind the likeliest."""
+    hopeless = found.best.log_posterior - SETTINGS.held_out.hopeless_log_odds
+    return [c.fit for c in found.contenders if c.log_posterior > hopeless and c.fit.explanation.candidates]
+
+
 def fitted_again(found: Search, fitter: Fitter) -> Search:
     """Return the nominal model and what is near the likeliest, fitted anew to the same episodes by another simulator.
 
@@ -227,9 +233,7 @@ def fitted_again(found: Search, fitter: Fitter) -> Search:
     """
     episodes, how, fits = found.nominal.episodes, SETTINGS.fit, list[Fit]()
     rounds = Rounds.begun(fitter, episodes, found.nominal.starts, Beginning(), pieces=False)
-    hopeless = found.best.log_posterior - SETTINGS.held_out.hopeless_log_odds
-    near = [c.fit for c in found.contenders if c.log_posterior > hopeless and c.fit.explanation.candidates]
-    for before in sorted(near, key=lambda f: f.total):
+    for before in sorted(near_likeliest(found), key=lambda f: f.total):
         fit = fitter.fit(
             before.explanation,
             episodes,

@@ -17,7 +17,7 @@ and an entry in `runner.systems.case.open_case`, which tells from a folder which
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol
@@ -188,7 +188,7 @@ class AbstractSystem(ABC):
         """
         return self
 
-    def settled(self, dispersion: float) -> AbstractSystem | None:
+    def settled(self, dispersion: float, near: Iterable[Effects] = ()) -> AbstractSystem | None:
         """Return it simulated in shorter steps, whose errors are small beside all readings together.
 
         None: they are short enough.
@@ -196,6 +196,7 @@ class AbstractSystem(ABC):
         Args:
             dispersion: How many times as uncertain as noise is what an explanation leaves, a variance: errors of the
                 model that large hide more of those of a step.
+            near: What may turn out to be meant: some effects ask for steps of their own.
         """
         return None
 

@@ -11,6 +11,7 @@ import mujoco
 from runner.effects.base import Parameter, Phrase, Vector
 from runner.effects.mechanism import parts
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
+from runner.effects.mechanism.contacts import is_free
 from runner.effects.wording import Values
 from runner.errors import check_range
 
@@ -53,12 +54,13 @@ class ComOffset(MechanismEffect):
     @classmethod
     def phrase(cls, of: Values, beliefs: Scope, target: str | None = None) -> Phrase:
         told = _told(of, beliefs.model, target)
+        taken = "Balance" if is_free(beliefs.model, target) else f"Take '{target}' off and balance"
         written = {f"{axis}_m": of[f"{axis}_m"] if axis in told else 0.0 for axis in "xyz"}
         return Phrase(
             f"the centre of mass of body '{target}' is not where the model has it",
             _amount(of, told),
             parts.to_give_of(beliefs.model, cls, target, **written),
-            f"Take '{target}' off and balance it on an edge.",
+            f"{taken} it on an edge.",
         )
 
     def as_told(self, model: mujoco.MjModel, errors: Mapping[str, float]) -> ComOffset:

@@ -89,6 +89,7 @@ class MechanismSimulator(AbstractSimulator):
         models: Its compiled models.
         step_s: Physics step.
         threads: For the rollouts; None: one per core.
+        rough: Whether springs that effects add are told apart as in a survey: how they ring may be off.
 
     Attributes:
         survey_step_s: Physics step of surveys of all effects, see `surveying`; to begin with the same.
@@ -100,11 +101,13 @@ class MechanismSimulator(AbstractSimulator):
         models: Models,
         step_s: float,
         threads: int | None = None,
+        *,
+        rough: bool = False,
     ) -> None:
         self.recording, self.models, self.step_s = recording, models, step_s
         self.survey_step_s = step_s
         self.simulated_s = 0.0
-        self._per_step_rad = PER_STEP_RAD
+        self._per_step_rad = PER_SURVEY_STEP_RAD if rough else PER_STEP_RAD
         self.threads = min(threads or models.threads, models.threads)
         self._pool = rollout.Rollout(nthread=self.threads if self.threads > 1 else 0)
         self._spans = tuple(Span(i, 0, len(e)) for i, e in enumerate(recording.episodes))
@@ -183,6 +186,10 @@ class MechanismSimulator(AbstractSimulator):
                     batch = _Batch(compiled, models, chosen, [lengths[m] for m in some], step_s, first_s)
                     out |= zip((every[m] for m in some), self._simulate(batch), strict=True)
         return [out[i] for i in range(len(stretches))]
+
+    def step_with(self, effects: Effects) -> float:
+        """Return the physics step of a model with these effects, s."""
+        return self._step(self.models.compiled(effects), effects)
 
     def _step(self, compiled: Compiled, effects: Effects) -> float:
         """Return the step of a model: a whole part of the usual one where effects have added what asks for less.

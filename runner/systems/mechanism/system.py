@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -136,14 +136,15 @@ class MechanismSystem(AbstractSystem):
         """See `AbstractSystem`."""
         return self if any(self._found_flights) else self._for(math.inf)
 
-    def settled(self, dispersion: float) -> MechanismSystem | None:
+    def settled(self, dispersion: float, near: Iterable[Effects] = ()) -> MechanismSystem | None:
         """See `AbstractSystem`."""
         if not dispersion < self._dispersion or any(self._found_flights):
             return None
         other = self._for(dispersion)
         other.stretches()  # by them is told how long the steps of a survey may be
-        shorter = other.step_s < self.step_s and not math.isclose(other.step_s, self.step_s)
-        return other if shorter else None
+        before, after = self.simulator(), other.simulator()
+        shorter = ((after.step_with(e), before.step_with(e)) for e in ((), *near))
+        return other if any(a < b and not math.isclose(a, b) for a, b in shorter) else None
 
     def _for(self, dispersion: float) -> MechanismSystem:
         """Return it simulated for residuals so many times as uncertain as noise."""
@@ -240,7 +241,8 @@ class MechanismSystem(AbstractSystem):
     def simulator(self, *, threads: int | None = None) -> MechanismSimulator:
         """See `AbstractSystem`."""
         if self._simulator is None or (threads is not None and threads != self._simulator.threads):
-            self._simulator = MechanismSimulator(self.recording, self._models, self.step_s, threads)
+            rough = math.isinf(self._dispersion)
+            self._simulator = MechanismSimulator(self.recording, self._models, self.step_s, threads, rough=rough)
         return self._simulator
 
     def by_engine_alone(self) -> tuple[MechanismSimulator, float] | None:
