@@ -18,18 +18,8 @@ EVEN = 0.1  # of a step: how unevenly a window may be sampled
 NEAR = 0.15  # of gravity: how far off a window in flight may be, by noise, spin of a marker, drag
 WINDOWS = 5  # that agree, and
 SHARE = 0.05  # of all: an accident of pushes and impacts is rarer
-WRONG_SCALES = (
-    1e3,
-    1e-3,
-    1e2,
-    1e-2,
-    10.0,
-    0.1,
-    1e6,
-    1e-6,
-    0.0254,
-    1 / 0.0254,
-)  # by which units that are mixed up differ
+# by which units that are mixed up differ: of lengths, and of a clock that counts thousandths, squared
+WRONG_SCALES = (1e3, 1e-3, 1e2, 1e-2, 10.0, 0.1, 1e6, 1e-6, 0.0254, 1 / 0.0254)
 
 
 @dataclass(frozen=True)
@@ -90,10 +80,8 @@ def falls_otherwise(times_s: FloatArray, places_m: FloatArray, gravity_m_s2: Flo
     for axis, sign in ((a, s) for s in (-1.0, 1.0) for a in range(3)):
         if agree(sign * size * np.eye(3)[axis]):
             way = f"{'-' if sign < 0 else '+'}{'xyz'[axis]}"
-            x, y, z = gravity_m_s2
-            return (
-                f"falls along {way} of the case's world, where the model's gravity is ({x:.3g}, {y:.3g}, {z:.3g}) m/s2"
-            )
+            believed = ", ".join(f"{g:.3g}" for g in gravity_m_s2)
+            return f"falls along {way} of the case's world, where the model's gravity is ({believed}) m/s2"
     return ""
 
 
