@@ -364,7 +364,7 @@ class _Unmeasured(MechanismSystem):
         self._models, self._raw, self.initial = known._models, known._raw, known.initial
         self.context, self.vocabulary, self.disturbance = known.context, known.vocabulary, known.disturbance
         self._step_s: float | None = known.step_s
-        self._simulator = None
+        self._simulator, self._dispersion = None, known._dispersion
         self._cut, self._stretches, self._found_flights = None, None, [[] for _ in recording.episodes]
 
 
