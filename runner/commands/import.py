@@ -111,7 +111,7 @@ def _import(config: ImportConfig, map_file: Path, console: Console) -> None:
     """Write the case, and say how its clocks ran and what was done."""
     if config.out is None:
         raise ConfigError("out: a folder for the case is needed, as in out=CASE.")
-    check_out(config.out)
+    check_out(config.out, config.logs)
     built = _built(config, map_file)
     read = write_case(built, config.out, model=config.model, log=config.logs, map_file=map_file)
     clocks = _clocks(built.clocks)

@@ -38,11 +38,8 @@ def close(
     for recorded, members in by_recorded.items():
         residuals = []
         for e in members:
-            truth = measured.values[e]
-            both = (
-                fitter.simulator.predict(e, [Run(model, start)])[0] - truth
-                for model, start in zip(((), effects), starts[e], strict=True)
-            )
+            runs = [Run(model, start) for model, start in zip(((), effects), starts[e], strict=True)]
+            both = fitter.simulator.predict(e, runs) - measured.values[e]
             residuals.append([np.where(measured.valid[e], r, np.nan) for r in both])
         old, new = (np.concatenate(of) for of in zip(*residuals, strict=True))
         # before anything is hit it is that of the sensors

@@ -41,8 +41,8 @@ def copy_model(model: Path, folder: Path) -> str:
     return model_name(model)
 
 
-def check_out(out: Path) -> None:
-    """Refuse a folder that holds something other than a case that was imported.
+def check_out(out: Path, log: Sequence[Path]) -> None:
+    """Refuse a folder that holds something other than a case that was imported from a log.
 
     Raises:
         ConfigError: Naming the folder.
@@ -51,18 +51,10 @@ def check_out(out: Path) -> None:
         raise ConfigError(f"out: '{out}' is a file; name a folder.")
     if out.is_dir() and any(out.iterdir()) and not (out / RECORD).is_file():
         raise ConfigError(f"out: '{out}' is not empty and was not written by an import; name a new folder.")
-
-
-def _check_same_log(made: Path, out: Path) -> None:
-    """Refuse to write over what was imported from another log.
-
-    Raises:
-        ConfigError: Naming the logs.
-    """
-    new, old = (read_record(folder).get("log") for folder in (made, out))
-    names, others = ([Path(str(p)).name for p in of] if isinstance(of, list) else [] for of in (new, old))
-    if others and others != names:
-        raise ConfigError(f"out: '{out}' was imported from another log, {', '.join(others)}; name a new folder.")
+    of = read_record(out).get("log")
+    names = [Path(str(p)).name for p in of] if isinstance(of, list) else []
+    if names and names != [p.name for p in log]:
+        raise ConfigError(f"out: '{out}' was imported from another log, {', '.join(names)}; name a new folder.")
 
 
 def _check_unedited(made: Path, out: Path) -> None:
@@ -104,7 +96,6 @@ def write_case(built: Built, out: Path, *, model: Path, log: Sequence[Path], map
                 of_case = str(error).replace(f"{Path(made)}/", "").replace(str(Path(made)), str(out))
                 so_is = f"By '{map_file}' the case would be so; it was not written."
                 raise RecordingError(f"{of_case} {so_is}") from None
-            _check_same_log(Path(made), out)
             _check_unedited(Path(made), out)
             _put(Path(made), out)
     except OSError as error:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+
+import numpy as np
 
 from runner.effects.base import Effects
 from runner.numerics.arrays import FloatArray
@@ -35,6 +37,22 @@ def alike(steps: Sequence[int]) -> list[list[int]]:
         else:
             out.append([i])
     return out
+
+
+def of_each(
+    rows: Iterable[FloatArray], asked: Sequence[tuple[int, Sequence[Run]]], spans: Sequence[Span], channels: int
+) -> list[FloatArray]:
+    """Return what was predicted of all runs, one after the other, (T, C), as that of each episode, (len(runs), T, C).
+
+    Args:
+        rows: Of the runs, in their order.
+        asked: The episodes with their runs.
+        spans: What of the recording each of those is.
+        channels: C.
+    """
+    left = iter(rows)
+    each = ([next(left) for _ in runs] for _, runs in asked)
+    return [np.reshape(of, (len(of), s.end - s.begin, channels)) for s, of in zip(spans, each, strict=True)]
 
 
 class AbstractSimulator(ABC):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runner.importing.units import UNITS
 from runner.numerics.arrays import FloatArray
@@ -48,9 +49,9 @@ def falls(times_s: FloatArray, places: FloatArray, gravity_m_s2: float) -> Fall 
             expected = np.zeros(3)
             expected[axis] = -gravity_m_s2
             si = curved * UNITS["m"][unit]
-            near = np.linalg.norm(si - expected, axis=1) < NEAR * gravity_m_s2
+            near = _in_flight(si, expected)
             count = int(near.sum())
-            if count >= max(WINDOWS, SHARE * len(curved)) and (best is None or count > best[0]):
+            if count and (best is None or count > best[0]):
                 best = count, Fall(unit, up, -float(np.median(si[near, axis])))
     return None if best is None else best[1]
 
@@ -68,21 +69,23 @@ def falls_otherwise(times_s: FloatArray, places_m: FloatArray, gravity_m_s2: Flo
     if not size > 0 or not len(curved):
         return ""
 
-    def agree(expected: FloatArray, scale: float = 1.0) -> bool:
-        near = np.linalg.norm(scale * curved - expected, axis=1) < NEAR * size
-        return int(near.sum()) >= max(WINDOWS, SHARE * len(curved))
-
-    if agree(gravity_m_s2):
+    if _in_flight(curved, gravity_m_s2).any():
         return ""
     for times in WRONG_SCALES:
-        if agree(gravity_m_s2, times):
+        if _in_flight(times * curved, gravity_m_s2).any():
             return f"falls with {size / times:.3g} m/s2, where the model's gravity is {size:.3g}"
     for axis, sign in ((a, s) for s in (-1.0, 1.0) for a in range(3)):
-        if agree(sign * size * np.eye(3)[axis]):
+        if _in_flight(curved, sign * size * np.eye(3)[axis]).any():
             way = f"{'-' if sign < 0 else '+'}{'xyz'[axis]}"
             believed = ", ".join(f"{g:.3g}" for g in gravity_m_s2)
             return f"falls along {way} of the case's world, where the model's gravity is ({believed}) m/s2"
     return ""
+
+
+def _in_flight(curved_m_s2: FloatArray, gravity_m_s2: FloatArray) -> NDArray[np.bool_]:
+    """Return which accelerations (W, 3) are that of gravity (3,), (W,); none where few are, as by accident."""
+    near = np.linalg.norm(curved_m_s2 - gravity_m_s2, axis=1) < NEAR * np.linalg.norm(gravity_m_s2)
+    return near & (int(near.sum()) >= max(WINDOWS, SHARE * len(near)))
 
 
 def _accelerations(times_s: FloatArray, places: FloatArray) -> FloatArray:

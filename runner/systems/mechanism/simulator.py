@@ -27,7 +27,7 @@ from runner.systems.mechanism.held import even_times
 from runner.systems.mechanism.models import Compiled, Models, mechanical
 from runner.systems.mechanism.observer import Observer, States
 from runner.systems.mechanism.readings import Readings, on_readings
-from runner.systems.simulator import AbstractSimulator, Run, alike
+from runner.systems.simulator import AbstractSimulator, Run, alike, of_each
 from runner.systems.windows import Windows
 
 FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
@@ -142,9 +142,7 @@ class MechanismSimulator(AbstractSimulator):
             for s, (_, runs) in zip(spans, asked, strict=True)
             for r in runs
         ]
-        shown, channels = iter(self.simulate(stretches)), len(self.recording.mapping.sources)
-        each = ([next(shown) for _ in runs] for _, runs in asked)
-        return [np.reshape(rows, (len(rows), s.end - s.begin, channels)) for s, rows in zip(spans, each, strict=True)]
+        return of_each(self.simulate(stretches), asked, spans, len(self.recording.mapping.sources))
 
     def predict_windows(
         self, effects: Effects, windows: Windows, starts: FloatArray, disturbance: FloatArray | None = None

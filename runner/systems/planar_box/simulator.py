@@ -37,7 +37,7 @@ from runner.systems.planar_box.windows import (
     shown_alike,
     unseen,
 )
-from runner.systems.simulator import AbstractSimulator, Run, alike
+from runner.systems.simulator import AbstractSimulator, Run, alike, of_each
 from runner.systems.windows import Windows
 
 OBJECT = "object"
@@ -223,10 +223,8 @@ class Simulator(AbstractSimulator):
             for members in alike([len(every[i]) for i in group]):
                 for some in self._at_once([group[m] for m in members], every):
                     found |= zip(some, self._predict([every[i] for i in some]), strict=True)
-        shown = iter(found[i][:, self._columns_seen] for i in range(len(every)))
-        each = ([next(shown) for _ in runs] for _, runs in asked)
-        columns = len(self._columns_seen)
-        return [np.reshape(rows, (len(rows), s.end - s.begin, columns)) for s, rows in zip(spans, each, strict=True)]
+        rows = (found[i][:, self._columns_seen] for i in range(len(every)))
+        return of_each(rows, asked, spans, len(self._columns_seen))
 
     def _at_once(self, members: Sequence[int], every: Sequence[_Asked]) -> list[Sequence[int]]:
         """Return runs in parts of which the commands take no more memory than they may."""
