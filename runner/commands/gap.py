@@ -35,7 +35,7 @@ from runner.errors import ConfigError, check_range
 from runner.progress import progress, waiting
 from runner.recording import find_cases
 from runner.recording.case import content_hash
-from runner.recording.data import introduced, warnings
+from runner.recording.data import WARNING, introduced, warnings
 from runner.simulate.gap import AMPLIFIES, HORIZONS_S, WHOLE_EPISODE, Gap
 from runner.storage.provenance import digest, files_digest
 from runner.storage.writing import write_parquet
@@ -104,7 +104,7 @@ def main(config: GapConfig, job: Job) -> None:
     if len(systems) > 1:
         _print_many(table, console)
         for system in systems:
-            for note in warnings(system.recording.notes):
+            for note in (*warnings(system.recording.notes), *(f"{WARNING}{said}" for said in system.misread())):
                 console.print(Text(f"{system.recording.path.name}: {note}"))
     console.print(f"{folder / GAP}", highlight=False, soft_wrap=True)
 
@@ -120,7 +120,7 @@ def _print(system: AbstractSystem, found: Gap, console: Console, corrected: Path
     console.print(Text(f"{recording.path}{by}: {_in_short(found, recording)}", style="bold"))
     if believed is not None:
         console.print(Text(f"As believed, without the correction: {_in_short(believed, recording)}"))
-    for note in recording.notes:
+    for note in (*recording.notes, *(f"{WARNING}{said}" for said in system.misread())):
         console.print(Text(f"{introduced(note)}."))
     table = _table(system, found, " = ")
     if console.measure(table, options=console.options.update(max_width=1000)).maximum > console.width:

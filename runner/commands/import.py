@@ -32,8 +32,9 @@ from runner.importing.readers import read_log
 from runner.importing.record import RECORD
 from runner.importing.signals import ReadOptions
 from runner.importing.target import target_of
-from runner.recording.data import introduced
+from runner.recording.data import WARNING, introduced
 from runner.storage.writing import write_text
+from runner.systems.case import open_case
 
 NEVER = {"twice": "0.0%", "unordered": "0"}  # what columns of the table of clocks hold where it did not happen
 
@@ -121,7 +122,8 @@ def _import(config: ImportConfig, map_file: Path, console: Console) -> None:
         for e in built.plan.entries
     ]
     print_table(console, "Columns", (("column", "signal", "unit"), conversions))
-    for note in (*built.notes, *read):
+    misread = [f"{WARNING}{said}" for said in open_case(config.out).misread()]
+    for note in (*built.notes, *read, *misread):
         _say(console, f"{introduced(note)}.")
     episodes = counted(len(built.table["episode"].unique()), "episode")
     _say(console, f"{episodes}, {counted(len(built.table), 'row')}: {config.out}")

@@ -90,7 +90,7 @@ def notes(
 
 def doubts(system: AbstractSystem, measured: Measured, top: Contender) -> tuple[str, ...]:
     """Say why the numbers of the explanation that is put into the corrected model may not be what they look like."""
-    out = list[str]()
+    out = [f"{said}." for said in system.misread()]
     if far := _far_from_usual(top.fit, system.context):
         out.append(
             f"By how much {listed(far)} {'differs' if len(far) == 1 else 'differ'} from the model is more than "

@@ -135,6 +135,10 @@ class AbstractSystem(ABC):
         """Return the standard deviation that the owner states for each channel, NaN where none is stated, (C,)."""
         return np.where(self.owner_states_noise(), self.stated_noise(), np.nan)
 
+    def misread(self) -> tuple[str, ...]:
+        """Return what may have been read as something else than it is, in sentences; none by default."""
+        return ()
+
     @abstractmethod
     def rests(self) -> list[tuple[int, slice]]:
         """Return where the object surely stands still, so that what is measured is noise: episode and samples."""

@@ -29,10 +29,10 @@ def measured_freely(recording: MechanismRecording, coordinates: Coordinates, mod
     if not can_touch(model) or any(j.kind != FREE for j in coordinates.joints):
         return False
     bodies = [model.body(int(model.jnt_bodyid[i])).name for i in range(model.njnt)]
-    return bool(bodies) and all(_pose_channels(recording, b) is not None for b in bodies)
+    return bool(bodies) and all(pose_channels(recording, b) is not None for b in bodies)
 
 
-def _pose_channels(recording: MechanismRecording, body: str) -> tuple[list[int], str] | None:
+def pose_channels(recording: MechanismRecording, body: str) -> tuple[list[int], str] | None:
     """Return the channels of a body's x, y, z and the column of its orientation; None: not all are measured."""
     sources = recording.mapping.sources
     place = {s.index: k for k, s in enumerate(sources) if s.target == body and s.quantity == "position"}
@@ -75,7 +75,7 @@ def _flights(
     where: Mapping[int, tuple[slice, list[int], str]] = {
         i: (joint.q, *found)
         for i, joint in enumerate(coordinates.joints)
-        if (found := _pose_channels(recording, near.body(int(near.jnt_bodyid[i])).name)) is not None
+        if (found := pose_channels(recording, near.body(int(near.jnt_bodyid[i])).name)) is not None
     }
     free = np.zeros(len(episode), bool)
     every = max(1, len(episode) // MECHANISM.flight.max_looked_at)
@@ -99,7 +99,7 @@ def rests(recording: MechanismRecording, coordinates: Coordinates, model: mujoco
     """
     out = []
     bodies = [model.body(int(model.jnt_bodyid[i])).name for i in range(len(coordinates.joints))]
-    poses = [found for b in bodies if (found := _pose_channels(recording, b)) is not None]
+    poses = [found for b in bodies if (found := pose_channels(recording, b)) is not None]
     size, limits = size_m(model), MECHANISM.flight
     for e, episode in enumerate(recording.episodes):
         moved = np.zeros(len(episode))

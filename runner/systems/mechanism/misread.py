@@ -1,0 +1,178 @@
+"""What was read as something else than it is, told by the model: units of joints, and the order of quaternions.
+
+Numbers of a joint in a wrong unit are a smaller or a larger motion, which some wrong gain or weight follows as well: a
+fit can't tell them apart from a model that is wrong by so much. But nobody's model is wrong by exactly what two units
+differ by, and right beside that. So the model as believed is asked what it misses of the motion as it was read, and as
+it would be in other units. Likewise a body that lies on something lies flat on it, and with its quaternions in another
+order it does not.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from runner.numerics.arrays import FloatArray, spread_over
+from runner.recording.model_form import MechanismEpisode, MechanismRecording
+from runner.systems.mechanism import quaternions
+from runner.systems.mechanism.coordinates import Coordinates
+from runner.systems.mechanism.flights import measured_freely, pose_channels, rests, size_m
+from runner.systems.mechanism.initial import MechanismStart
+from runner.systems.mechanism.models import Models
+from runner.systems.mechanism.scope import raw_signals
+from runner.systems.mechanism.simulator import MechanismSimulator
+from runner.systems.windows import Windows
+
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "rad": {"rad": 1.0, "deg": np.pi / 180, "mrad": 1e-3, "turns": 2 * np.pi},
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254},
+}
+WHAT = {"rad": "Angles", "m": "Ways"}
+WINDOW_S, FEWEST_SAMPLES, WINDOWS = 0.5, 4, 24  # of the motion: as long as gravity and a servo need to show
+FOLLOWED = 0.1  # of the motion: what misses less follows it in the units in which it was read
+FOLLOWS = 0.3  # of the motion: what misses more does not follow it in others, either
+FEWER = 0.25  # of what is missed as it was read: what is right leaves a sixteenth of the squares, or less
+NEVER = 1e3  # of the motion: a model that goes astray misses so much and more
+LIES_OFF = 0.15  # of a body's size: nobody measures poses that badly, nor is off by that in how large it is
+SCALAR = "read with the scalar in the wrong place (`order` of the map: wxyz or xyzw)"
+POSES = 400  # that are looked at: each costs a search for the nearest points
+Turned = Callable[[FloatArray], FloatArray]
+# by what a quaternion may have been read as
+READ_AS: tuple[tuple[str, Turned], ...] = (
+    (SCALAR, lambda q: np.roll(q, 1)),
+    (SCALAR, lambda q: np.roll(q, -1)),
+    ("measured as the turn of the world against the body, not of the body against the world", quaternions.inverse),
+)
+
+
+def in_other_units(recording: MechanismRecording, models: Models) -> list[str]:
+    """Say of which joints the model as believed follows the motion far better if it was read in a wrong unit.
+
+    Args:
+        recording: The case.
+        models: Its compiled models.
+    """
+    out = []
+    for unit, sizes in UNITS.items():
+        channels = [k for k, s in enumerate(recording.mapping.sources) if (s.kind, s.unit) == ("joint", unit)]
+        as_read = _missed(recording, models, channels)
+        if not as_read > FOLLOWED:
+            continue
+        enough, better = min(FOLLOWS, FEWER * as_read), list[tuple[float, str]]()
+        for read, is_in in itertools.permutations(sizes, 2):
+            factor = sizes[is_in] / sizes[read]
+            missed = _missed(_scaled(recording, unit, factor), models, channels)
+            if missed < enough:
+                better.append((missed, f"{is_in} read as {read} ({factor:.4g} times as large: {_percent(missed)})"))
+        if better:
+            out.append(
+                f"{WHAT[unit]} may have been read in a wrong unit: within {WINDOW_S:g} s the model as believed misses "
+                f"{_percent(as_read)} of the motion as it was read, and little of it if it is "
+                f"{' or '.join(said for _, said in sorted(better))}"
+            )
+    return out
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share < 1 else f"{share:.3g} times as much as all"
+
+
+def _scaled(recording: MechanismRecording, unit: str, factor: float) -> MechanismRecording:
+    """Return a recording whose joints of a unit move so many times as far, and servos' targets with them."""
+    mapping = recording.mapping
+    joints = np.array([factor if s.kind == "joint" and s.unit.split("/")[0] == unit else 1.0 for s in mapping.sources])
+    targets = np.array([factor if c.unit == unit else 1.0 for c in mapping.commands.values()])
+
+    def of(episode: MechanismEpisode) -> MechanismEpisode:
+        after = None if episode.after is None else of(episode.after)
+        return replace(episode, values=episode.values * joints, commands=episode.commands * targets, after=after)
+
+    return replace(recording, episodes=tuple(map(of, recording.episodes)))
+
+
+def _missed(recording: MechanismRecording, models: Models, channels: Sequence[int]) -> float:
+    """Return what the model as believed misses of the motion in short windows, as a share of it: root mean square.
+
+    Over channels, each by its own motion; NaN where there is none.
+    """
+    signals = raw_signals(recording)
+    samples = max(FEWEST_SAMPLES, round(WINDOW_S / recording.step_s))
+    places = [(e, f) for e, t in enumerate(recording.episodes) for f in range(0, len(t) - samples, samples)]
+    if not places or not channels:
+        return np.nan
+    chosen = np.array(places)[spread_over(len(places), min(WINDOWS, len(places)))]
+    windows = Windows(chosen[:, 0], chosen[:, 1], samples + 1)
+    starts = MechanismStart(recording, models, signals.sigma).guess_windows(signals, windows, smooth=True)
+    simulator = MechanismSimulator(recording, models, models.file_step_s)
+    with np.errstate(invalid="ignore", over="ignore"):
+        shown = simulator.predict_windows((), windows, starts[:, None])[:, 0, :, channels]
+    measured = windows.of(signals.values)[:, :, channels].transpose(2, 0, 1)
+    known = np.isfinite(measured)
+    moved = np.where(known, measured - measured[..., :1], 0.0)
+    missed = np.where(known, np.nan_to_num(shown - measured, nan=np.inf), 0.0)
+    motion = np.sqrt((np.nan_to_num(moved) ** 2).sum(axis=(1, 2)))
+    moves = motion > 0
+    if not moves.any():
+        return np.nan
+    with np.errstate(over="ignore"):
+        share = np.sqrt((missed**2).sum(axis=(1, 2)))[moves] / motion[moves]
+    return float(np.sqrt(np.mean(np.minimum(share, NEVER) ** 2)))
+
+
+def in_another_order(recording: MechanismRecording, models: Models, coordinates: Coordinates) -> list[str]:
+    """Say which bodies that were measured as a whole would lie flat if their quaternions were read otherwise.
+
+    Args:
+        recording: The case.
+        models: Its compiled models.
+        coordinates: Of the believed model.
+    """
+    model = models.compiled(()).model
+    if not measured_freely(recording, coordinates, model):
+        return []
+    size, lying = size_m(model), {(s.episode, s.end - 1) for s in rests(recording, coordinates, model)}
+    every = max(1, sum(map(len, recording.episodes)) // POSES)
+    poses = [(e, k) for e, of in enumerate(recording.episodes) for k in range(e % every, len(of), every)]
+    out = []
+    for joint in range(model.njnt):
+
+        def off(turned: Turned, joint: int = joint) -> float:
+            above = {at: _above(model, joint, recording, at, turned) for at in {*poses, *lying}}
+            return max(abs(d) if at in lying else -d for at, d in above.items())
+
+        as_read = off(lambda q: q)
+        if not as_read > LIES_OFF * size:
+            continue
+        otherwise, said = min(((off(turned), said) for said, turned in READ_AS), key=lambda of: of[0])
+        if otherwise < FEWER * as_read:
+            out.append(
+                f"Orientations of '{model.body(int(model.jnt_bodyid[joint])).name}' may have been {said}: as they are "
+                f"it is up to {1e3 * as_read:.2g} mm deep in what it hits, or off what it rests on; otherwise "
+                f"{1e3 * otherwise:.2g} mm"
+            )
+    return out
+
+
+def _above(
+    model: mujoco.MjModel, joint: int, recording: MechanismRecording, at: tuple[int, int], turned: Turned
+) -> float:
+    """Return how far the body of a free joint is above what never moves, m; below 0: in it. `at`: episode and sample.
+
+    Infinite where its pose was not measured.
+    """
+    own, episode, sample = int(model.jnt_bodyid[joint]), recording.episodes[at[0]], at[1]
+    places, turn = pose_channels(recording, model.body(own).name) or ([], "")
+    data, q = mujoco.MjData(model), int(model.jnt_qposadr[joint])
+    data.qpos[q : q + 7] = np.concatenate([episode.values[sample, places], turned(episode.orientations[turn][sample])])
+    if not np.isfinite(data.qpos).all():
+        return np.inf
+    mujoco.mj_kinematics(model, data)
+    root = model.body_rootid[model.geom_bodyid]
+    still = np.flatnonzero(model.body_weldid[model.geom_bodyid] == 0)
+    moving = np.flatnonzero((root == own) & ((model.geom_contype | model.geom_conaffinity) > 0))
+    far = 10 * size_m(model)
+    return min((mujoco.mj_geomDistance(model, data, a, b, far, None) for a in moving for b in still), default=np.inf)
