@@ -28,9 +28,11 @@ from runner.simulate.gap import measure_gap
 from runner.systems.base import AbstractSystem
 from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.planar_box.system import PlanarBox
-from tests import report_case
+from tests import report_case, servo_arm
 from tests.cases import made
+from tests.mechanism_cases import write_case
 from tests.pages import ROOT, blocks, run_page
+from tests.tosses import toss_case, world
 
 sys.path.insert(0, str(ROOT / "docs" / "reference"))
 from make_reference import PAGES, described_columns
@@ -99,6 +101,23 @@ def test_a_corrected_box_is_replayed_by_the_page_on_contact(elsewhere: Path) -> 
     assert (missed < [0.02, 0.02, 0.04]).all()  # m, m, rad; the noise is 6 mm and 4 mrad
     Corrected(case, ()).save("slippery")
     assert (run_page("docs/contact.md")["missed"] > 5 * missed).all()
+
+
+def test_a_mechanism_is_replayed_by_the_page_on_it(elsewhere: Path) -> None:
+    """An arm of servos and a tossed body, each by the model as it is believed: as near as `gap` says."""
+    arm = servo_arm.written(kp=20.0, mass=0.4)
+    runs = [servo_arm.recorded(arm, seed, samples=150, step_s=0.0005) for seed in (1, 2)]
+    write_case(elsewhere / "arm", arm, runs, servo_arm.NOMINAL)
+    Corrected(runner.read("arm"), ()).save("arm_found")
+    page = run_page("docs/replaying.md", replaced={"# model.opt.timestep": "model.opt.timestep"})
+    joints = page["rows"][["q_shoulder", "q_elbow"]].to_numpy()
+    assert (np.sqrt(np.mean((page["replayed"] - joints) ** 2, axis=0)) < 1.3 * servo_arm.NOISE["q_elbow"]).all()
+    toss_case(elsewhere / "toss", world(), tosses=2)
+    Corrected(runner.read("toss"), ()).save("toss_found")
+    own = {'"arm", "arm_found"': '"toss", "toss_found"', '{"u_shoulder": "shoulder", "u_elbow": "elbow"}': "{}"}
+    page = run_page("docs/replaying.md", replaced=own)
+    flight = (page["rows"][["x", "y", "z"]].to_numpy() - page["replayed"][:, :3])[:20]
+    assert np.sqrt(np.mean(flight**2)) < 1e-3  # m; the noise is 0.1 mm, and what follows is hit
 
 
 @pytest.mark.parametrize("name", list(PAGES))

@@ -178,11 +178,12 @@ def _sums(
     """
     values, valid = windows.of(signals.values), system.initial.settled(windows.of(signals.valid), system.rate_hz)
     steps, scale = system.initial.steps, system.initial.scale(signals.sigma)
+    errors = system.initial.errors(signals, windows)[..., None, None]
     measured = system.initial.guess_windows(signals, windows, smooth=False)
     rows = predict(np.stack([measured, *(measured + d for d in np.diag(steps))], axis=1), windows.samples)
     residual = rows[:, 0] - values
     # how the noise of the start state spreads
-    change = (rows[:, 1:] - rows[:, :1]) / steps[:, None, None] * scale[:, None, None]
+    change = (rows[:, 1:] - rows[:, :1]) / steps[:, None, None] * errors
     spread = (change**2).sum(axis=1)
     counts = valid.copy()
     counts[:, 0] = False

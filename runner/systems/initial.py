@@ -44,6 +44,10 @@ class AbstractInitialState(ABC):
     def scale(self, sigma: FloatArray) -> FloatArray:
         """Return how far a start may be from its guess, (S,), from the noise of each channel, (C,)."""
 
+    def errors(self, signals: Signals, windows: Windows) -> FloatArray:
+        """Return how far the starts of windows may be from their guesses, (W, S); by default all as far."""
+        return np.tile(self.scale(signals.sigma), (len(windows), 1))
+
     @abstractmethod
     def guess(self, signals: Signals, episode: int) -> FloatArray:
         """Return a rough start of an episode from its first samples, (S,)."""

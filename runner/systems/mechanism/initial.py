@@ -68,6 +68,23 @@ class MechanismStart(AbstractInitialState):
             ]
         )
 
+    def errors(self, signals: Signals, windows: Windows) -> FloatArray:
+        """See the base class: a speed that is told by samples to one side alone is off by more than elsewhere."""
+        broad, nv = self.broad(), self._coordinates.nv
+        positions = self._known(signals.sigma, broad[:nv], position=1.0, velocity=0.0)
+        speeds: dict[float, FloatArray] = {}
+        out = np.empty((len(windows), 2 * nv))
+        for w, (episode, first) in enumerate(zip(windows.episode, windows.first, strict=True)):
+            span, time = self._around(signals, int(episode), int(first))
+            time = time[signals.valid[episode][span].any(axis=1)]
+            powers = np.stack([time**0, time, time**2], axis=1)[:, : len(time)]
+            off = float(np.linalg.norm(np.linalg.pinv(powers)[1])) if len(time) > 1 else 1.0 / MECHANISM.start.slope_s
+            off = round(off, 1)  # 1/s: of an even clock few differ
+            if off not in speeds:
+                speeds[off] = self._known(signals.sigma, broad[nv:], position=1.0 / max(off, 0.1), velocity=1.0)
+            out[w] = np.concatenate([positions, speeds[off]])
+        return out
+
     def speed_error(self, sigma: FloatArray) -> FloatArray:
         """Return the standard error of velocities of a smooth guess in the middle of an episode, (nv,)."""
         step_s = self._recording.step_s
@@ -214,13 +231,9 @@ class MechanismStart(AbstractInitialState):
         self, signals: Signals, episode: int, first: int, *, smooth: bool, rests: bool
     ) -> tuple[FloatArray, FloatArray]:
         """Return level and slope of each channel at a sample, (C,): of a quadratic around it, NaN where nothing is."""
-        whole = signals.spans[episode]
-        t = self._recording.episodes[whole.episode].t_s[whole.begin : whole.end]
-        reach = max(SETTINGS.fit.min_start_samples, round(MECHANISM.start.smooth_s / self._recording.step_s))
-        span = told_around(signals.valid[episode], first, reach)
-        values = self._turned(signals.values[episode], whole, first, span)
+        span, time = self._around(signals, episode, first)
+        values = self._turned(signals.values[episode], signals.spans[episode], first, span)
         valid = signals.valid[episode][span] & np.isfinite(values)
-        time = t[span] - t[first]
         here = first - (span.start or 0)
         powers = np.stack([time**0, time**2] if rests else [time**0, time, time**2], axis=1)
         level, slope = np.full(values.shape[1], np.nan), np.full(values.shape[1], np.nan)
@@ -236,6 +249,14 @@ class MechanismStart(AbstractInitialState):
             if not rests and order > 1:
                 slope[these] = fitted[1]
         return level, slope
+
+    def _around(self, signals: Signals, episode: int, first: int) -> tuple[slice, FloatArray]:
+        """Return the samples around one that tell of it, and their times from it, s."""
+        whole = signals.spans[episode]
+        t = self._recording.episodes[whole.episode].t_s[whole.begin : whole.end]
+        reach = max(SETTINGS.fit.min_start_samples, round(MECHANISM.start.smooth_s / self._recording.step_s))
+        span = told_around(signals.valid[episode], first, reach)
+        return span, t[span] - t[first]
 
     def _turned(self, values: FloatArray, whole: Span, first: int, span: slice) -> FloatArray:
         """Return the values of some samples with orientations as turns from the measured one at one, body axes."""
