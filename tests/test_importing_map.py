@@ -128,7 +128,7 @@ def test_the_map_with_all_keys_works(tmp_path: Path, run_import: Import) -> None
     for name, schema in schemas.items():
         assert set().union(*sections[name]) == set(schema.model_fields)
     Path("arm.xml").write_text(
-        """<mujoco><worldbody><body name="arm"><joint name="elbow" range="-170 170" axis="0 0 1"/><geom size=".1"/>
+        """<mujoco><worldbody><body name="link"><joint name="elbow" range="-170 170" axis="0 0 1"/><geom size=".1"/>
         <site name="s"/></body><body name="cube" pos="1 0 0"><freejoint/><geom size=".1"/></body></worldbody>
         <actuator><position name="elbow" joint="elbow" kp="5"/></actuator>
         <sensor><gyro name="gyro" site="s"/></sensor></mujoco>"""

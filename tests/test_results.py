@@ -95,7 +95,8 @@ def test_another_recording_under_the_same_name_is_refused(tmp_path: Path, capsys
     shutil.copyfile(EXAMPLES / "slippery_floor/recording.parquet", case / "recording.parquet")
     assert main(["gap", str(case), "horizons_s=[0.5]", f"out={out}"]) == 2
     assert one_line(capsys) == (
-        f"out: '{out}' holds the results of what 'recording' held then, it has changed since; name another folder.\n"
+        f"out: '{out}' holds the results of another 'recording', or of this one before its files were changed; name "
+        "another folder.\n"
     )
     assert main(["gap", str(tmp_path / "moved"), "horizons_s=[0.5]", f"out={out}"]) == 0
 
@@ -165,7 +166,7 @@ def test_a_file_of_forces_is_an_input(tmp_path: Path, capsys: pytest.CaptureFixt
     forces.write_text("t,fx,fy\n0,10,0\n0.5,0,0\n1,0,0\n")
     capsys.readouterr()
     assert main(settings) == 2
-    assert "what 'forces' held then" in one_line(capsys)
+    assert "of another 'forces'" in one_line(capsys)
 
 
 @pytest.mark.parametrize(("name", "number"), [("killed", signal.SIGKILL)])

@@ -16,6 +16,7 @@ from runner.config import TARGET
 
 WIDTH = 80
 OPTIONS = """Options:
+  --KEY VALUE      the same as KEY=VALUE, for every setting
   -h, --help       this text; after a command, its settings and what they may be
   -m, --multirun   sweep: every combination of key=a,b,c or 'key=range(0,5)', each a run of its own
   --config-dir D   look in folder D, laid out as conf/, too: forces=NAME, experiment=NAME, ...

@@ -10,7 +10,7 @@ import numpy as np
 from runner.effects.base import Scope
 from runner.effects.vocabulary import spoken
 from runner.effects.wording import listed
-from runner.importing.record import called
+from runner.importing.record import called, has_turned_axes
 from runner.inference.contender import Contender
 from runner.inference.least_squares import Fit, amplitudes
 from runner.noise.measured import Measured, off_from_stated
@@ -45,6 +45,11 @@ def notes(
     """
     recording: Recorded = system.recording
     out = [*recording.notes, *outside]
+    if has_turned_axes(recording.path):
+        out.append(
+            "Axes are those of the case, in which z points up: x, y and z here, of bodies too, are x, -z and y of the "
+            "log."
+        )
     if known := dict.fromkeys(spoken(c.name) for c in system.vocabulary.ruled_out):
         out.append(f"Not tried, as nominal.yaml says that it is known: {listed(list(known))}.")
     if not np.isfinite(measured.stated).all():

@@ -46,3 +46,9 @@ def called(case: Path, episode: int) -> str:
     """
     source = episode_sources(case).get(episode)
     return f"{episode}" if source is None else f"{episode} ({source})"
+
+
+def has_turned_axes(case: Path) -> bool:
+    """Whether a case was made of a log in whose world y points up: its axes, and those of bodies, are others."""
+    made = read_record(case).get("map")
+    return isinstance(made, dict) and made.get("up") == "y"

@@ -89,7 +89,9 @@ def check_belongs(folder: Path, belongs: Belongs) -> None:
         raise ConfigError(f"{name} other settings, see {CONFIG} in it; name another folder.")
     old, new = before.get("input_hashes") or {}, dict(belongs.input_hashes)
     if other := [k for k in dict.fromkeys([*old, *new]) if old.get(k) != new.get(k)]:
-        raise ConfigError(f"{name} what '{other[0]}' held then, it has changed since; name another folder.")
+        raise ConfigError(
+            f"{name} another '{other[0]}', or of this one before its files were changed; name another folder."
+        )
 
 
 def only_begun(folder: Path) -> bool:
