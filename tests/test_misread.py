@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from runner.systems.case import open_case
+from runner.systems.mechanism.system import MechanismSystem
 from tests.mechanism_cases import write_case
 from tests.servo_arm import JOINTS, NOISE, NOMINAL, recorded, written
 from tests.tosses import COLUMNS, toss_case, world
@@ -57,3 +58,21 @@ def test_the_scalar_of_quaternions_in_the_wrong_place_is_told(tmp_path: Path, sh
     table.to_parquet(case / "recording.parquet", index=False)
     (told,) = open_case(case).misread()
     assert "scalar in the wrong place" in told
+
+
+def test_the_poses_that_are_drawn_are_those_that_were_measured(tmp_path: Path) -> None:
+    """Of a body that is measured as a whole at once for all samples, as one by one where a reading was lost."""
+    system = open_case(toss_case(tmp_path, world(), tosses=2))
+    assert isinstance(system, MechanismSystem)
+    table = pd.read_parquet(tmp_path / "recording.parquet").query("episode == 0")
+    shown = np.array(system.values()[0])
+    at_once = system.initial.positions(0, shown)
+    turn = table[list(COLUMNS[3:])].to_numpy()
+    np.testing.assert_allclose(at_once[:, :3], table[list(COLUMNS[:3])], atol=1e-12)
+    np.testing.assert_allclose(
+        at_once[:, 3:] * np.sign(np.sum(at_once[:, 3:] * turn, axis=1))[:, None], turn, atol=1e-9
+    )
+    shown[:, 3:6] = [0.1, -0.2, 0.3]  # a prediction that is turned against what was measured
+    turned = system.initial.positions(0, shown)
+    shown[0, 0] = np.nan
+    np.testing.assert_allclose(system.initial.positions(0, shown)[1:], turned[1:], atol=1e-7)

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, minimum_filter
 
 from runner.noise.model import NoiseModel, estimate
 from runner.numerics.differences import rounding_noise, white_noise
@@ -19,6 +19,8 @@ from runner.recording import Span
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 from runner.systems.channels import Scatter, Space
+
+NEIGHBOURS = 5  # samples, its own among them, out of which a value may stick
 
 
 @dataclass(frozen=True)
@@ -153,7 +155,8 @@ def measure(system: AbstractSystem, *, scatter: Scatter | None = None) -> Measur
     rounding = _rounding_noise(values, groups)
     sigma, noise_model = _noise(rests, system, stated, white, rounding, doubt=0.0)
     spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
-    valid = tuple(_inliers(v, sigma * noise_model.innovation()) for v in values)
+    new = sigma * noise_model.innovation()
+    valid = tuple(_inliers(v, new, None if scatter is None else scatter.calm[e]) for e, v in enumerate(values))
     return Measured(spans, values, sigma, noise_model, valid, system.noise_by_owner(), scatter)
 
 
@@ -209,7 +212,8 @@ def without_outliers(measured: Measured, residuals: Mapping[int, np.ndarray]) ->
     new = measured.sigma * measured.noise_model.innovation()
     valid = list(measured.valid)
     for e, residual in residuals.items():
-        valid[e] = np.isfinite(measured.values[e]) & _inliers(residual, new)
+        calm = None if measured.scatter is None else measured.scatter.calm[e]
+        valid[e] = np.isfinite(measured.values[e]) & _inliers(residual, new, calm)
     return replace(measured, valid=tuple(valid))
 
 
@@ -319,17 +323,20 @@ def _rounding_noise(values: Sequence[np.ndarray], groups: Sequence[Sequence[int]
     return out
 
 
-def _inliers(values: np.ndarray, new: np.ndarray) -> np.ndarray:
+def _inliers(values: np.ndarray, new: np.ndarray, calm: np.ndarray | None) -> np.ndarray:
     """Mark values that don't stick out of their neighbours by many noise levels; what is NaN has none and is none.
 
     `new`, (C,), is the standard deviation of what is new in a sample: slow noise moves the neighbours as well, so that
-    beside it an outlier of a few noise levels is as plain as one of many in white noise.
+    beside it an outlier of a few noise levels is as plain as one of many in white noise. Where something is hit, which
+    is not `calm`, (T,), a motion has a kink, and what sticks out of its neighbours is what a hit has done.
     """
     inliers = np.isfinite(values)
+    smooth = None if calm is None else minimum_filter(calm, size=NEIGHBOURS, mode="nearest")
     for c, level in enumerate(new):
         there = np.flatnonzero(inliers[:, c])
         if len(there):
             own = values[there, c]
-            distance = np.abs(own - median_filter(own, size=5, mode="nearest"))
-            inliers[there, c] = distance < SETTINGS.noise.outlier_sigmas * level + 3.0 * np.median(distance)
+            distance = np.abs(own - median_filter(own, size=NEIGHBOURS, mode="nearest"))
+            near = distance < SETTINGS.noise.outlier_sigmas * level + 3.0 * np.median(distance)
+            inliers[there, c] = near if smooth is None else near | ~smooth[there]
     return inliers

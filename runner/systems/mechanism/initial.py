@@ -138,6 +138,10 @@ class MechanismStart(AbstractInitialState):
             # where nothing is measured, all stays where it was
             last = np.maximum.accumulate(np.where(np.isfinite(levels).any(axis=1), np.arange(len(out)), -1))
             return np.where(last[:, None] < 0, start, out[last])
+        turns = self._kinematics.turns.items()
+        references = {c: np.array([self._reference(episode, k, s) for k in range(len(out))]) for c, s in turns}
+        if (whole := self._kinematics.posed(levels, references)) is not None:
+            return whole
         for k, level in enumerate(levels):
             start = out[k] = self._posed(level, episode, k, sigma, start)
         return out
