@@ -43,21 +43,44 @@ def choose_step(
         simulator = MechanismSimulator(recording, models, step_s, threads)
         return simulator.simulate([Stretch(int(e), 0, len(recording.episodes[e]), (), starts[e]) for e in order])
 
-    exact = predicted(candidates[-1])
-    for step_s in candidates[:-1]:
+    exact, allowed = predicted(candidates[-1]), MECHANISM.replay.step_change_noises
+
+    def error(step_s: float) -> float:
+        """Return how far one reading is off as a rule, in noises, in the channel where that is most."""
         differences = np.concatenate([a - b for a, b in zip(predicted(step_s), exact, strict=True)])
-        if np.all(np.sqrt(np.mean(differences**2, axis=0)) < MECHANISM.replay.step_change_noises * sigma):
+        return float(np.max(np.sqrt(np.mean(differences**2, axis=0)) / sigma))
+
+    between = 0.0
+    for step_s in candidates:
+        off = error(step_s) if step_s != candidates[-1] else 0.0
+        if off < allowed:
+            # the error is of second order
+            if between > step_s * (1 + 1e-9) and error(between) < allowed:
+                return between
             return step_s
+        between = _fitting(recording, step_s * float(np.sqrt(allowed / off)) if np.isfinite(off) else 0.0)
     return candidates[-1]
+
+
+def _fitting(recording: MechanismRecording, longest_s: float) -> float:
+    """Return a step that is no longer, and of which samples on an even clock are whole ones apart; 0: there is none."""
+    if not _even(recording) or longest_s <= 0.0:
+        return longest_s
+    return recording.step_s / int(np.ceil(recording.step_s / longest_s - 1e-9))
+
+
+def _even(recording: MechanismRecording) -> bool:
+    """Whether the samples of all episodes are as far from each other."""
+    period = recording.step_s
+    tolerance = MECHANISM.replay.even_clock * period
+    return all(np.abs(e.t_s - e.t_s[0] - period * np.arange(len(e))).max() < tolerance for e in recording.episodes)
 
 
 def _candidates(recording: MechanismRecording, file_step_s: float) -> list[float]:
     """Return steps to try, the longest first, the last about the file's own."""
     period, limits = recording.step_s, MECHANISM.replay
-    tolerance = limits.even_clock * period
-    even = all(np.abs(e.t_s - e.t_s[0] - period * np.arange(len(e))).max() < tolerance for e in recording.episodes)
     longest = max(min(limits.max_step_s, period / limits.min_steps_per_sample), file_step_s)
-    if not even:
+    if not _even(recording):
         doublings = int(np.floor(np.log2(max(longest / file_step_s, 1.0)) + 1e-9))
         return [file_step_s * 2.0**k for k in range(doublings, -1, -1)]
     counts = [int(np.ceil(period / longest - 1e-9))]
