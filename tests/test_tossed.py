@@ -615,13 +615,17 @@ def check_what_the_flights_say(flown: Flown | None) -> None:
     assert told(flown, "friction[box]") is not None
 
 
-def test_a_derivative_through_a_hit_outlasts_the_step_in_which_it_falls(tmp_path: Path):
-    """A box believed a twelfth too large: differences of a tenth of a prior width end its fit where it begins."""
-    fitter, nominal = begun(tmp_path, world(half_m=0.046))
+@pytest.mark.parametrize("ratio", [0.92, 1.04])
+def test_a_derivative_through_a_hit_outlasts_the_step_in_which_it_falls(tmp_path: Path, ratio: float):
+    """A box believed too large or too small: differences of a tenth of a prior width end its fit where it begins.
+
+    What is hit leaves one valley beside the next, of which a single descent may end in the last but one.
+    """
+    fitter, nominal = begun(tmp_path, world(half_m=0.05 * ratio))
     size = Explanation((offered(fitter, "body_size[box]"),))
     found = fitter.fit(size, nominal.episodes, near=nominal)
-    assert math.exp(found.x[0]) == pytest.approx(0.92, abs=0.01)
-    assert found.total < 0.1 * nominal.total
+    assert abs(math.exp(found.x[0]) - ratio) < 0.25 * abs(1.0 - ratio)
+    assert found.total < 0.3 * nominal.total
 
 
 def test_a_switch_is_offered_as_a_whole(tmp_path: Path):
