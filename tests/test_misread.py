@@ -33,7 +33,11 @@ def arm(folder: Path, factor: float, mass: float = 0.4) -> tuple[str, ...]:
 
 @pytest.mark.parametrize(
     ("factor", "said"),
-    [(1e-3 / RADIAN, "deg read as mrad"), (RADIAN, "rad read as deg"), (1e-3, "rad read as mrad")],
+    [
+        (1e-3 / RADIAN, "deg that were read as mrad"),
+        (RADIAN, "rad that were read as deg"),
+        (1e-3, "rad that were read as mrad"),
+    ],
 )
 def test_a_wrong_unit_of_all_angles_is_told(tmp_path: Path, factor: float, said: str) -> None:
     """A servo's gain so many times as large would follow as well; the model as believed tells otherwise."""

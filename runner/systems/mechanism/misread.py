@@ -67,18 +67,18 @@ def in_other_units(recording: MechanismRecording, models: Models) -> list[str]:
             factor = sizes[is_in] / sizes[read]
             missed = _missed(_scaled(recording, unit, factor), models, channels)
             if missed < enough:
-                better.append((missed, f"{is_in} read as {read} ({factor:.4g} times as large: {_percent(missed)})"))
+                said = f"{_percent(missed)} if they are {is_in} that were read as {read}, {factor:.4g} times as large"
+                better.append((missed, said))
         if better:
             out.append(
                 f"{WHAT[unit]} may have been read in a wrong unit: within {WINDOW_S:g} s the model as believed misses "
-                f"{_percent(as_read)} of the motion as it was read, and little of it if it is "
-                f"{' or '.join(said for _, said in sorted(better))}"
+                f"{_percent(as_read)} of the motion, and {' or '.join(said for _, said in sorted(better))}"
             )
     return out
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %" if share < 1 else f"{share:.3g} times as much as all"
+    return f"{100 * share:.2g} %" if share < 1 else f"{share:.2g} times all"
 
 
 def _scaled(recording: MechanismRecording, unit: str, factor: float) -> MechanismRecording:
