@@ -20,8 +20,6 @@ from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 from runner.systems.channels import Scatter, Space
 
-NEIGHBOURS = 5  # samples, its own among them, out of which a value may stick
-
 
 @dataclass(frozen=True)
 class Measured:
@@ -330,13 +328,13 @@ def _inliers(values: np.ndarray, new: np.ndarray, calm: np.ndarray | None) -> np
     beside it an outlier of a few noise levels is as plain as one of many in white noise. Where something is hit, which
     is not `calm`, (T,), a motion has a kink, and what sticks out of its neighbours is what a hit has done.
     """
-    inliers = np.isfinite(values)
-    smooth = None if calm is None else minimum_filter(calm, size=NEIGHBOURS, mode="nearest")
+    inliers, neighbours = np.isfinite(values), 5
+    smooth = None if calm is None else minimum_filter(calm, size=neighbours, mode="nearest")
     for c, level in enumerate(new):
         there = np.flatnonzero(inliers[:, c])
         if len(there):
             own = values[there, c]
-            distance = np.abs(own - median_filter(own, size=NEIGHBOURS, mode="nearest"))
+            distance = np.abs(own - median_filter(own, size=neighbours, mode="nearest"))
             near = distance < SETTINGS.noise.outlier_sigmas * level + 3.0 * np.median(distance)
             inliers[there, c] = near if smooth is None else near | ~smooth[there]
     return inliers
