@@ -1,4 +1,4 @@
-"""`python -m tests.corruptions [box|mechanism|sound] [CASE ...]`: see the package."""
+"""`python -m tests.corruptions [box|mechanism|toss|sound] [CASE ...]`: see the package."""
 
 from __future__ import annotations
 
@@ -12,27 +12,29 @@ import numpy as np
 import pandas as pd
 
 from runner.errors import RunnerError
-from runner.recording import find_cases, read_case
+from runner.recording import find_cases
 from runner.recording.data import warnings
-from runner.recording.model_form import is_model_form, read_model_case
+from runner.recording.model_form import is_model_form
 from runner.recording.nominal import FILE, load_mapping
+from runner.systems.case import open_case
 from tests.corruptions.boxes import BOXES
 from tests.corruptions.edits import Edit
 from tests.corruptions.mechanisms import mechanisms
+from tests.corruptions.tosses import TOSSES
 from tests.mechanism_cases import write_case
 from tests.servo_arm import NOMINAL, recorded, written
 
-EXAMPLES = Path(__file__).parents[2] / "examples" / "cases"
+EXAMPLES, CUBE = (Path(__file__).parents[2] / "examples" / name for name in ("cases", "tosses/cube"))
 
 
 def said(case: Path) -> tuple[str, str]:
     """Return what is done with a case, "refused", "warned", "noted" or "silent", and the first line of it."""
     try:
-        recording = read_model_case(case) if is_model_form(case) else read_case(case)
+        system = open_case(case)
     except RunnerError as error:
         return "refused", str(error).replace(f"{case}/", "")
-    odd = warnings(recording.notes)
-    for how, lines in (("warned", odd), ("noted", recording.notes)):
+    odd = [*warnings(system.recording.notes), *system.misread()]
+    for how, lines in (("warned", odd), ("noted", system.recording.notes)):
         if lines:
             return how, lines[0]
     return "silent", ""
@@ -57,6 +59,8 @@ def spoilt(case: Path) -> dict[str, tuple[str, str]]:
         return tried(case, BOXES)
     steps = np.diff(pd.read_parquet(case / "recording.parquet", columns=["t"])["t"].to_numpy(float))
     nominal = load_mapping(case / FILE, ("model", "commands", "channels"))
+    if any(source.get("quantity") == "orientation" for source in nominal["channels"].values()):
+        return tried(case, TOSSES)
     return tried(case, mechanisms(nominal, 1 / float(np.median(steps[steps > 0]))))
 
 
@@ -97,6 +101,8 @@ def main(arguments: Sequence[str]) -> int:
             show(cases or sorted(EXAMPLES.iterdir()))
         if what in ("", "mechanism"):
             show(cases or [arm(Path(place) / "arm of two servos")])
+        if what in ("", "toss"):
+            show(cases or [CUBE])
     return 0
 
 

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from runner.importing.units import UNITS
 from runner.numerics.arrays import FloatArray
 
-WINDOW_S, FEWEST_FALLING = 0.1, 5  # as short as an impact allows; samples that tell a curvature from noise
+# as long as noise asks for, and as short as flights of what is tossed low are; samples that tell a curvature from noise
+WINDOWS_S, FEWEST_FALLING = (0.1, 0.06), 5
 EVEN = 0.1  # of a step: how unevenly a window may be sampled
 NEAR = 0.15  # of gravity: how far off a window in flight may be, by noise, spin of a marker, drag
 WINDOWS = 5  # that agree, and
 SHARE = 0.05  # of all: an accident of pushes and impacts is rarer
 # by which units that are mixed up differ: of lengths, and of a clock that counts thousandths, squared
-WRONG_SCALES = (1e3, 1e-3, 1e2, 1e-2, 10.0, 0.1, 1e6, 1e-6, 0.0254, 1 / 0.0254)
+WRONG_SCALES = (1e3, 1e-3, 1e2, 1e-2, 10.0, 0.1, 1e6, 1e-6, 0.0254, 1 / 0.0254, 0.3048, 1 / 0.3048)
 
 
 @dataclass(frozen=True)
@@ -42,17 +43,19 @@ def falls(times_s: FloatArray, places: FloatArray, gravity_m_s2: float) -> Fall 
     """
     if not np.isfinite(gravity_m_s2) or gravity_m_s2 <= 0:
         return None
-    curved = _accelerations(times_s, places)
     best: tuple[int, Fall] | None = None
-    for unit in ("m", "cm", "mm", "in"):
-        for axis, up in ((1, "y"), (2, "z")):
-            expected = np.zeros(3)
-            expected[axis] = -gravity_m_s2
-            si = curved * UNITS["m"][unit]
-            near = _in_flight(si, expected)
-            count = int(near.sum())
-            if count and (best is None or count > best[0]):
-                best = count, Fall(unit, up, -float(np.median(si[near, axis])))
+    for curved in _accelerations(times_s, places):
+        for unit in ("m", "cm", "mm", "in"):
+            for axis, up in ((1, "y"), (2, "z")):
+                expected = np.zeros(3)
+                expected[axis] = -gravity_m_s2
+                si = curved * UNITS["m"][unit]
+                near = _in_flight(si, expected)
+                count = int(near.sum())
+                if count and (best is None or count > best[0]):
+                    best = count, Fall(unit, up, -float(np.median(si[near, axis])))
+        if best is not None:
+            break
     return None if best is None else best[1]
 
 
@@ -65,16 +68,13 @@ def falls_otherwise(times_s: FloatArray, places_m: FloatArray, gravity_m_s2: Flo
         gravity_m_s2: That is believed, (3,).
     """
     size = float(np.linalg.norm(gravity_m_s2))
-    curved = _accelerations(times_s, places_m)
-    if not size > 0 or not len(curved):
+    each = _accelerations(times_s, places_m)
+    if not size > 0 or any(_in_flight(curved, gravity_m_s2).any() for curved in each):
         return ""
-
-    if _in_flight(curved, gravity_m_s2).any():
-        return ""
-    for times in WRONG_SCALES:
+    for curved, times in ((c, s) for c in each for s in WRONG_SCALES):
         if _in_flight(times * curved, gravity_m_s2).any():
             return f"falls with {size / times:.3g} m/s2, where the model's gravity is {size:.3g}"
-    for axis, sign in ((a, s) for s in (-1.0, 1.0) for a in range(3)):
+    for curved, axis, sign in ((c, a, s) for c in each for s in (-1.0, 1.0) for a in range(3)):
         if _in_flight(curved, sign * size * np.eye(3)[axis]).any():
             way = f"{'-' if sign < 0 else '+'}{'xyz'[axis]}"
             believed = ", ".join(f"{g:.3g}" for g in gravity_m_s2)
@@ -88,19 +88,25 @@ def _in_flight(curved_m_s2: FloatArray, gravity_m_s2: FloatArray) -> NDArray[np.
     return near & (int(near.sum()) >= max(WINDOWS, SHARE * len(near)))
 
 
-def _accelerations(times_s: FloatArray, places: FloatArray) -> FloatArray:
-    """Return second derivatives over windows that follow each other, (W, 3), in the log's unit per s2."""
+def _accelerations(times_s: FloatArray, places: FloatArray) -> list[FloatArray]:
+    """Return second derivatives over windows that follow each other, (W, 3), in the log's unit per s2.
+
+    For each length of a window, the longest first; none where there are no such windows.
+    """
     steps = np.diff(times_s)
     rising = steps[steps > 0]
     if not len(rising):
-        return np.empty((0, 3))
+        return []
     step = float(np.median(rising))
-    count = max(FEWEST_FALLING, round(WINDOW_S / step))
-    if len(times_s) < count:
-        return np.empty((0, 3))
+    counts = dict.fromkeys(max(FEWEST_FALLING, round(window_s / step)) for window_s in WINDOWS_S)
+    return [_curved(steps, places, step, count) for count in counts if len(times_s) >= count]
+
+
+def _curved(steps_s: FloatArray, places: FloatArray, step_s: float, count: int) -> FloatArray:
+    """Return second derivatives over windows of so many samples that are evenly sampled and measured, (W, 3)."""
     windows = np.lib.stride_tricks.sliding_window_view(places, count, axis=0)  # (W, 3, count)
-    even = np.lib.stride_tricks.sliding_window_view(np.abs(steps - step) < EVEN * step, count - 1).all(axis=1)
+    even = np.lib.stride_tricks.sliding_window_view(np.abs(steps_s - step_s) < EVEN * step_s, count - 1).all(axis=1)
     whole = even & np.isfinite(windows).all(axis=(1, 2))
-    at = (np.arange(count) - (count - 1) / 2) * step
+    at = (np.arange(count) - (count - 1) / 2) * step_s
     square = at**2 - np.mean(at**2)  # orthogonal to a line, so that its share is the curvature alone
     return 2 * windows[whole] @ square / float(square @ square)

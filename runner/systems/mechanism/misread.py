@@ -1,4 +1,4 @@
-"""What was read as something else than it is, told by the model: units of joints, and the order of quaternions.
+"""What was read as something else than it is, told by the model: units, axes, and the order of quaternions.
 
 Numbers of a joint in a wrong unit are a smaller or a larger motion, which some wrong gain or weight follows as well: a
 fit can't tell them apart from a model that is wrong by so much. But nobody's model is wrong by exactly what two units
@@ -16,10 +16,11 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from runner.importing.guess.fall import falls_otherwise
 from runner.numerics.arrays import FloatArray, spread_over
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
 from runner.systems.mechanism import quaternions
-from runner.systems.mechanism.coordinates import Coordinates
+from runner.systems.mechanism.coordinates import FREE, Coordinates
 from runner.systems.mechanism.flights import measured_freely, pose_channels, rests, size_m
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.models import Models
@@ -121,6 +122,28 @@ def _missed(recording: MechanismRecording, models: Models, channels: Sequence[in
     with np.errstate(over="ignore"):
         share = np.sqrt((missed**2).sum(axis=(1, 2)))[moves] / motion[moves]
     return float(np.sqrt(np.mean(np.minimum(share, NEVER) ** 2)))
+
+
+def falling_otherwise(recording: MechanismRecording, models: Models) -> list[str]:
+    """Say which free bodies fall as they would in another unit, or along another axis, than the model's gravity has it.
+
+    Args:
+        recording: The case.
+        models: Its compiled models.
+    """
+    model, out = models.compiled(()).model, []
+    for joint in np.flatnonzero(model.jnt_type == FREE):
+        body = model.body(int(model.jnt_bodyid[joint])).name
+        found = pose_channels(recording, body)
+        if found is None:
+            continue
+        places = np.concatenate([e.values[:, found[0]] for e in recording.episodes])
+        times = np.concatenate([e.t_s for e in recording.episodes])
+        if said := falls_otherwise(times, places, np.array(model.opt.gravity)):
+            out.append(
+                f"'{body}' {said}: is the unit of its positions m, do the axes stand right, and is the clock in s?"
+            )
+    return out
 
 
 def in_another_order(recording: MechanismRecording, models: Models, coordinates: Coordinates) -> list[str]:

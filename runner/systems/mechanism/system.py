@@ -30,7 +30,7 @@ from runner.systems.mechanism.drawing import body_poses, drawn_bodies
 from runner.systems.mechanism.flights import flights, measured_freely, rests, size_m
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.labels import FACTORS, PHRASES, REGIMES, label
-from runner.systems.mechanism.misread import in_another_order, in_other_units
+from runner.systems.mechanism.misread import falling_otherwise, in_another_order, in_other_units
 from runner.systems.mechanism.model_file import LAW, left_out, needing_law, write_model
 from runner.systems.mechanism.models import HARD_IMPEDANCE, HARD_S, Models, has_soft_friction
 from runner.systems.mechanism.proposals import Trial, trials, unmeasured
@@ -237,8 +237,9 @@ class MechanismSystem(AbstractSystem):
 
     def misread(self) -> tuple[str, ...]:
         """See `AbstractSystem`."""
-        units = in_other_units(self.recording, self._models)
-        return (*units, *in_another_order(self.recording, self._models, self.initial.coordinates))
+        of = self.recording, self._models
+        falling, turned = falling_otherwise(*of), in_another_order(*of, self.initial.coordinates)
+        return (*in_other_units(*of), *falling, *turned)
 
     def rests(self) -> list[tuple[int, slice]]:
         """See `AbstractSystem`."""
