@@ -216,6 +216,9 @@ class MechanismStart(AbstractInitialState):
         nv, reference = self._coordinates.nv, np.array(self._model.qpos0)
         weight, weak = 1.0 / sigma[told], MECHANISM.start.unmeasured_weight / self.broad()[:nv]
         turns = {k: self._reference(episode, sample, s) for k, s in self._kinematics.turns.items()}
+        whole = self._kinematics.posed(level[None], {k: q[None] for k, q in turns.items()})
+        if whole is not None:
+            return whole[0]
         qpos = begin
         matrix = self._kinematics.jacobian(qpos)
         for _ in range(ITERATIONS if told.any() else 0):
