@@ -79,7 +79,7 @@ def in_other_units(recording: MechanismRecording, models: Models) -> list[str]:
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %" if share < 1 else f"{share:.2g} times all"
+    return f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
 
 
 def _scaled(recording: MechanismRecording, unit: str, factor: float) -> MechanismRecording:
