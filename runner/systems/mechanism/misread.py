@@ -40,14 +40,24 @@ FEWER = 0.25  # of what is missed as it was read: what is right leaves a sixteen
 NEVER = 1e3  # of the motion: a model that goes astray misses so much and more
 LIES_OFF = 0.15  # of a body's size: nobody measures poses that badly, nor is off by that in how large it is
 SCALAR = "read with the scalar in the wrong place (`order` of the map: wxyz or xyzw)"
+FLIES_S, Y_UP = 0.3, np.array([0.5**0.5, 0.5**0.5, 0.0, 0.0])  # of a flight; the turn that puts y where z is
 POSES = 400  # that are looked at: each costs a search for the nearest points
 Turned = Callable[[FloatArray], FloatArray]
 # by what a quaternion may have been read as
 READ_AS: tuple[tuple[str, Turned], ...] = (
-    (SCALAR, lambda q: np.roll(q, 1)),
-    (SCALAR, lambda q: np.roll(q, -1)),
+    (SCALAR, lambda q: np.roll(q, 1, axis=-1)),
+    (SCALAR, lambda q: np.roll(q, -1, axis=-1)),
+    (SCALAR, lambda q: _with_y_up(q, 1)),
+    (SCALAR, lambda q: _with_y_up(q, -1)),
     ("measured as the turn of the world against the body, not of the body against the world", quaternions.inverse),
 )
+
+
+def _with_y_up(q: FloatArray, shift: int) -> FloatArray:
+    """Return quaternions (..., 4) whose numbers are that many places further in a log in whose world y points up."""
+    back = quaternions.inverse(Y_UP)
+    of_log = quaternions.multiply(quaternions.multiply(back, q), Y_UP)
+    return quaternions.multiply(quaternions.multiply(Y_UP, np.roll(of_log, shift, axis=-1)), back)
 
 
 def in_other_units(recording: MechanismRecording, models: Models) -> list[str]:
@@ -147,7 +157,7 @@ def falling_otherwise(recording: MechanismRecording, models: Models) -> list[str
 
 
 def in_another_order(recording: MechanismRecording, models: Models, coordinates: Coordinates) -> list[str]:
-    """Say which bodies that were measured as a whole would lie flat if their quaternions were read otherwise.
+    """Say which bodies that were measured as a whole would lie flat, or tumble as they do, if read otherwise.
 
     Args:
         recording: The case.
@@ -167,17 +177,52 @@ def in_another_order(recording: MechanismRecording, models: Models, coordinates:
             above = {at: _above(model, joint, recording, at, turned) for at in {*poses, *lying}}
             return max(abs(d) if at in lying else -d for at, d in above.items())
 
-        as_read = off(lambda q: q)
-        if not as_read > LIES_OFF * size:
-            continue
-        otherwise, said = min(((off(turned), said) for said, turned in READ_AS), key=lambda of: of[0])
-        if otherwise < FEWER * as_read:
-            out.append(
-                f"Orientations of '{model.body(int(model.jnt_bodyid[joint])).name}' may have been {said}: as they are "
-                f"it is up to {1e3 * as_read:.2g} mm deep in what it hits, or off what it rests on; otherwise "
-                f"{1e3 * otherwise:.2g} mm"
-            )
+        body = model.body(int(model.jnt_bodyid[joint])).name
+        said = f"Orientations of '{body}' may have been "
+        deep = off(lambda q: q)
+        if deep > LIES_OFF * size:
+            otherwise, how = min(((off(turned), how) for how, turned in READ_AS), key=lambda of: of[0])
+            if otherwise < FEWER * deep:
+                out.append(
+                    f"{said}{how}: as they are it is up to {1e3 * deep:.2g} mm deep in what it hits, or off what it "
+                    f"rests on; otherwise {1e3 * otherwise:.2g} mm"
+                )
+                continue
+        tumbles = _tumbles_otherwise(recording, models, body, lambda q: q)
+        if tumbles > FOLLOWED:
+            each = ((_tumbles_otherwise(recording, models, body, turned), how) for how, turned in READ_AS)
+            otherwise, how = min(each, key=lambda of: of[0])
+            if otherwise < min(FOLLOWS, FEWER * tumbles):
+                out.append(
+                    f"{said}{how}: within {FLIES_S:g} s the model as believed misses {_percent(tumbles)} of its "
+                    f"turning, otherwise {_percent(otherwise)}"
+                )
     return out
+
+
+def _tumbles_otherwise(recording: MechanismRecording, models: Models, body: str, turned: Turned) -> float:
+    """Return what the model as believed misses of how a body turns, as a share of that: the median of short windows."""
+    _, turn = pose_channels(recording, body) or ([], "")
+    other = replace(
+        recording,
+        episodes=tuple(
+            replace(e, orientations={**e.orientations, turn: turned(e.orientations[turn])}) for e in recording.episodes
+        ),
+    )
+    columns = [k for k, s in enumerate(recording.mapping.sources) if s.quantity == "orientation" and s.column == turn]
+    signals, samples = raw_signals(other), max(FEWEST_SAMPLES, round(FLIES_S / recording.step_s))
+    places = [(e, f) for e, t in enumerate(other.episodes) for f in range(0, len(t) - samples, samples)]
+    if not places:
+        return 0.0
+    chosen = np.array(places)[spread_over(len(places), min(WINDOWS, len(places)))]
+    windows = Windows(chosen[:, 0], chosen[:, 1], samples + 1)
+    starts = MechanismStart(other, models, signals.sigma).guess_windows(signals, windows, smooth=True)
+    simulator = MechanismSimulator(other, models, models.file_step_s)
+    missed = simulator.predict_windows((), windows, starts[:, None])[:, 0][..., columns]  # turns from what was measured
+    q = windows.of([e.orientations[turn] for e in other.episodes])
+    moved = quaternions.logarithm(quaternions.multiply(quaternions.inverse(q[:, :1]), q))
+    share = np.sqrt(np.nansum(missed**2, axis=(1, 2)) / np.maximum(np.nansum(moved**2, axis=(1, 2)), 1e-12))
+    return float(np.median(share))
 
 
 def _above(
