@@ -50,3 +50,9 @@ def test_where_a_centre_of_mass_is_along_the_axis_is_not_told(tmp_path: Path) ->
     prior = dict(zip("xyz", (p.scale for p in candidate.parameters(system.context)), strict=True))["y"]
     assert errors["y_m"] == pytest.approx(prior, rel=0.2)
     assert Values(values, errors).long("y_m").startswith("0 ± ")
+
+
+@pytest.mark.parametrize(("error", "said"), [(0.02, "0.25 ± 0.02 m/s"), (30.0, "0.250 m/s, which is not told")])
+def test_a_speed_at_which_a_law_bends_is_never_nought(error: float, said: str) -> None:
+    """Rounded to the place of its error, a speed that the recording does not tell would be 0 ± 30 m/s."""
+    assert Values({"speed_m_s": 0.25}, {"speed_m_s": error}).scale("speed_m_s", "m/s") == said

@@ -138,6 +138,11 @@ class Values:
         error, value = self.error(name), factor * self[name]
         return plus_minus(abs(value) if magnitude else value, None if error is None else abs(factor) * error, unit)
 
+    def scale(self, name: str, unit: str) -> str:
+        """Return a number that is never zero, such as a speed at which a law bends; what is not told has no error."""
+        error, value = self.error(name), abs(self[name])
+        return self.show(name, unit) if error is None or error < value else f"{number(value)} {unit}, which is not told"
+
     def angle(self, name: str) -> str:
         return self.show(name, "°", DEGREES)
 

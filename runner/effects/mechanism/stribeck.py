@@ -78,7 +78,7 @@ class Stribeck(MechanismEffect):
         return Phrase(
             f"dry friction of joint '{target}' {'falls' if more else 'rises'} with speed",
             f"at rest it is {of.show('relative_excess', '%', 100, magnitude=True)} {'more' if more else 'less'} than "
-            f"at speed, and has changed by two thirds of that at {of.show('speed', unit)}",
+            f"at speed, and has changed by two thirds of that at {of.scale('speed', unit)}",
             f'MuJoCo has no such friction: keep frictionloss of <joint name="{target}"> and, before each step, '
             f"multiply it by {factor}.",
             f"Drive '{target}' at several slow steady speeds and note the force of each.",
