@@ -7,7 +7,6 @@ place, with a probability that is as sure: so each is fitted once the answer is 
 from __future__ import annotations
 
 import copy
-from collections import deque
 from dataclasses import replace
 
 from runner.diagnosis.ranking import values_of
@@ -32,9 +31,8 @@ def contradicted(found: Search, fitter: Fitter) -> str:
         return ""
     system = copy.copy(fitter.system)
     system.vocabulary = replace(vocabulary, candidates=vocabulary.ruled_out, ruled_out=vocabulary.candidates)
-    # with surveys of its own: those that are kept are of other effects
-    own = replace(fitter, system=system, surveys=deque(maxlen=SETTINGS.fit.kept_surveys))
-    tried = search(own, found.nominal.episodes, most=1, starts=found.nominal.starts)
+    # a fitter of its own: what surveys of this one have kept is of other effects
+    tried = search(fitter.with_system(system), found.nominal.episodes, most=1, starts=found.nominal.starts)
     dispersion = found.best.evidence.dispersion
     single = [c.weighed(system, dispersion) for c in tried.contenders if len(c.fit.explanation.candidates) == 1]
     # the same number on all of a kind is known because that of one is

@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from runner.importing.guess.fall import falls_otherwise
-from runner.numerics.arrays import FloatArray, spread_over
+from runner.numerics.arrays import FloatArray
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
 from runner.systems.mechanism import quaternions
 from runner.systems.mechanism.coordinates import FREE, Coordinates
@@ -43,6 +43,7 @@ SCALAR = "read with the scalar in the wrong place (`order` of the map: wxyz or x
 FLIES_S, Y_UP = 0.3, np.array([0.5**0.5, 0.5**0.5, 0.0, 0.0])  # of a flight; the turn that puts y where z is
 POSES = 400  # that are looked at: each costs a search for the nearest points
 Turned = Callable[[FloatArray], FloatArray]
+Clearance = Callable[[FloatArray], float]
 # by what a quaternion may have been read as
 READ_AS: tuple[tuple[str, Turned], ...] = (
     (SCALAR, lambda q: np.roll(q, 1, axis=-1)),
@@ -110,18 +111,11 @@ def _missed(recording: MechanismRecording, models: Models, channels: Sequence[in
 
     Over channels, each by its own motion; NaN where there is none.
     """
-    signals = raw_signals(recording)
-    samples = max(FEWEST_SAMPLES, round(WINDOW_S / recording.step_s))
-    places = [(e, f) for e, t in enumerate(recording.episodes) for f in range(0, len(t) - samples, samples)]
-    if not places or not channels:
+    if not channels or (replayed := _replayed(recording, models, WINDOW_S)) is None:
         return np.nan
-    chosen = np.array(places)[spread_over(len(places), min(WINDOWS, len(places)))]
-    windows = Windows(chosen[:, 0], chosen[:, 1], samples + 1)
-    starts = MechanismStart(recording, models, signals.sigma).guess_windows(signals, windows, smooth=True)
-    simulator = MechanismSimulator(recording, models, models.file_step_s)
-    with np.errstate(invalid="ignore", over="ignore"):
-        shown = simulator.predict_windows((), windows, starts[:, None])[:, 0, :, channels]
-    measured = windows.of(signals.values)[:, :, channels].transpose(2, 0, 1)
+    windows, shown = replayed
+    shown = shown[..., channels].transpose(2, 0, 1)
+    measured = windows.of([e.values for e in recording.episodes])[..., channels].transpose(2, 0, 1)
     known = np.isfinite(measured)
     moved = np.where(known, measured - measured[..., :1], 0.0)
     missed = np.where(known, np.nan_to_num(shown - measured, nan=np.inf), 0.0)
@@ -132,6 +126,23 @@ def _missed(recording: MechanismRecording, models: Models, channels: Sequence[in
     with np.errstate(over="ignore"):
         share = np.sqrt((missed**2).sum(axis=(1, 2)))[moves] / motion[moves]
     return float(np.sqrt(np.mean(np.minimum(share, NEVER) ** 2)))
+
+
+def _replayed(recording: MechanismRecording, models: Models, length_s: float) -> tuple[Windows, FloatArray] | None:
+    """Return some windows that are about as long, and what the model as believed shows in each, (W, n, C).
+
+    None where no episode is so long.
+    """
+    signals, samples = raw_signals(recording), max(FEWEST_SAMPLES, round(length_s / recording.step_s))
+    places = [(e, f) for e, t in enumerate(recording.episodes) for f in range(0, len(t) - samples, samples)]
+    if not places:
+        return None
+    episode, first = np.array(places).T
+    windows = Windows(episode, first, samples + 1).some(WINDOWS)
+    starts = MechanismStart(recording, models, signals.sigma).guess_windows(signals, windows, smooth=True)
+    simulator = MechanismSimulator(recording, models, models.file_step_s)
+    with np.errstate(invalid="ignore", over="ignore"):
+        return windows, simulator.predict_windows((), windows, starts[:, None])[:, 0]
 
 
 def falling_otherwise(recording: MechanismRecording, models: Models) -> list[str]:
@@ -172,12 +183,17 @@ def in_another_order(recording: MechanismRecording, models: Models, coordinates:
     poses = [(e, k) for e, of in enumerate(recording.episodes) for k in range(e % every, len(of), every)]
     out = []
     for joint in range(model.njnt):
+        body, above = model.body(int(model.jnt_bodyid[joint])).name, _clearance(model, joint)
+        places, turn = pose_channels(recording, body) or ([], "")
 
-        def off(turned: Turned, joint: int = joint) -> float:
-            above = {at: _above(model, joint, recording, at, turned) for at in {*poses, *lying}}
-            return max(abs(d) if at in lying else -d for at, d in above.items())
+        def off(turned: Turned, above: Clearance = above, places: Sequence[int] = places, turn: str = turn) -> float:
+            largest = -np.inf
+            for e, k in {*poses, *lying}:
+                of = recording.episodes[e]
+                clear = above(np.concatenate([of.values[k, places], turned(of.orientations[turn][k])]))
+                largest = max(largest, abs(clear) if (e, k) in lying else -clear)
+            return largest
 
-        body = model.body(int(model.jnt_bodyid[joint])).name
         said = f"Orientations of '{body}' may have been "
         deep = off(lambda q: q)
         if deep > LIES_OFF * size:
@@ -210,37 +226,32 @@ def _tumbles_otherwise(recording: MechanismRecording, models: Models, body: str,
         ),
     )
     columns = [k for k, s in enumerate(recording.mapping.sources) if s.quantity == "orientation" and s.column == turn]
-    signals, samples = raw_signals(other), max(FEWEST_SAMPLES, round(FLIES_S / recording.step_s))
-    places = [(e, f) for e, t in enumerate(other.episodes) for f in range(0, len(t) - samples, samples)]
-    if not places:
+    if (replayed := _replayed(other, models, FLIES_S)) is None:
         return 0.0
-    chosen = np.array(places)[spread_over(len(places), min(WINDOWS, len(places)))]
-    windows = Windows(chosen[:, 0], chosen[:, 1], samples + 1)
-    starts = MechanismStart(other, models, signals.sigma).guess_windows(signals, windows, smooth=True)
-    simulator = MechanismSimulator(other, models, models.file_step_s)
-    missed = simulator.predict_windows((), windows, starts[:, None])[:, 0][..., columns]  # turns from what was measured
+    windows, shown = replayed
+    missed = shown[..., columns]  # turns from what was measured
     q = windows.of([e.orientations[turn] for e in other.episodes])
     moved = quaternions.logarithm(quaternions.multiply(quaternions.inverse(q[:, :1]), q))
     share = np.sqrt(np.nansum(missed**2, axis=(1, 2)) / np.maximum(np.nansum(moved**2, axis=(1, 2)), 1e-12))
     return float(np.median(share))
 
 
-def _above(
-    model: mujoco.MjModel, joint: int, recording: MechanismRecording, at: tuple[int, int], turned: Turned
-) -> float:
-    """Return how far the body of a free joint is above what never moves, m; below 0: in it. `at`: episode and sample.
+def _clearance(model: mujoco.MjModel, joint: int) -> Clearance:
+    """Return what tells how far the body of a free joint is above what never moves, m, from its pose, (7,).
 
-    Infinite where its pose was not measured.
+    Below 0: in it; infinite where the pose was not measured.
     """
-    own, episode, sample = int(model.jnt_bodyid[joint]), recording.episodes[at[0]], at[1]
-    places, turn = pose_channels(recording, model.body(own).name) or ([], "")
-    data, q = mujoco.MjData(model), int(model.jnt_qposadr[joint])
-    data.qpos[q : q + 7] = np.concatenate([episode.values[sample, places], turned(episode.orientations[turn][sample])])
-    if not np.isfinite(data.qpos).all():
-        return np.inf
-    mujoco.mj_kinematics(model, data)
+    data, q, far = mujoco.MjData(model), int(model.jnt_qposadr[joint]), 10 * size_m(model)
     root = model.body_rootid[model.geom_bodyid]
     still = np.flatnonzero(model.body_weldid[model.geom_bodyid] == 0)
-    moving = np.flatnonzero((root == own) & ((model.geom_contype | model.geom_conaffinity) > 0))
-    far = 10 * size_m(model)
-    return min((mujoco.mj_geomDistance(model, data, a, b, far, None) for a in moving for b in still), default=np.inf)
+    hits = (model.geom_contype | model.geom_conaffinity) > 0
+    pairs = [(a, b) for a in np.flatnonzero((root == int(model.jnt_bodyid[joint])) & hits) for b in still]
+
+    def above(pose: FloatArray) -> float:
+        if not np.isfinite(pose).all():
+            return np.inf
+        data.qpos[q : q + 7] = pose
+        mujoco.mj_kinematics(model, data)
+        return min((mujoco.mj_geomDistance(model, data, a, b, far, None) for a, b in pairs), default=np.inf)
+
+    return above
