@@ -19,20 +19,42 @@ EIGHTHS = tuple(Span(e, a, a + 100) for e in (0, 1) for a in range(0, 800, 100))
 
 
 @pytest.mark.parametrize(
-    ("known", "replayed", "for_time", "why"),
+    ("known", "replayed", "for_time", "piles_up", "why"),
     [
-        (WHOLE, WHOLE, False, None),
-        (HALVES, HALVES, True, "4 s at a time, each with a start of its own: to save time, as about 30 s are searched"),
+        (WHOLE, WHOLE, False, False, None),
+        (
+            HALVES,
+            HALVES,
+            True,
+            False,
+            "4 s at a time, each with a start of its own: to save time, as about 30 s are searched",
+        ),
         (
             HALVES,
             HALVES,
             False,
+            False,
             "4 s at a time, each with a start of its own: over longer times small differences grow",
         ),
-        (HALVES, EIGHTHS, True, "s at a time, each with a start of its own: over longer times what the model lacks"),
+        (
+            HALVES,
+            EIGHTHS,
+            True,
+            False,
+            "s at a time, each with a start of its own: over longer times small differences",
+        ),
+        (
+            HALVES,
+            EIGHTHS,
+            True,
+            True,
+            "s at a time, each with a start of its own: over longer times what the model lacks",
+        ),
     ],
 )
-def test_why_models_are_replayed_for_less(known: Any, replayed: Any, for_time: bool, why: str | None) -> None:
+def test_why_models_are_replayed_for_less(
+    known: Any, replayed: Any, for_time: bool, piles_up: bool, why: str | None
+) -> None:
     class Recorded(SimpleNamespace):
         def __len__(self) -> int:
             return 800
@@ -47,7 +69,7 @@ def test_why_models_are_replayed_for_less(known: Any, replayed: Any, for_time: b
     )
     fitter: Any = SimpleNamespace(system=system, measured=SimpleNamespace(spans=replayed))
     found: Any = None
-    said = Attempt((0,), (1,), fitter, found).said_of_stretches
+    said = Attempt((0,), (1,), fitter, found, piles_up=piles_up).said_of_stretches
     assert said == () if why is None else why in said[0]
 
 

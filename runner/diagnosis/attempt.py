@@ -23,7 +23,7 @@ from runner.inference.flown import Flown
 from runner.inference.held_out import Confirmed, confirm
 from runner.inference.leap import leapt
 from runner.inference.least_squares import NONE, Fit, Fitter
-from runner.inference.multiple_shooting import look, recut
+from runner.inference.multiple_shooting import carried_over, look, recut
 from runner.inference.outside import with_outside
 from runner.inference.search import Search, fitted_again, near_likeliest, resumed, search
 from runner.inference.solver_choice import better_solved
@@ -53,6 +53,7 @@ class Attempt:
         confirmed: The search of the fitted episodes, or of stretches spread over them, held against those of the
             episodes left out.
         flown: What flights until the first hit say by themselves; None: there are none.
+        piles_up: Whether over longer stretches what the model lacks, or noise of what drives it, would pile up.
     """
 
     fitted: tuple[int, ...]
@@ -60,6 +61,7 @@ class Attempt:
     fitter: Fitter
     confirmed: Confirmed
     flown: Flown | None = None
+    piles_up: bool = False
 
     @property
     def stretches(self) -> tuple[Span, ...]:
@@ -98,11 +100,11 @@ class Attempt:
         if self.stretch_s is None:
             return ()
         system = self.fitter.system
-        if self.stretches != system.stretches():
+        if self.piles_up:
             noisy = system.has_noisy_drive
             what = "noise of the measured force, or what the model lacks," if noisy else "what the model lacks"
             why = f"over longer times {what} piles up"
-        elif system.stretched_for_time:
+        elif system.stretched_for_time and self.stretches == system.stretches():
             why = f"to save time, as about {system.searched_s:.2g} s are searched, which hold some of every episode"
         else:
             why = "over longer times small differences grow out of proportion"
@@ -145,7 +147,7 @@ def attempt(
     confirmed = confirm(found, fitter, checked)
     if fitter.simulator is not simulator:
         simulator.simulated_s += fitter.simulator.simulated_s
-    return Attempt(fitted, held_out, fitter, confirmed, first.flown)
+    return Attempt(fitted, held_out, fitter, confirmed, first.flown, first.piles_up)
 
 
 def stretches_of(fitter: Fitter, episodes: Iterable[int]) -> tuple[int, ...]:
@@ -219,7 +221,8 @@ class _FirstLook:
     """What is replayed in which stretches, the nominal model's fit to what is fitted, and where a search begins.
 
     `resting` has the noise as it shows where nothing moves, or in how samples differ: before any model was looked at.
-    `as_believed` says how the model has it, see `AbstractSystem.solved`.
+    `as_believed` says how the model has it, see `AbstractSystem.solved`; `piles_up`, whether stretches are as short as
+    they are as what the model lacks, or noise of what drives it, piles up over longer ones.
     """
 
     fitter: Fitter
@@ -228,6 +231,7 @@ class _FirstLook:
     resting: Measured
     as_believed: str
     flown: Flown | None = None
+    piles_up: bool = False
 
     @property
     def seeds(self) -> Mapping[Key, WarmStart]:
@@ -246,21 +250,40 @@ def _first_look(
     """Fit the nominal model, tell the noise from what it leaves, and look at pieces where it goes astray."""
     observer.step(Step.MEASURING, again)
     root = Fitter(system, simulator, measure(system, scatter=system.scatter()), observer=observer)
-    fitter = root.stretched(told_apart_from_noise(root) or system.stretches())
+    noisy = told_apart_from_noise(root)
+    fitter = root.stretched(noisy or system.stretches())
     fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, 1.0))
     observer.step(Step.SEARCHING, again)
     seen = look(fitter, nominal)
+    first = _FirstLook(fitter, nominal, None, root.measured, as_believed, piles_up=bool(noisy))
     if seen is None:
-        return _FirstLook(fitter, nominal, None, root.measured, as_believed)
-    spans = root.pieces(seen.cut_s or np.inf, range(len(root.measured.values)))
-    if seen.cut_s is None or {s.episode for s in spans} != set(range(len(root.measured.values))):
-        fitter = replace(fitter, measured=fitter.measured.without(seen.hung))
-        return _FirstLook(fitter, nominal, seen.beginning, root.measured, as_believed, seen.flown)
+        return first
+    first = replace(first, beginning=seen.beginning, flown=seen.flown)
+    spans: Sequence[Span] = root.pieces(seen.cut_s or np.inf, range(len(root.measured.values)))
+    piles_up = seen.cut_s is not None and {s.episode for s in spans} == set(range(len(root.measured.values)))
+    if not piles_up:
+        first = replace(first, fitter=replace(fitter, measured=fitter.measured.without(seen.hung)))
+        # what gets farther than the model as believed comes to turns that bend
+        spans = () if noisy else system.stretches(_suggested(first))
+        if len(spans) <= len(fitter.measured.spans):
+            return first
     if fitter.simulator is not simulator:
         simulator.simulated_s += fitter.simulator.simulated_s
     fitter = root.stretched(spans)
-    fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, SETTINGS.pieces.unexplained_share))
-    return _FirstLook(fitter, nominal, recut(seen.beginning, fitter, nominal), root.measured, as_believed)
+    fitter, nominal = _nominal(
+        fitter, _to_search(fitter, fitted, SETTINGS.pieces.unexplained_share if piles_up else 1.0)
+    )
+    if piles_up:
+        beginning = recut(seen.beginning, fitter, nominal)
+    else:
+        beginning = carried_over(seen.beginning, fitter, nominal.episodes)
+    return replace(first, fitter=fitter, nominal=nominal, beginning=beginning, piles_up=piles_up)
+
+
+def _suggested(first: _FirstLook) -> Effects:
+    """Return the effects that are likeliest by what was looked at in pieces."""
+    likeliest = next(iter(first.seeds.values()), None)
+    return () if likeliest is None else likeliest.explanation.make(likeliest.x, first.fitter.context)
 
 
 def _nearest(first: _FirstLook) -> Fit:

@@ -159,6 +159,18 @@ def recut(beginning: Beginning, fitter: Fitter, nominal: Fit) -> Beginning:
     )
 
 
+def carried_over(beginning: Beginning, fitter: Fitter, episodes: Sequence[int]) -> Beginning:
+    """Return a beginning for stretches that begin elsewhere than what was looked at, and may be longer.
+
+    What was likeliest there is fitted to longer and longer parts of them.
+    """
+    starts, longest_s = fitter.first_starts(episodes), fitter.longest_s(episodes)
+    seeds = {k: _seed(fitter, s.explanation, s.x, starts, episodes) for k, s in beginning.seeds.items()}
+    for key in list(seeds)[: SETTINGS.search.beam_width]:
+        seeds[key] = min(carried(fitter, seeds[key], episodes, longest_s), seeds[key], key=lambda s: s.total)
+    return replace(beginning, seeds=seeds)
+
+
 def explains(seed: WarmStart, fitter: Fitter, episodes: Sequence[int]) -> bool:
     """Whether a seed explains these episodes so well that no other single effect is worth a fit.
 

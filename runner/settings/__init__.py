@@ -20,7 +20,7 @@ from runner.settings.held_out import BreakawaySettings, HeldOutSettings
 from runner.settings.noise import NoiseSettings
 from runner.settings.odds import OddsSettings, ProbabilitySettings
 from runner.settings.plausible import CommandSettings, ForceSettings, MotionSettings, UnitSettings
-from runner.settings.search import LeapSettings, PieceSettings, SearchSettings
+from runner.settings.search import LeapSettings, PieceSettings, SearchSettings, StretchSettings
 from runner.settings.where import DisturbanceSettings, LikenessSettings, WhereSettings
 
 
@@ -34,6 +34,7 @@ class Settings:
     units: UnitSettings = field(default_factory=UnitSettings)
     noise: NoiseSettings = field(default_factory=NoiseSettings)
     fit: FitSettings = field(default_factory=FitSettings)
+    stretches: StretchSettings = field(default_factory=StretchSettings)
     pieces: PieceSettings = field(default_factory=PieceSettings)
     search: SearchSettings = field(default_factory=SearchSettings)
     leap: LeapSettings = field(default_factory=LeapSettings)

@@ -8,6 +8,36 @@ from runner.settings.declared import setting
 
 
 @dataclass(frozen=True)
+class StretchSettings:
+    """Over how long a model responds in proportion to a small force."""
+
+    small_force: float = setting(
+        0.01,
+        "of the usual force",
+        "A response to so little is in proportion unless something is about to slip, or to tip.",
+    )
+    large_force: float = setting(
+        0.1, "of the usual force", "Who is a tenth off in a force must still be near enough for a comparison."
+    )
+    max_bent: float = setting(
+        0.2,
+        "of the response",
+        "Linear sensitivities, and standard errors from them, bear to be a fifth off in half of the windows.",
+    )
+    max_strayed: float = setting(
+        0.5,
+        "of the motion",
+        "A force that is a tenth off leads away by half of all motion where a stretch is too long to compare.",
+    )
+    probed_windows: int = setting(
+        24, "windows", "A median over so many is known to a fifth of their spread; each costs simulations."
+    )
+    same_clock: float = setting(
+        1.1, "times the shortest period", "Windows of as many samples are then equally long to a tenth."
+    )
+
+
+@dataclass(frozen=True)
 class PieceSettings:
     """A first look at episodes cut into pieces (multiple shooting)."""
 

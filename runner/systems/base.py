@@ -150,10 +150,11 @@ class AbstractSystem(ABC):
         """
         return None
 
-    def stretches(self) -> tuple[Span, ...]:
+    def stretches(self, near: Effects = ()) -> tuple[Span, ...]:
         """Return over which parts of the recording models can be replayed and compared: whole episodes as a rule.
 
-        Where motion is so sensitive that small differences grow out of proportion, shorter ones.
+        Where motion is so sensitive that small differences grow out of proportion, shorter ones. `near`: as models near
+        this one show it; by default the one that is believed.
         """
         return tuple(Span(e, 0, len(v)) for e, v in enumerate(self.values()))
 

@@ -52,7 +52,8 @@ class Beliefs(Protocol):
 class Context:
     """What may be known when an effect is made from a vector: the nominal body, and how it was moved.
 
-    `centre_m` and `reach_m` span the floor that was visited, `force_n` is the largest commanded force, `pin_friction`
+    `centre_m` and `reach_m` span the floor that was visited, `speed_m_s` is the fastest that the body was seen to move,
+    `force_n` is the largest commanded force, `pin_friction`
     what is believed between the body and a pin that pushes it (None: there is no pin), `pin_height_m` how high that
     touches above the geometric centre.
     """
@@ -66,6 +67,7 @@ class Context:
     force_n: float = 20.0
     pin_friction: float | None = None
     pin_height_m: float = 0.0
+    speed_m_s: float = 3.0
 
     def at(self, target: str | None) -> Context:
         """There is one body, and nothing to choose."""

@@ -17,6 +17,13 @@ from runner.effects.planar_box.base import Beliefs, Context, PlanarEffect, Targe
 from runner.effects.wording import Values, number
 from runner.errors import check_range
 
+SLOWEST_M_S = 0.01  # as Stribeck's; what falls at less is static friction, see `Stiction`
+
+
+def _fastest_m_s(context: Context) -> float:
+    """Return the greatest speed at which friction may bend, m/s."""
+    return max(context.speed_m_s, 2.0 * SLOWEST_M_S)
+
 
 @effect
 @dataclass(frozen=True)
@@ -49,7 +56,8 @@ class Stribeck(PlanarEffect):
     def parameters(cls, context: Context) -> tuple[Parameter, ...]:
         return (
             Parameter("share", "", 0.2, -0.8, 3.0) if not cls.reference else Parameter("share", "", 0.2, -3.0, 0.8),
-            Parameter("log_speed", "", 0.8, math.log(0.01 / 0.2), math.log(3.0 / 0.2)),
+            # what is not two thirds gone at the fastest that was recorded is, but for a slight bend, plain friction
+            Parameter("log_speed", "", 0.8, math.log(SLOWEST_M_S / 0.2), math.log(_fastest_m_s(context) / 0.2)),
             # the range of what was measured; an exponent at an end of it is an exponent
             Parameter("log_exponent", "", 0.5, math.log(0.5), math.log(2.5), may_rest=True),
         )
@@ -61,7 +69,9 @@ class Stribeck(PlanarEffect):
 
     @classmethod
     def starts(cls, context: Context) -> np.ndarray:
-        return np.array([[0.15, math.log(v / 0.2), math.log(d)] for v in (0.05, 0.2, 0.8) for d in (1.0, 2.0)])
+        fastest = _fastest_m_s(context)
+        tried = [v for v in (0.05, 0.2, 0.8) if v < fastest] or [math.sqrt(SLOWEST_M_S * fastest)]
+        return np.array([[0.15, math.log(v / 0.2), math.log(d)] for v in tried for d in (1.0, 2.0)])
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Beliefs, target: str | None = None) -> Phrase:

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
-from runner.systems.mechanism.scope import spreads
 from runner.systems.mechanism.settings import MECHANISM
+from runner.systems.raw_signals import spreads
 
 
 def resting(recording: MechanismRecording) -> list[tuple[int, slice]]:

@@ -18,6 +18,7 @@ from runner.effects.base import Effects
 from runner.effects.mechanism import ContactStiffness, contacts
 from runner.numerics.arrays import FloatArray, spread_over
 from runner.recording import Span
+from runner.settings import SETTINGS
 from runner.systems.channels import Scatter
 from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.mechanism.simulator import MechanismSimulator, Stretch
@@ -47,7 +48,7 @@ def scatter(
         ContactStiffness(b, MECHANISM.replay.harder_contact) for b in bodies if contacts.touches(model, b)
     )
     squares = []
-    for i in spread_over(len(spans), MECHANISM.replay.probed_windows):
+    for i in spread_over(len(spans), SETTINGS.stretches.probed_windows):
         span = spans[i]
         shown = simulator.simulate(
             [Stretch(span.episode, span.begin, span.end, effects, starts[i]) for effects in ((), harder)]

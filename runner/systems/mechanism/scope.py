@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -12,8 +11,6 @@ from numpy.typing import NDArray
 from runner.effects.mechanism import EFFECTS, MechanismEffect, Scope, SensorLag, SensorOffset, SensorScale, contacts
 from runner.effects.vocabulary import Candidate, Vocabulary
 from runner.numerics.arrays import FloatArray
-from runner.numerics.differences import rounding_noise, white_noise
-from runner.recording import Span
 from runner.recording.model_form import MechanismEpisode, MechanismRecording
 from runner.systems.mechanism import quaternions
 from runner.systems.mechanism.coordinates import HINGE, SLIDE, Coordinates
@@ -21,29 +18,15 @@ from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.models import Models
 from runner.systems.mechanism.observer import turns_from
 from runner.systems.mechanism.settings import MECHANISM
+from runner.systems.raw_signals import RawSignals, raw, spreads
 from runner.systems.windows import Windows
-
-
-@dataclass(frozen=True)
-class RawSignals:
-    """Measured channels as they are, before their noise is known better: a `Signals`."""
-
-    values: tuple[FloatArray, ...]
-    valid: tuple[FloatArray, ...]
-    sigma: FloatArray
-    spans: tuple[Span, ...]
 
 
 def raw_signals(recording: MechanismRecording) -> RawSignals:
     """Return the channels of a recording with the stated noise, or where there is none a rough one."""
-    values = tuple(e.values for e in recording.episodes)
     shown = [_with_turns(recording, e) for e in recording.episodes]
-    stated = [recording.mapping.noise.get(s.name, np.nan) for s in recording.mapping.sources]
-    times = [e.t_s for e in recording.episodes]
-    rough = [_rough_noise(times, [v[:, c] for v in shown]) for c in range(len(stated))]
-    sigma = np.where(np.isfinite(stated), stated, rough)
-    spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
-    return RawSignals(values, tuple(np.isfinite(v) for v in values), sigma, spans)
+    stated = np.array([recording.mapping.noise.get(s.name, np.nan) for s in recording.mapping.sources])
+    return raw([e.values for e in recording.episodes], [e.t_s for e in recording.episodes], stated, shown)
 
 
 def _with_turns(recording: MechanismRecording, episode: MechanismEpisode) -> FloatArray:
@@ -78,19 +61,6 @@ def _with_orientations(
             out[:, k : k + 3] = np.nan
             out[there, k : k + 3] = turns(measured[there])
     return out
-
-
-def _rough_noise(times: Sequence[FloatArray], values: Sequence[FloatArray]) -> float:
-    """Return the noise of a channel, (T,) for each episode, if it is white."""
-    white = white_noise(zip(times, values, strict=True))
-    spread = float(spreads([v[:, None] for v in values])[0])
-    return max(0.0 if np.isnan(white) else white, rounding_noise(values), 1e-4 * spread, 1e-6)
-
-
-def spreads(values: Sequence[FloatArray]) -> FloatArray:
-    """Return the standard deviation of each channel over all episodes, each (T, C): (C,); 0 of what has no values."""
-    columns = [column[np.isfinite(column)] for column in np.concatenate(values).T]
-    return np.array([np.std(column) if len(column) else 0.0 for column in columns])
 
 
 def scope_of(recording: MechanismRecording, models: Models, initial: MechanismStart, signals: RawSignals) -> Scope:

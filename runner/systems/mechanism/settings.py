@@ -25,29 +25,8 @@ class ReplaySettings:
         0.4, "s", "A body that falls has several impacts in that time, and each adds what nobody knows."
     )
     min_impact_s: float = setting(0.1, "s", "One impact, and where the body goes from it, need as long.")
-    small_force: float = setting(
-        0.01,
-        "of the usual force",
-        "A response to so little is in proportion unless something is about to slip, or to tip.",
-    )
-    large_force: float = setting(
-        0.1, "of the usual force", "Who is a tenth off in a force must still be near enough for a comparison."
-    )
-    max_bent: float = setting(
-        0.2,
-        "of the response",
-        "Linear sensitivities, and standard errors from them, bear to be a fifth off in half of the windows.",
-    )
     max_bent_by_impacts: float = setting(
         0.25, "of the response", "Where impacts bend, half of the bodies that are hit answer in proportion for longer."
-    )
-    max_strayed: float = setting(
-        0.5,
-        "of the motion",
-        "A force that is a tenth off leads away by half of all motion where a stretch is too long to compare.",
-    )
-    probed_windows: int = setting(
-        24, "windows", "A median over so many is known to a fifth of their spread; each costs simulations."
     )
     max_survey_step_s: float = setting(
         0.01, "s", "Contacts and drives of longer steps are not those of the model any more."
@@ -56,9 +35,6 @@ class ReplaySettings:
         0.02,
         "of the response",
         "A survey asks how a prediction changes, and two per cent of that choose no other effect.",
-    )
-    same_clock: float = setting(
-        1.1, "times the shortest period", "Windows of as many samples are then equally long to a tenth."
     )
     max_step_s: float = setting(
         0.004, "s", "A motor's, or a servo's, closed loop of some tens of hertz is followed by such steps."

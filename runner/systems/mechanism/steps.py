@@ -20,7 +20,7 @@ from runner.recording.model_form import MechanismRecording
 from runner.systems.mechanism.models import Models, can_touch
 from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.mechanism.simulator import SHORTEST_STEP_S, MechanismSimulator, Stretch
-from runner.systems.mechanism.stretches import Sensitive
+from runner.systems.stretches import Sensitive
 from runner.systems.windows import Windows
 
 
@@ -91,7 +91,9 @@ def _candidates(recording: MechanismRecording, file_step_s: float) -> list[float
     return [period / n for n in counts]
 
 
-def settled_step(known: Sensitive, spans: Sequence[Span], searched_s: float, dispersion: float = 1.0) -> float:
+def settled_step(
+    known: Sensitive[MechanismSimulator], spans: Sequence[Span], searched_s: float, dispersion: float = 1.0
+) -> float:
     """Return the longest step, of a simulator's own and shorter ones, whose error no fit would notice.
 
     Where contacts are as hard as the steps of the model file make them it is not shorter than those; nor where halving

@@ -37,7 +37,6 @@ from runner.systems.mechanism.proposals import Trial, trials, unmeasured
 from runner.systems.mechanism.rests import resting
 from runner.systems.mechanism.scatter import scatter
 from runner.systems.mechanism.scope import (
-    RawSignals,
     raw_signals,
     scope_of,
     vocabulary_of,
@@ -47,7 +46,9 @@ from runner.systems.mechanism.settings import MECHANISM
 from runner.systems.mechanism.shapes import force_shapes
 from runner.systems.mechanism.simulator import MechanismSimulator, cores
 from runner.systems.mechanism.steps import choose_step, settled_step
-from runner.systems.mechanism.stretches import Cut, Sensitive, impact_stretches, stretches, survey_step_s
+from runner.systems.mechanism.stretches import impact_stretches, replayed, survey_step_s
+from runner.systems.raw_signals import RawSignals
+from runner.systems.stretches import Cut, Sensitive
 from runner.systems.windows import Labels, Windows
 
 HARD = "joints that dry friction truly holds (solreffriction as hard as the step allows)"
@@ -128,7 +129,7 @@ class MechanismSystem(AbstractSystem):
             # what is hit in two steps of different lengths soon goes two ways
             if not any(self._found_flights):
                 known = self._sensitive(MechanismSimulator(self.recording, self._models, self._step_s))
-                self._cut = self._cut or stretches(known, self.searched_s)
+                self._cut = self._cut or replayed(known, self.searched_s)
                 if math.isfinite(self._dispersion):
                     self._step_s = settled_step(known, self._cut.spans, self.searched_s, self._dispersion)
         return self._step_s
@@ -155,9 +156,10 @@ class MechanismSystem(AbstractSystem):
             other.simulator(threads=self._simulator.threads)
         return other
 
-    def _sensitive(self, simulator: MechanismSimulator) -> Sensitive:
+    def _sensitive(self, simulator: MechanismSimulator, near: Effects = ()) -> Sensitive[MechanismSimulator]:
         """Return the recording as what responds to a small force, by a simulator."""
-        return Sensitive(simulator, self.initial, self.disturbance.prior / SETTINGS.where.max_force, self._raw)
+        usual = self.disturbance.prior / SETTINGS.where.max_force
+        return Sensitive(self.recording, simulator, self.initial, usual, self._raw, near)
 
     def _missing_force(self) -> Disturbance:
         """Return the force that may be missing at each joint."""
@@ -259,15 +261,17 @@ class MechanismSystem(AbstractSystem):
         own = Models(self.recording, cores(), hard_friction=self._models.hard_friction, engine_steps=True)
         return MechanismSimulator(self.recording, own, own.file_step_s, self.simulator().threads), own.file_step_s
 
-    def stretches(self) -> tuple[Span, ...]:
-        """See `AbstractSystem`."""
+    def stretches(self, near: Effects = ()) -> tuple[Span, ...]:
+        """See `AbstractSystem`; what a hit does bends whatever is in the model."""
+        if near and not any(self._found_flights):
+            return replayed(self._sensitive(self.simulator(), near), self.searched_s).spans
         if self._stretches is None:
             known = self._sensitive(self.simulator())
             if any(self._found_flights):
                 lying = rests(self.recording, self.initial.coordinates, self.context.model)
                 self._stretches = impact_stretches(known, self._found_flights, lying)
             else:
-                self._cut = self._cut or stretches(known, self.searched_s)
+                self._cut = self._cut or replayed(known, self.searched_s)
                 self._stretches = self._cut.spans
                 known.simulator.survey_step_s = survey_step_s(known, self._stretches)
         return self._stretches

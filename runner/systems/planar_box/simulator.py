@@ -47,6 +47,7 @@ MODELS = 128  # kept for the next span
 KEPT_WINDOWS = 4  # models that are ready for windows: as believed, corrected
 BASE_POINTS = 8  # along each edge: everything replays the same base
 PIN_BASE_POINTS = 6  # where a pin pushes the steps' own error outweighs that of fewer points
+SPEED_OVER_S = 0.1  # noise of a position is small beside the way of a box in that time
 # Of surveys: how a prediction changes with an effect is told to some percent by half the steps and points, whose own
 # errors, of second order in the steps and of the sixth in the points, are the same with the effect and without.
 SURVEY_RATE_HZ, PIN_SURVEY_RATE_HZ, SURVEY_POINTS = 60.0, 250.0, 5
@@ -108,7 +109,19 @@ def context_of(recording: Recording) -> Context:
         force_n=max(force, 1e-6),
         pin_friction=None if nominal.pin is None else nominal.pin.friction,
         pin_height_m=0.0 if nominal.pin is None else nominal.pin.height_m,
+        speed_m_s=_fastest_m_s(recording),
     )
+
+
+def _fastest_m_s(recording: Recording) -> float:
+    """Return the fastest that a body moved, m/s, but for a hundredth of the time: a glitch of its tracking is no speed."""
+    speeds = []
+    for e in recording.episodes:
+        apart = min(max(1, round(SPEED_OVER_S / e.step_s)), len(e) - 1)
+        moved_m = np.linalg.norm(e.pose[apart:, :2] - e.pose[: len(e) - apart, :2], axis=1)
+        speeds.append(moved_m / (apart * e.step_s))
+    every = np.concatenate(speeds)
+    return float(np.nanquantile(every, 0.99)) if np.isfinite(every).any() else 0.0
 
 
 @dataclass

@@ -16,7 +16,7 @@ from runner.effects.wording import number
 from runner.errors import RecordingError
 from runner.numerics.arrays import FloatArray
 from runner.physics.dry_friction import STATE
-from runner.recording import Form, Recording, Support
+from runner.recording import Form, Recording, Span, Support
 from runner.recording.force_noise import pushing_noise
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem, Proposal
@@ -33,6 +33,8 @@ from runner.systems.planar_box.proposals import pushes, unmeasured
 from runner.systems.planar_box.rests import pin_rest_segments, rest_segments
 from runner.systems.planar_box.simulator import OBJECT, Simulator, context_of
 from runner.systems.planar_box.windows import planar
+from runner.systems.raw_signals import raw
+from runner.systems.stretches import Sensitive, cut
 from runner.systems.windows import Labels, Windows
 
 CHANNELS = (
@@ -106,6 +108,7 @@ class PlanarBox(AbstractSystem):
             large * arm,
         )
         self._simulator: Simulator | None = None
+        self._stretches: dict[Effects, tuple[Span, ...]] = {}
 
     def values(self) -> tuple[FloatArray, ...]:
         """See `AbstractSystem`."""
@@ -132,6 +135,17 @@ class PlanarBox(AbstractSystem):
             for e, episode in enumerate(self.recording.episodes)
             for s in (rest_segments(episode) if pin is None else pin_rest_segments(episode, pin.radius_m))
         ]
+
+    def stretches(self, near: Effects = ()) -> tuple[Span, ...]:
+        """See `AbstractSystem`."""
+        if near not in self._stretches:
+            values = self.values()
+            signals = raw(values, [e.t_s for e in self.recording.episodes], self.stated_noise(), values)
+            usual = self.context.friction_n * np.array([1.0, 1.0, self.context.size_m])
+            self._stretches[near] = cut(
+                Sensitive(self.recording, self.simulator(), self.initial, usual, signals, near)
+            ).spans
+        return self._stretches[near]
 
     def simulator(self, *, threads: int | None = None) -> Simulator:
         """See `AbstractSystem`."""
