@@ -16,6 +16,7 @@ from numba import cfunc, types
 
 # in `o_margin`, which counts for nothing unless contacts are overridden: steps of this model are to be of second order
 SECOND_ORDER = 0.00027182818284
+FREE_BODIES = 0.00031415926535  # the same of a model all of whose joints are free
 SIGNATURE = types.void(types.uint64, types.uint64)
 _LAWS: list[Any] = []
 _INSTALLED: list[Any] = []  # keeps what MuJoCo may call alive

@@ -11,6 +11,10 @@ s = |v| / (h |a|) of the step, it acts the other way: its mean over the step is 
 instead of turning round, it is held for the rest of the step: also then, to this order, that force is right. F is the
 limit that the law of joints has set, which may be far from `frictionloss` where a joint turns round.
 
+Free bodies need the first of these as well, and the other way round: what turns them gyroscopically MuJoCo's
+`implicitfast` takes at the end of the step, by its derivative, which is as wrong as at the start. As an impact does to
+a velocity what goes on in no way, the acceleration is the one that all but contacts gave.
+
 A servo at the limit of its force has no damping, and MuJoCo gives it none. What was taken off the armature for it
 (`models`) is given back as a force.
 """
@@ -38,7 +42,7 @@ from runner.physics.engine_memory import (
     offset_of_array,
 )
 from runner.physics.joint_law.binding import SOURCES, measured, row_of
-from runner.physics.passive import SECOND_ORDER
+from runner.physics.passive import FREE_BODIES, SECOND_ORDER
 from runner.storage.numba_cache import fingerprint
 
 SLIDING = 0.99  # a joint whose constraints bear this share of its dry friction slides
@@ -122,7 +126,8 @@ def _compile(at: MidpointOffsets):
 
     @cfunc("void(uint64, uint64)", cache=True)
     def midpoint(m, d):
-        if double(m, at.o_margin) != SECOND_ORDER:
+        free = double(m, at.o_margin) == FREE_BODIES
+        if not free and double(m, at.o_margin) != SECOND_ORDER:
             return
         nv, step = integer(m, at.nv), double(m, at.timestep)
         v, a = doubles(d, at.qvel, BIG), doubles(d, at.qacc_warmstart, BIG)
@@ -133,7 +138,7 @@ def _compile(at: MidpointOffsets):
             known = known or a[i] != 0.0
         if not known:
             return
-        for i in range(nv):
+        for i in range(0 if free else nv):
             turns = constraint[i] * v[i] < 0.0 and a[i] * v[i] < 0.0 and abs(v[i]) < step * abs(a[i])
             if dry[i] > 0.0 and turns:
                 row = row_of(at.rows, at.efc_type, at.efc_id, d, i)
@@ -141,7 +146,7 @@ def _compile(at: MidpointOffsets):
                 # that of the step before, at another speed, may have been anything between the two
                 if abs(constraint[i]) >= SLIDING * min(dry[i], limit):
                     passive_force[i] -= 2.0 * limit * v[i] / (step * abs(a[i]))
-        for k in range(integer(m, at.nu)):
+        for k in range(0 if free else integer(m, at.nu)):
             given = doubles(m, at.actuator_user, BIG)[(k + 1) * integer(m, at.nuser_actuator) - USER :]
             if given[0] != 0.0:
                 force, limits = doubles(d, at.actuator_force, BIG)[k], doubles(m, at.actuator_forcerange, BIG)
@@ -156,13 +161,15 @@ def _compile(at: MidpointOffsets):
             )
             _inverse(m, d, 0, types.uint64(carray(as_pointer(types.uint64(d + at.qfrc_bias)), (1,), types.uint64)[0]))
             for i in range(nv):
+                rate = shown[i] if free else a[i]
                 shown[i] = v[i]
-                v[i] += 0.5 * step * a[i]
+                v[i] += 0.5 * step * rate
             _velocities(m, d)
             _inverse(m, d, 0, types.uint64(carray(as_pointer(types.uint64(d + at.qfrc_smooth)), (1,), types.uint64)[0]))
             for i in range(nv):
                 v[i] = shown[i]
-                passive_force[i] -= later[i] - bias[i]
+                # three that move it, three that turn it
+                passive_force[i] -= (bias[i] - later[i]) if free and i % 6 > 2 else (later[i] - bias[i])
             _velocities(m, d)
 
     return midpoint
@@ -181,14 +188,14 @@ def reserve(spec: mujoco.MjSpec) -> None:
     spec.nuser_actuator = max(spec.nuser_actuator, own) + USER
 
 
-def mark(model: mujoco.MjModel, taken: np.ndarray) -> None:
-    """Let a model's steps be made so.
+def mark(model: mujoco.MjModel, taken: np.ndarray, *, free: bool) -> None:
+    """Let a model's steps be made so; `free`: all of its joints are.
 
     Args:
         model: Compiled with the room that `reserve` makes.
         taken: What was taken off the armature of its joint for the damping of each actuator, (nu,).
     """
-    model.opt.o_margin = SECOND_ORDER
+    model.opt.o_margin = FREE_BODIES if free else SECOND_ORDER
     for k in np.flatnonzero(taken):
         if model.actuator_forcelimited[k]:
             model.actuator_user[k, -USER:] = taken[k], model.jnt_dofadr[model.actuator_trnid[k, 0]]

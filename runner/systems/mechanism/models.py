@@ -31,7 +31,7 @@ from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import AFFINE_BIAS, AT_JOINT, ForceColumns
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.mechanism import midpoint
-from runner.systems.mechanism.coordinates import Coordinates
+from runner.systems.mechanism.coordinates import FREE, Coordinates
 
 OWN = "runner:"  # what is added to a believed model bears names that begin so
 KEPT_COMPILED = 256
@@ -317,9 +317,10 @@ def _balance_damping(model: mujoco.MjModel, step_s: float, *, touching: bool) ->
     share = np.minimum(LIGHTEST / np.maximum(lighter, 1e-300), 1.0)
     share *= min(LIGHTEST / max(float(share @ lighter), 1e-300), 1.0)
     model.dof_armature -= share * off
-    if not touching:
-        # what an impact does to a velocity goes on in no way
-        midpoint.mark(model, 0.5 * step_s * servo * share[dof])
+    free = bool((model.jnt_type == FREE).all())
+    if free or not touching:
+        # what an impact does to the velocity of a joint goes on in no way
+        midpoint.mark(model, 0.5 * step_s * servo * share[dof], free=free)
 
 
 def shortest_contact_s(model: mujoco.MjModel) -> float:
