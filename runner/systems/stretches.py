@@ -1,7 +1,7 @@
 """Over how long a model can be replayed so that a comparison with the recording means something.
 
-An inverted or a double pendulum amplifies every small difference until it is as large as the motion itself; so does a
-box that is pushed off its middle, and turns one way or the other by a hair's breadth. A fit over longer than that
+An inverted or a double pendulum amplifies every small difference until it is as large as the motion itself; so does
+what is pushed off its middle, and turns one way or the other by a hair's breadth. A fit over longer than that
 descends a landscape of hollows, and what it ends in says nothing: any two numbers that happen to steer through a turn
 win over the one that is right. So recordings are cut where the response to a small force ceases to be in proportion to
 it, or leads too far away: linear sensitivities hold within such stretches, which is what fits, evidence and standard
