@@ -42,5 +42,11 @@ class Delay(PlanarEffect):
         return (Parameter("delay_s", "s", 0.08, 0.0, 1.0),)
 
     @classmethod
+    def sizes(cls, context: Context) -> np.ndarray:
+        """Return delays that are looked at: one as long as a push lasts does what no shorter one tells, nor its slope."""
+        (delay,) = cls.parameters(context)
+        return delay.scale * np.array([[1.0], [2.0], [4.0]])
+
+    @classmethod
     def from_vector(cls, x: Vector, context: Context) -> Self:
         return cls(max(x[0], 0.0))
