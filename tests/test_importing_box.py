@@ -326,6 +326,7 @@ def test_what_is_not_recognised_waits_to_be_filled_in(tmp_path: Path, capsys: py
     [
         ("  x: {", "  q: {", "channels.q: unknown column"),
         ("at: nearest, rate_hz", "at: all, rate_hz", "need `rate_hz`"),
+        ("unit: ms", "unit: s", "are 33 s apart: nearly all rows would be empty"),
         ("unit: deg", "unit: mm", "'mm' is none of what is measured in rad"),
     ],
 )

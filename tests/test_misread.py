@@ -113,3 +113,15 @@ def test_a_body_that_never_touches_anything_tumbles_otherwise(tmp_path: Path, sh
     told = open_case(write_case(tmp_path, BLOCK, episodes, {"channels": channels})).misread()
     assert len(told) == bool(shift)
     assert all("scalar in the wrong place" in one and "of its turning" in one for one in told)
+
+
+@pytest.mark.parametrize(("kind", "said"), [("u", "commands 'u_shoulder' and 'u_elbow'"), ("q", "joints")])
+def test_joints_in_each_other_s_place_are_told(tmp_path: Path, kind: str, said: str) -> None:
+    """Of a servo that hardly bears a load nothing else than its motion says whose target it follows."""
+    episodes = [recorded(stretched_out(0.4), seed, samples=200, step_s=0.0005) for seed in (1, 2)]
+    kinds = ("u",) if kind == "u" else ("q", "dq")
+    pairs = {f"{k}_{a}": f"{k}_{b}" for k in kinds for a, b in (JOINTS, JOINTS[::-1])}
+    wrong = [e | {name: e[other] for name, other in pairs.items()} for e in episodes]
+    (told,) = open_case(write_case(tmp_path, stretched_out(0.4), wrong, NOMINAL)).misread()
+    assert told.startswith("Signals may have been exchanged: within 0.5 s the model as believed misses")
+    assert said in told

@@ -28,6 +28,7 @@ HELD_STEPS = 5.0  # a command that is held for more of its own steps is worth a 
 MOVED = 0.02  # of a row: stamps that are rounded to milliseconds move by as much, which need not be said
 NEAR = 0.1  # rows nearer than this share of the usual step are worth a note
 FEWEST_ROWS = 3  # of an episode
+MOST_ROWS = 30.0  # per sample: more than a log is made finer by on purpose, less than units of a clock differ by
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,12 +141,27 @@ def _times(series: list[Series], keys: RowKeys) -> Integers:
     if keys.at in (EVEN, NEAREST):
         assert keys.rate_hz is not None
         measured = [one.t_ns for one in series if one.entry.role is Role.CHANNEL and len(one.t_ns)]
+        _check_rate(series, keys.rate_hz)
         first, last = min(t[0] for t in measured), max(t[-1] for t in measured)
         beyond = 0.5 if keys.at == NEAREST else 1e-6  # the last sample may be nearest to a row after it
         count = int((last - first) / NS * keys.rate_hz + beyond) + 1
         return first + np.round(np.arange(count) * NS / keys.rate_hz).astype(np.int64)
     (own,) = [one for one in series if one.entry.column == keys.at]
     return own.t_ns if len(own.t_ns) else np.zeros(1, dtype=np.int64)
+
+
+def _check_rate(series: list[Series], rate_hz: float) -> None:
+    """Refuse to make hardly anything but empty rows."""
+    channels = [one for one in series if one.entry.role is Role.CHANNEL and len(one.t_ns) > 1]
+    steps_s = [float(np.median(np.diff(one.t_ns))) / NS for one in channels]
+    if steps_s and min(steps_s) * rate_hz > MOST_ROWS:
+        often = channels[int(np.argmin(steps_s))]
+        raise RecordingError(
+            f"rows.rate_hz: {rate_hz:g} makes rows {1 / rate_hz:.3g} s apart, samples of '{often.signal.name}' "
+            f"({often.entry.key}) are {min(steps_s):.3g} s apart: nearly all rows would be empty. Does `clock` have "
+            "the right unit? Otherwise give a rate up to "
+            f"{MOST_ROWS:g} times that of the samples."
+        )
 
 
 def _moved(one: Series, times: Integers) -> Series:

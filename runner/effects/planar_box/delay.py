@@ -43,7 +43,7 @@ class Delay(PlanarEffect):
 
     @classmethod
     def sizes(cls, context: Context) -> np.ndarray:
-        """Return delays that are looked at: one as long as a push lasts does what no shorter one tells, nor its slope."""
+        """Return delays that are looked at, (k, 1): the slope at none does not tell what one as long as a push does."""
         (delay,) = cls.parameters(context)
         return delay.scale * np.array([[1.0], [2.0], [4.0]])
 

@@ -1,10 +1,10 @@
-"""What was read as something else than it is, told by the model: units, axes, and the order of quaternions.
+"""What was read as something else than it is, told by the model: units, signals, axes, the order of quaternions.
 
 Numbers of a joint in a wrong unit are a smaller or a larger motion, which some wrong gain or weight follows as well: a
 fit can't tell them apart from a model that is wrong by so much. But nobody's model is wrong by exactly what two units
 differ by, and right beside that. So the model as believed is asked what it misses of the motion as it was read, and as
-it would be in other units. Likewise a body that lies on something lies flat on it, and with its quaternions in another
-order it does not.
+it would be in other units, or if two signals were exchanged. Likewise a body that lies on something lies flat on it,
+and with its quaternions in another order it does not.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import mujoco
 import numpy as np
@@ -87,6 +88,61 @@ def in_other_units(recording: MechanismRecording, models: Models) -> list[str]:
                 f"{_percent(as_read)} of the motion, and {' or '.join(said for _, said in sorted(better))}"
             )
     return out
+
+
+def exchanged(recording: MechanismRecording, models: Models) -> list[str]:
+    """Say which two commands, or joints, the model as believed follows far better the one in the other's place.
+
+    Args:
+        recording: The case.
+        models: Its compiled models.
+    """
+    sources, commands = recording.mapping.sources, recording.mapping.commands
+    channels = [k for k, s in enumerate(sources) if s.kind == "joint"]
+    as_read = _missed(recording, models, channels)
+    if not as_read > FOLLOWED:
+        return []
+    units = [(name, c.unit) for name, c in commands.items()]
+    joints: dict[str, dict[str, int]] = {}
+    for k in channels:
+        joints.setdefault(sources[k].target, {})[f"{sources[k].quantity} {sources[k].unit}"] = k
+    other: list[tuple[str, MechanismRecording]] = [
+        (f"commands '{a}' and '{b}'", _swapped(recording, commands={i: j, j: i}))
+        for (i, (a, unit)), (j, (b, its)) in itertools.combinations(enumerate(units), 2)
+        if unit == its
+    ]
+    for (a, own), (b, its) in itertools.combinations(joints.items(), 2):
+        if own.keys() == its.keys():
+            both = {own[k]: its[k] for k in own}
+            swapped = _swapped(recording, channels=both | {j: i for i, j in both.items()})
+            other.append((f"measurements of joints '{a}' and '{b}'", swapped))
+    enough = min(FOLLOWS, FEWER * as_read)
+    found = sorted((missed, what) for what, of in other if (missed := _missed(of, models, channels)) < enough)
+    if not found:
+        return []
+    said = " or ".join(f"{_percent(missed)} with {what} in each other's place" for missed, what in found)
+    return [
+        f"Signals may have been exchanged: within {WINDOW_S:g} s the model as believed misses {_percent(as_read)} of "
+        f"the motion, and {said}"
+    ]
+
+
+def _swapped(
+    recording: MechanismRecording,
+    *,
+    commands: Mapping[int, int] = MappingProxyType({}),
+    channels: Mapping[int, int] = MappingProxyType({}),
+) -> MechanismRecording:
+    """Return a recording with columns of its commands, or its channels, taken from others."""
+    mapping = recording.mapping
+    by = [commands.get(k, k) for k in range(len(mapping.commands))]
+    values = [channels.get(k, k) for k in range(len(mapping.sources))]
+
+    def of(episode: MechanismEpisode) -> MechanismEpisode:
+        after = None if episode.after is None else of(episode.after)
+        return replace(episode, values=episode.values[:, values], commands=episode.commands[:, by], after=after)
+
+    return replace(recording, episodes=tuple(map(of, recording.episodes)))
 
 
 def _percent(share: float) -> str:

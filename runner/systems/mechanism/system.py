@@ -30,7 +30,7 @@ from runner.systems.mechanism.drawing import body_poses, drawn_bodies
 from runner.systems.mechanism.flights import flights, measured_freely, rests, size_m
 from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.labels import FACTORS, PHRASES, REGIMES, label
-from runner.systems.mechanism.misread import falling_otherwise, in_another_order, in_other_units
+from runner.systems.mechanism.misread import exchanged, falling_otherwise, in_another_order, in_other_units
 from runner.systems.mechanism.model_file import LAW, left_out, needing_law, write_model
 from runner.systems.mechanism.models import HARD_IMPEDANCE, HARD_S, Models, has_soft_friction
 from runner.systems.mechanism.proposals import Trial, trials, unmeasured
@@ -241,7 +241,7 @@ class MechanismSystem(AbstractSystem):
         """See `AbstractSystem`."""
         of = self.recording, self._models
         falling, turned = falling_otherwise(*of), in_another_order(*of, self.initial.coordinates)
-        return (*in_other_units(*of), *falling, *turned)
+        return (*in_other_units(*of), *exchanged(*of), *falling, *turned)
 
     def rests(self) -> list[tuple[int, slice]]:
         """See `AbstractSystem`."""
