@@ -83,12 +83,49 @@ def cut(known: Sensitive[AbstractSimulator], at_most_s: float = np.inf) -> Cut:
     for e, n in enumerate(lengths):
         edges = np.linspace(0, n, max(1, round((n - 1) * periods_s[e] / by_episode[e])) + 1).round().astype(int)
         parts += [Span(e, int(a), int(b)) for a, b in pairwise(edges)]
+    told = _told(parts, signals)
+    return Cut(told or whole, bends=bool(told) and bool((by_episode < length_s).any()))
+
+
+def halved(known: Sensitive[AbstractSimulator]) -> tuple[Span, ...]:
+    """Return the parts of a recording over which a model responds in proportion: what does not is halved.
+
+    Each is looked at by itself, so that those before and after a turn that bends stay long; for that all of the
+    recording is simulated several times, which is little where there are a few minutes of one body.
+    """
+    episodes, shortest_s = known.recording.episodes, SETTINGS.pieces.min_length_s
+    whole = [Span(e, 0, len(v)) for e, v in enumerate(known.signals.values)]
+    settled, unsure = list[Span](), whole
+    while unsure:
+        halves = list[Span]()
+        for span, share in zip(unsure, _each(known, unsure), strict=True):
+            middle = (span.begin + span.end) // 2
+            longer = (middle - span.begin) * episodes[span.episode].step_s >= shortest_s
+            if share > SETTINGS.stretches.max_bent and longer:
+                halves += [Span(span.episode, span.begin, middle), Span(span.episode, middle, span.end)]
+            else:
+                settled.append(span)
+        unsure = halves
+    parts = sorted(settled, key=lambda s: (s.episode, s.begin))
+    return _told(parts, known.signals) or tuple(whole)
+
+
+def _each(known: Sensitive[AbstractSimulator], spans: Sequence[Span]) -> FloatArray:
+    """Return which share of the response to a force is out of proportion in each part of a recording, (n,)."""
+    out, samples = np.zeros(len(spans)), np.array([s.end - s.begin for s in spans])
+    for count in np.unique(samples):
+        alike = np.flatnonzero(samples == count)
+        begins = np.array([(spans[i].episode, spans[i].begin) for i in alike])
+        out[alike] = [median(share) for share in bent(known, Windows(begins[:, 0], begins[:, 1], int(count)))]
+    return out
+
+
+def _told(parts: Sequence[Span], signals: Signals) -> tuple[Span, ...]:
+    """Return those parts of a recording that a start can be told in; none if that leaves nothing of an episode."""
     there = np.any([v.any(axis=0) for v in signals.valid], axis=0)
     least = SETTINGS.fit.min_start_samples
     told = [s for s in parts if (signals.valid[s.episode][s.begin : s.end, there].sum(axis=0) >= least).all()]
-    if {s.episode for s in told} != set(range(len(lengths))):
-        return Cut(whole, bends=False)
-    return Cut(tuple(told), bends=bool((by_episode < length_s).any()))
+    return tuple(told) if {s.episode for s in told} == set(range(len(signals.values))) else ()
 
 
 def _of_one_clock(periods_s: FloatArray) -> list[list[int]]:

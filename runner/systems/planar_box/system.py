@@ -34,7 +34,7 @@ from runner.systems.planar_box.rests import pin_rest_segments, rest_segments
 from runner.systems.planar_box.simulator import OBJECT, Simulator, context_of
 from runner.systems.planar_box.windows import planar
 from runner.systems.raw_signals import raw
-from runner.systems.stretches import Sensitive, cut
+from runner.systems.stretches import Sensitive, halved
 from runner.systems.windows import Labels, Windows
 
 CHANNELS = (
@@ -142,9 +142,8 @@ class PlanarBox(AbstractSystem):
             values = self.values()
             signals = raw(values, [e.t_s for e in self.recording.episodes], self.stated_noise(), values)
             usual = self.context.friction_n * np.array([1.0, 1.0, self.context.size_m])
-            self._stretches[near] = cut(
-                Sensitive(self.recording, self.simulator(), self.initial, usual, signals, near)
-            ).spans
+            known = Sensitive(self.recording, self.simulator(), self.initial, usual, signals, near)
+            self._stretches[near] = halved(known)
         return self._stretches[near]
 
     def simulator(self, *, threads: int | None = None) -> Simulator:
