@@ -107,7 +107,7 @@ def doubts(system: AbstractSystem, measured: Measured, top: Contender) -> tuple[
         out.append(
             "The fit of the best explanation had not fully come to rest when its steps were used up; its errors may be "
             "too small. Before relying on its numbers let the corrected model predict another recording, by "
-            "`runner gap`, or diagnose that and this one together."
+            "`runner gap`, or diagnose that and this one as one case: `runner import` takes several logs."
         )
     if measured.scatter is not None and measured.scatter.hit and top.fit.explanation.candidates:
         out.append(
