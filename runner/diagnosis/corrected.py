@@ -124,9 +124,9 @@ def _read(path: Path) -> _Corrected:
 
 
 def _effect(path: Path, name: str, values: Mapping[str, float], vocabulary: Vocabulary) -> AbstractEffect:
-    if name not in vocabulary.by_name:
-        raise ConfigError(f"{path}: effects.{name}: no such effect. {nearest(name, vocabulary.by_name)}")
-    candidates = vocabulary.by_name[name]
+    if name not in vocabulary.each_by_name:
+        raise ConfigError(f"{path}: effects.{name}: no such effect. {nearest(name, vocabulary.each_by_name)}")
+    candidates = vocabulary.each_by_name[name]
     variants = [c.effect for c in candidates]
     fitting = [c for c in candidates if _accepts(c.effect, set(values))]
     if not fitting:

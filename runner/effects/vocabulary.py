@@ -141,6 +141,16 @@ class Vocabulary:
             out[candidate.name] = (*out.get(candidate.name, ()), candidate)
         return out
 
+    @cached_property
+    def each_by_name(self) -> dict[str, tuple[Candidate, ...]]:
+        """The same of effects as a model holds them: of what all of a kind share, one for each of its targets."""
+        out = dict(self.by_name)
+        for candidate in (*self.candidates, *self.outside, *self.ruled_out):
+            for one in candidate.each if candidate.targets else ():
+                if one not in out.get(one.name, ()):
+                    out[one.name] = (*out.get(one.name, ()), one)
+        return out
+
     def without(self, names: Iterable[str], where: Path | None) -> Vocabulary:
         """Return it without effects that the owner knows not to be the case.
 
@@ -171,15 +181,13 @@ class Vocabulary:
 
     def units(self, name: str, context: Scope) -> dict[str, str]:
         """Return the unit of each number that an effect of this name may have; "" for a pure one."""
-        return {number: unit for c in self.by_name[name] for number, unit in c.units(context).items()}
+        return {number: unit for c in self.each_by_name[name] for number, unit in c.units(context).items()}
 
     def of(self, effect: AbstractEffect) -> Candidate:
         """Return the candidate that an effect was made from."""
-        return next(
-            c
-            for c in (*self.candidates, *self.outside, *self.ruled_out)
-            if c.effect is type(effect) and c.target == getattr(effect, "target", None) and not c.targets
-        )
+        target = getattr(effect, "target", None)
+        variants = self.each_by_name[effect.full_name]
+        return next(c for c in variants if c.effect is type(effect) and c.target == target and not c.targets)
 
 
 def spoken(effect: str) -> str:

@@ -1,10 +1,8 @@
 """What was read as something else than it is, told by the model: units, signals, axes, the order of quaternions.
 
-Numbers of a joint in a wrong unit are a smaller or a larger motion, which some wrong gain or weight follows as well: a
-fit can't tell them apart from a model that is wrong by so much. But nobody's model is wrong by exactly what two units
-differ by, and right beside that. So the model as believed is asked what it misses of the motion as it was read, and as
-it would be in other units, or if two signals were exchanged. Likewise a body that lies on something lies flat on it,
-and with its quaternions in another order it does not.
+Units as `runner.systems.misread` has it. In the same way the model as believed is asked what it would miss if two
+signals were exchanged. Likewise a body that lies on something lies flat on it, and with its quaternions in another order
+it does not.
 """
 
 from __future__ import annotations
@@ -27,18 +25,21 @@ from runner.systems.mechanism.initial import MechanismStart
 from runner.systems.mechanism.models import Models
 from runner.systems.mechanism.scope import raw_signals
 from runner.systems.mechanism.simulator import MechanismSimulator
+from runner.systems.misread import (
+    FEWER,
+    FEWEST_SAMPLES,
+    FOLLOWED,
+    FOLLOWS,
+    UNITS,
+    WINDOW_S,
+    WINDOWS,
+    in_another_unit,
+    percent,
+    share_missed,
+)
 from runner.systems.windows import Windows
 
-UNITS: Mapping[str, Mapping[str, float]] = {
-    "rad": {"rad": 1.0, "deg": np.pi / 180, "mrad": 1e-3, "turns": 2 * np.pi},
-    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254},
-}
 WHAT = {"rad": "Angles", "m": "Ways"}
-WINDOW_S, FEWEST_SAMPLES, WINDOWS = 0.5, 4, 24  # of the motion: as long as gravity and a servo need to show
-FOLLOWED = 0.1  # of the motion: what misses less follows it in the units in which it was read
-FOLLOWS = 0.3  # of the motion: what misses more does not follow it in others, either
-FEWER = 0.25  # of what is missed as it was read: what is right leaves a sixteenth of the squares, or less
-NEVER = 1e3  # of the motion: a model that goes astray misses so much and more
 LIES_OFF = 0.15  # of a body's size: nobody measures poses that badly, nor is off by that in how large it is
 SCALAR = "read with the scalar in the wrong place (`order` of the map: wxyz or xyzw)"
 FLIES_S, Y_UP = 0.3, np.array([0.5**0.5, 0.5**0.5, 0.0, 0.0])  # of a flight; the turn that puts y where z is
@@ -70,23 +71,13 @@ def in_other_units(recording: MechanismRecording, models: Models) -> list[str]:
         models: Its compiled models.
     """
     out = []
-    for unit, sizes in UNITS.items():
+    for unit in UNITS:
         channels = [k for k, s in enumerate(recording.mapping.sources) if (s.kind, s.unit) == ("joint", unit)]
-        as_read = _missed(recording, models, channels)
-        if not as_read > FOLLOWED:
-            continue
-        enough, better = min(FOLLOWS, FEWER * as_read), list[tuple[float, str]]()
-        for read, is_in in itertools.permutations(sizes, 2):
-            factor = sizes[is_in] / sizes[read]
-            missed = _missed(_scaled(recording, unit, factor), models, channels)
-            if missed < enough:
-                said = f"{_percent(missed)} if they are {is_in} that were read as {read}, {factor:.4g} times as large"
-                better.append((missed, said))
-        if better:
-            out.append(
-                f"{WHAT[unit]} may have been read in a wrong unit: within {WINDOW_S:g} s the model as believed misses "
-                f"{_percent(as_read)} of the motion, and {' or '.join(said for _, said in sorted(better))}"
-            )
+
+        def missed(factor: float, unit: str = unit, channels: Sequence[int] = channels) -> float:
+            return _missed(recording if factor == 1.0 else _scaled(recording, unit, factor), models, channels)
+
+        out += in_another_unit(WHAT[unit], unit, missed)
     return out
 
 
@@ -120,9 +111,9 @@ def exchanged(recording: MechanismRecording, models: Models) -> list[str]:
     found = sorted((missed, what) for what, of in other if (missed := _missed(of, models, channels)) < enough)
     if not found:
         return []
-    said = " or ".join(f"{_percent(missed)} with {what} in each other's place" for missed, what in found)
+    said = " or ".join(f"{percent(missed)} with {what} in each other's place" for missed, what in found)
     return [
-        f"Signals may have been exchanged: within {WINDOW_S:g} s the model as believed misses {_percent(as_read)} of "
+        f"Signals may have been exchanged: within {WINDOW_S:g} s the model as believed misses {percent(as_read)} of "
         f"the motion, and {said}"
     ]
 
@@ -143,10 +134,6 @@ def _swapped(
         return replace(episode, values=episode.values[:, values], commands=episode.commands[:, by], after=after)
 
     return replace(recording, episodes=tuple(map(of, recording.episodes)))
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
 
 
 def _scaled(recording: MechanismRecording, unit: str, factor: float) -> MechanismRecording:
@@ -170,18 +157,8 @@ def _missed(recording: MechanismRecording, models: Models, channels: Sequence[in
     if not channels or (replayed := _replayed(recording, models, WINDOW_S)) is None:
         return np.nan
     windows, shown = replayed
-    shown = shown[..., channels].transpose(2, 0, 1)
-    measured = windows.of([e.values for e in recording.episodes])[..., channels].transpose(2, 0, 1)
-    known = np.isfinite(measured)
-    moved = np.where(known, measured - measured[..., :1], 0.0)
-    missed = np.where(known, np.nan_to_num(shown - measured, nan=np.inf), 0.0)
-    motion = np.sqrt((np.nan_to_num(moved) ** 2).sum(axis=(1, 2)))
-    moves = motion > 0
-    if not moves.any():
-        return np.nan
-    with np.errstate(over="ignore"):
-        share = np.sqrt((missed**2).sum(axis=(1, 2)))[moves] / motion[moves]
-    return float(np.sqrt(np.mean(np.minimum(share, NEVER) ** 2)))
+    measured = windows.of([e.values for e in recording.episodes])
+    return share_missed(shown[..., channels], measured[..., channels])
 
 
 def _replayed(recording: MechanismRecording, models: Models, length_s: float) -> tuple[Windows, FloatArray] | None:
@@ -266,8 +243,8 @@ def in_another_order(recording: MechanismRecording, models: Models, coordinates:
             otherwise, how = min(each, key=lambda of: of[0])
             if otherwise < min(FOLLOWS, FEWER * tumbles):
                 out.append(
-                    f"{said}{how}: within {FLIES_S:g} s the model as believed misses {_percent(tumbles)} of its "
-                    f"turning, otherwise {_percent(otherwise)}"
+                    f"{said}{how}: within {FLIES_S:g} s the model as believed misses {percent(tumbles)} of its "
+                    f"turning, otherwise {percent(otherwise)}"
                 )
     return out
 
