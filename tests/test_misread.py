@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -9,8 +10,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from runner.effects.planar_box import Friction
 from runner.systems.case import open_case
 from runner.systems.mechanism.system import MechanismSystem
+from runner.systems.planar_box.system import PlanarBox
+from tests.cases import made
 from tests.mechanism_cases import write_case
 from tests.servo_arm import JOINTS, NOISE, NOMINAL, recorded, written
 from tests.tosses import COLUMNS, toss_case, world
@@ -125,3 +129,21 @@ def test_joints_in_each_other_s_place_are_told(tmp_path: Path, kind: str, said: 
     (told,) = open_case(write_case(tmp_path, stretched_out(0.4), wrong, NOMINAL)).misread()
     assert told.startswith("Signals may have been exchanged: within 0.5 s the model as believed misses")
     assert said in told
+
+
+@pytest.mark.parametrize(("factor", "said"), [(10.0, "mm that were read as cm"), (0.1, "cm that were read as mm")])
+def test_positions_of_a_box_in_a_wrong_unit_are_told(factor: float, said: str) -> None:
+    """By how far what pushes it can have moved it, whatever the friction is believed to be."""
+    recording, _ = made(episodes=3)
+    assert PlanarBox(recording).misread() == ()
+    shares = np.array([factor, factor, 1.0])
+    episodes = tuple(replace(e, pose=e.pose * shares, twist=e.twist * shares) for e in recording.episodes)
+    (told,) = PlanarBox(replace(recording, episodes=episodes)).misread()
+    assert told.startswith("Positions may have been read in a wrong unit")
+    assert said in told
+
+
+def test_a_floor_that_is_believed_wrong_is_no_wrong_unit() -> None:
+    """Twice or half the friction is what a diagnosis is for."""
+    for friction in (0.15, 0.5):
+        assert PlanarBox(made((Friction(friction),), episodes=3)[0]).misread() == ()

@@ -22,7 +22,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 WINDOW_S, FEWEST_SAMPLES, WINDOWS = 0.5, 4, 24  # of the motion: as long as gravity and a servo need to show
 FOLLOWED = 0.1  # of the motion: what misses less follows it in the units in which it was read
 FOLLOWS = 0.3  # of the motion: what misses more does not follow it in others, either
-FEWER = 0.25  # of what is missed as it was read: what is right leaves a sixteenth of the squares, or less
+FEWER = 1 / 3  # of what is missed as it was read: what is right leaves a ninth of the squares, or less
 NEVER = 1e3  # of the motion: a model that goes astray misses so much and more
 
 

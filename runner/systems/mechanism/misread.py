@@ -1,8 +1,8 @@
 """What was read as something else than it is, told by the model: units, signals, axes, the order of quaternions.
 
 Units as `runner.systems.misread` has it. In the same way the model as believed is asked what it would miss if two
-signals were exchanged. Likewise a body that lies on something lies flat on it, and with its quaternions in another order
-it does not.
+signals were exchanged. Likewise a body that lies on something lies flat on it, and with its quaternions in another
+order it does not.
 """
 
 from __future__ import annotations

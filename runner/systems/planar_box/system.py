@@ -25,6 +25,7 @@ from runner.systems.disturbance import Disturbance
 from runner.systems.drawing import DrawnBody, Shape
 from runner.systems.planar_box.initial import PlanarStart
 from runner.systems.planar_box.labels import FACTORS, REGIMES, label
+from runner.systems.planar_box.misread import in_other_units
 from runner.systems.planar_box.model_file import write_model
 from runner.systems.planar_box.motion import measured_columns, state_columns
 from runner.systems.planar_box.pin_force import measured_force
@@ -33,7 +34,7 @@ from runner.systems.planar_box.proposals import pushes, unmeasured
 from runner.systems.planar_box.rests import pin_rest_segments, rest_segments
 from runner.systems.planar_box.simulator import OBJECT, Simulator, context_of
 from runner.systems.planar_box.windows import planar
-from runner.systems.raw_signals import raw
+from runner.systems.raw_signals import RawSignals, raw
 from runner.systems.stretches import Sensitive, halved
 from runner.systems.windows import Labels, Windows
 
@@ -127,6 +128,18 @@ class PlanarBox(AbstractSystem):
         }
         return np.array([np.nan if given[c.group] is None else given[c.group] for c in self.channels], float)
 
+    def misread(self) -> tuple[str, ...]:
+        """See `AbstractSystem`; where a pin pushes, its path says how far the box goes, in whatever unit."""
+        if self.recording.nominal.pin is not None:
+            return ()
+
+        def replay(values: Sequence[FloatArray], windows: Windows) -> FloatArray:
+            starts = self.initial.guess_windows(self._signals(values), windows, smooth=True)
+            with np.errstate(invalid="ignore", over="ignore"):
+                return self.simulator().predict_windows((), windows, starts[:, None])[:, 0]
+
+        return tuple(in_other_units(self.channels, self.values(), self.rate_hz, replay))
+
     def rests(self) -> list[tuple[int, slice]]:
         """See `AbstractSystem`."""
         pin = self.recording.nominal.pin
@@ -139,12 +152,15 @@ class PlanarBox(AbstractSystem):
     def stretches(self, near: Effects = ()) -> tuple[Span, ...]:
         """See `AbstractSystem`."""
         if near not in self._stretches:
-            values = self.values()
-            signals = raw(values, [e.t_s for e in self.recording.episodes], self.stated_noise(), values)
+            signals = self._signals(self.values())
             usual = self.context.friction_n * np.array([1.0, 1.0, self.context.size_m])
             known = Sensitive(self.recording, self.simulator(), self.initial, usual, signals, near)
             self._stretches[near] = halved(known)
         return self._stretches[near]
+
+    def _signals(self, values: Sequence[FloatArray]) -> RawSignals:
+        """Return measured channels, (T, C) of each episode, with a rough level of noise where none is stated."""
+        return raw(values, [e.t_s for e in self.recording.episodes], self.stated_noise(), values)
 
     def simulator(self, *, threads: int | None = None) -> Simulator:
         """See `AbstractSystem`."""
