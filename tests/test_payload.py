@@ -13,7 +13,7 @@ from mechanisms import scope
 
 from runner.diagnosis.ranking import values_of
 from runner.effects.mechanism import ComOffset, Inertia, Mass, Payload, parts
-from runner.effects.mechanism.inertials import inertials
+from runner.effects.mechanism.inertials import as_told, inertials
 from runner.effects.mechanism.parts import changed
 from runner.effects.vocabulary import Vocabulary
 from runner.effects.wording import Values
@@ -40,6 +40,17 @@ BALL = """<mujoco><worldbody><body name="head" quat="0.9 0.3 0.2 0.1"><joint nam
 <inertial pos="0.02 -0.01 0.03" quat="0.8 0.1 0.5 0.3" mass="0.4" diaginertia="0.0009 0.0005 0.0007"/>{more}
 </body></worldbody></mujoco>"""
 LENS = '<body pos="0.05 0.02 -0.04"><inertial pos="0 0 0" mass="0.15" diaginertia="1e-12 1e-12 1e-12"/></body>'
+
+
+def test_a_model_holds_no_place_that_was_not_told(model: mujoco.MjModel) -> None:
+    """Where nothing turns about an axis along which it is off, a fit leaves it where it began: 6 cm to the side."""
+    fitted = (
+        Payload("forearm", 0.25, 0.002, 0.06, -0.26),
+        ComOffset("forearm", 0.022, 0.03, 0.0),
+        Mass("forearm", 0.7),
+    )
+    held = as_told(model, fitted, ERRORS)
+    assert held == (Payload("forearm", 0.25, 0.002, 0.0, -0.26), ComOffset("forearm", 0.022, 0.0, 0.0), fitted[2])
 
 
 @pytest.fixture(scope="module")

@@ -89,6 +89,7 @@ def diagnose(
     foretold = [e for e in found.of(found.held_out) if e not in confirmed.astray]
     replayed = {e: (nominal_starts[e], corrected_starts[e]) for e in foretold}
     closure = close(replayed, fitter.measured, fitter, effects, regimes)
+    errors = next((r.errors for r in ranked if r.values == effects), {})
     ranked = tuple(replace(r, gap_closed=closure.gap_closed) if r.values == effects else r for r in ranked)
     disturbances = dated_disturbances(system, simulator, effects, measured) if system.dates_disturbances else ()
     corrected = effects, measured, corrected_starts, found.stretches
@@ -104,7 +105,7 @@ def diagnose(
         ranked=ranked,
         abstain=ranked[0].effects == ("unknown",),
         gap_closed=closure.gap_closed,
-        effects=effects,
+        effects=system.as_told(effects, errors),
         fitted=found.fitted,
         held_out=found.held_out,
         stretches=found.stretches,

@@ -218,6 +218,15 @@ class AbstractSystem(ABC):
         """Whether these beliefs with effects in them hold anything that is solved as `solved` says."""
         return bool(self.solved)
 
+    def as_told(self, effects: Effects, errors: Mapping[str, Mapping[str, float]]) -> Effects:
+        """Return effects as a model is to hold them: numbers of a place that no motion tells are as they were believed.
+
+        Args:
+            effects: As they were fitted.
+            errors: Standard errors of their numbers, by their names.
+        """
+        return effects
+
     def remedies_together(self, effects: Effects, errors: Mapping[str, Mapping[str, float]]) -> Mapping[str, str]:
         """Return what to change in a simulator for effects that change one element of it together, by their names.
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 
 import mujoco
 
-from runner.effects.base import AbstractEffect, in_stages
+from runner.effects.base import AbstractEffect, Effects, in_stages
 from runner.effects.mechanism import parts
 from runner.effects.mechanism.base import MechanismEffect
 from runner.effects.mechanism.com_offset import ComOffset
@@ -28,10 +28,15 @@ def inertials(model: mujoco.MjModel, effects: Iterable[AbstractEffect], errors: 
     out = dict[str, str]()
     for body, own in _by_body(effects).items():
         if len(own) > 1:
-            told = [e.as_told(model, errors.get(e.full_name, {})) if isinstance(e, PLACED) else e for e in own]
+            told = [e for e in as_told(model, own, errors) if isinstance(e, MechanismEffect)]
             out |= dict.fromkeys((e.full_name for e in own), "")
             out[own[0].full_name] = parts.to_give(parts.changed(model, *in_stages(told)), body)
     return out
+
+
+def as_told(model: mujoco.MjModel, effects: Iterable[AbstractEffect], errors: Errors) -> Effects:
+    """Return effects with their places where the motion tells those, and elsewhere as the model has them."""
+    return tuple(e.as_told(model, errors.get(e.full_name, {})) if isinstance(e, PLACED) else e for e in effects)
 
 
 def _by_body(effects: Iterable[AbstractEffect]) -> dict[str, list[MechanismEffect]]:

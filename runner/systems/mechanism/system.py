@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from runner.effects.base import Effects
-from runner.effects.mechanism.inertials import inertials
+from runner.effects.mechanism.inertials import as_told, inertials
 from runner.effects.mechanism.parts import attribute
 from runner.effects.wording import listed
 from runner.numerics.arrays import FloatArray
@@ -218,6 +218,10 @@ class MechanismSystem(AbstractSystem):
     def is_solved(self, effects: Effects) -> bool:
         """See `AbstractSystem`."""
         return bool((self._models.edited(effects).dof_frictionloss > 0).any())
+
+    def as_told(self, effects: Effects, errors: Mapping[str, Mapping[str, float]]) -> Effects:
+        """See `AbstractSystem`."""
+        return as_told(self.beliefs.model, effects, errors)
 
     def remedies_together(self, effects: Effects, errors: Mapping[str, Mapping[str, float]]) -> Mapping[str, str]:
         """See `AbstractSystem`."""
