@@ -46,7 +46,7 @@ def test_a_model_holds_no_place_that_was_not_told(model: mujoco.MjModel) -> None
     """Where nothing turns about an axis along which it is off, a fit leaves it where it began: 6 cm to the side."""
     fitted = (
         Payload("forearm", 0.25, 0.002, 0.06, -0.26),
-        ComOffset("forearm", 0.022, 0.03, 0.0),
+        ComOffset("forearm", 0.022, 0.01, 0.0),
         Mass("forearm", 0.7),
     )
     held = as_told(model, fitted, ERRORS)

@@ -11,9 +11,8 @@ s = |v| / (h |a|) of the step, it acts the other way: its mean over the step is 
 instead of turning round, it is held for the rest of the step: also then, to this order, that force is right. F is the
 limit that the law of joints has set, which may be far from `frictionloss` where a joint turns round.
 
-Free bodies need the first of these as well, and the other way round: what turns them gyroscopically MuJoCo's
-`implicitfast` takes at the end of the step, by its derivative, which is as wrong as at the start. As an impact does to
-a velocity what goes on in no way, the acceleration is the one that all but contacts gave.
+Free bodies need the first of these as well. As an impact does to a velocity what goes on in no way, the acceleration
+is the one that all but contacts gave.
 
 A servo at the limit of its force has no damping, and MuJoCo gives it none. What was taken off the armature for it
 (`models`) is given back as a force.
@@ -168,8 +167,7 @@ def _compile(at: MidpointOffsets):
             _inverse(m, d, 0, types.uint64(carray(as_pointer(types.uint64(d + at.qfrc_smooth)), (1,), types.uint64)[0]))
             for i in range(nv):
                 v[i] = shown[i]
-                # three that move it, three that turn it
-                passive_force[i] -= (bias[i] - later[i]) if free and i % 6 > 2 else (later[i] - bias[i])
+                passive_force[i] -= later[i] - bias[i]
             _velocities(m, d)
 
     return midpoint

@@ -297,9 +297,16 @@ def _discretise(model: mujoco.MjModel, step_s: float, scratch: mujoco.MjData, *,
         # hardly a constraint is left, and what looks for more costs a fifth of a step
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
     if leapfrog:
-        model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+        # what turns free bodies gyroscopically `implicitfast` takes at the end of the step, by its derivative
+        kind = mujoco.mjtIntegrator.mjINT_EULER if _is_free(model) else mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        model.opt.integrator = int(kind)
         _balance_damping(model, step_s, touching=touching)
         mujoco.mj_setConst(model, scratch)
+
+
+def _is_free(model: mujoco.MjModel) -> bool:
+    """Whether all joints are free: of bodies that fly, and fall on what does not move."""
+    return bool((model.jnt_type == FREE).all())
 
 
 def _balance_damping(model: mujoco.MjModel, step_s: float, *, touching: bool) -> None:
@@ -317,10 +324,9 @@ def _balance_damping(model: mujoco.MjModel, step_s: float, *, touching: bool) ->
     share = np.minimum(LIGHTEST / np.maximum(lighter, 1e-300), 1.0)
     share *= min(LIGHTEST / max(float(share @ lighter), 1e-300), 1.0)
     model.dof_armature -= share * off
-    free = bool((model.jnt_type == FREE).all())
-    if free or not touching:
+    if _is_free(model) or not touching:
         # what an impact does to the velocity of a joint goes on in no way
-        midpoint.mark(model, 0.5 * step_s * servo * share[dof], free=free)
+        midpoint.mark(model, 0.5 * step_s * servo * share[dof], free=_is_free(model))
 
 
 def shortest_contact_s(model: mujoco.MjModel) -> float:
