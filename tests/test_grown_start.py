@@ -14,7 +14,8 @@ from runner.inference.evidence import directions, sensitivities
 from runner.inference.least_squares import NONE, Fitter
 from runner.inference.unseen import _grown_start, _holding, unseen
 from runner.noise.measured import measure
-from tests.mechanism_cases import PENDULUM, joint_channels, system_of, write_case
+from runner.systems.windows import Windows
+from tests.mechanism_cases import PENDULUM, joint_channels, slide_case, system_of, write_case
 
 INERTIA, WEIGHT, DAMPING = 0.01 + 1.5 * 0.4**2, 1.5 * 9.81 * 0.4, 0.02
 NOISE = {"q_hinge": 2e-3, "dq_hinge": 1e-2}
@@ -75,3 +76,19 @@ def test_an_unseen_episode_is_not_held_against_an_explanation_for_its_start(tmp_
     right = contend(fitter, fit, sensitivities(fitter, fit, directions(system)))
     assert _holding(right, fitter).fit(NONE, [1]).total > 100.0 * count
     assert unseen(right, fitter, [1], None).total == pytest.approx(count, rel=0.15)
+
+
+def test_what_begins_at_rest_has_no_speed_in_any_window_from_there(tmp_path: Path) -> None:
+    """A slope of noisy samples is none; a window that begins later has the speed that it has."""
+    rng = np.random.default_rng(0)
+
+    def motion(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return t**2 / 2 + 1e-3 * rng.normal(size=len(t)), t + 1e-2 * rng.normal(size=len(t))
+
+    for start, at_rest in (("rest", True), ("free", False)):
+        system = system_of(slide_case(tmp_path / start, motion=motion, start=start))
+        windows = Windows(np.array([0, 0]), np.array([0, 200]), 20)
+        for smooth in (True, False):
+            rates = system.initial.guess_windows(measure(system), windows, smooth=smooth)[:, 1]
+            assert (rates[0] == 0.0) == at_rest
+            assert rates[1] == pytest.approx(1.0, abs=0.1)

@@ -104,22 +104,25 @@ class MechanismStart(AbstractInitialState):
 
     def guess(self, signals: Signals, episode: int) -> FloatArray:
         """Return the start from local polynomials through the first samples; at rest: level at the first."""
-        rests = self._recording.mapping.rests and signals.spans[episode].begin == 0
-        x = self._solve(signals, episode, 0, smooth=True, rests=rests)
-        if rests:
-            x[self._coordinates.nv :] = 0.0
-        return x
+        return self._solve(signals, episode, 0, smooth=True, rests=self._rests(signals, episode, 0))
+
+    def _rests(self, signals: Signals, episode: int, first: int) -> bool:
+        """Whether a sample is the first of an episode that begins at rest."""
+        return self._recording.mapping.rests and signals.spans[episode].begin + first == 0
 
     def guess_windows(self, signals: Signals, windows: Windows, *, smooth: bool) -> FloatArray:
         """Return a start of each window, (W, S); what is not measured comes from slopes of the others either way."""
         at = [(int(e), int(f)) for e, f in zip(windows.episode, windows.first, strict=True)]
+        rests = [self._rests(signals, e, f) for e, f in at]
+        each = zip(at, rests, strict=True)
         if not at or not self._in_proportion:
-            return np.array([self._solve(signals, e, f, smooth=smooth, rests=False) for e, f in at])
-        told = [self._local(signals, e, f, smooth=smooth, rests=False) for e, f in at]
+            return np.array([self._solve(signals, e, f, smooth=smooth, rests=r) for (e, f), r in each])
+        told = [self._local(signals, e, f, smooth=smooth, rests=r) for (e, f), r in each]
         level, slope = (np.array(each) for each in zip(*told, strict=True))
         out = np.empty((len(at), 2 * self._coordinates.nv))
         for same in _alike(np.hstack([np.isfinite(level), np.isfinite(slope)])):
             out[same] = self._solve_at_once(level[same], slope[same], signals.sigma)
+        out[rests, self._coordinates.nv :] = 0.0
         return out
 
     @property
@@ -155,7 +158,8 @@ class MechanismStart(AbstractInitialState):
         reference = np.array(self._model.qpos0)
         qpos = self._posed(np.where(told, level, np.nan), episode, first, signals.sigma, reference)
         x = self._coordinates.difference(qpos, reference)
-        return np.concatenate([x, self._moving(qpos, level[:, None], slope[:, None], signals.sigma)[:, 0]])
+        rate = self._moving(qpos, level[:, None], slope[:, None], signals.sigma)[:, 0]
+        return np.concatenate([x, np.zeros_like(rate) if rests else rate])
 
     def _solve_at_once(self, level: FloatArray, slope: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the numbers that the channels around many samples tell, (W, S), where they are `_in_proportion`.
