@@ -16,7 +16,7 @@ from runner.systems.planar_box.system import PlanarBox
 from tests.cases import RATE_HZ, made
 from tests.test_multiple_shooting import pushed
 
-NEAR_FRICTION_N, PLAIN_N = 7.0, 15.0  # dry friction of the believed box is 8.8 N
+NEAR_FRICTION_N, PLAIN_N = 6.2, 15.0  # dry friction of the believed box is 8.8 N, of the slippery one 5.9 N
 
 
 def held_pushes(force_n: float, count: int = 4, seconds: float = 5.0) -> list[np.ndarray]:
@@ -42,7 +42,7 @@ def test_a_box_that_is_hardly_pushed_enough_is_replayed_in_parts() -> None:
     system = PlanarBox(pushed(held_pushes(NEAR_FRICTION_N), [slippery] * 4))
     assert len(system.stretches()) == 4
     parts = system.stretches(slippery)
-    assert len(parts) > 8
+    assert len(parts) > 4
     for e in range(4):
         own = [s for s in parts if s.episode == e]
         assert [s.begin for s in own] == [0, *(s.end for s in own[:-1])]

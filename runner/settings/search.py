@@ -24,6 +24,12 @@ class StretchSettings:
         "of the response",
         "Linear sensitivities, and standard errors from them, bear to be a fifth off in half of the windows.",
     )
+    max_bent_of_one: float = setting(
+        0.5,
+        "of the response",
+        "Of one part by itself: where half of what a force does is out of proportion, a step along it leads anywhere; "
+        "where less is, a descent finds its way, and a longer part shows more.",
+    )
     max_strayed: float = setting(
         0.5,
         "of the motion",

@@ -101,7 +101,7 @@ def halved(known: Sensitive[AbstractSimulator]) -> tuple[Span, ...]:
         for span, share in zip(unsure, _each(known, unsure), strict=True):
             middle = (span.begin + span.end) // 2
             longer = (middle - span.begin) * episodes[span.episode].step_s >= shortest_s
-            if share > SETTINGS.stretches.max_bent and longer:
+            if share > SETTINGS.stretches.max_bent_of_one and longer:
                 halves += [Span(span.episode, span.begin, middle), Span(span.episode, middle, span.end)]
             else:
                 settled.append(span)
