@@ -116,7 +116,8 @@ def _each(known: Sensitive[AbstractSimulator], spans: Sequence[Span]) -> FloatAr
     for count in np.unique(samples):
         alike = np.flatnonzero(samples == count)
         begins = np.array([(spans[i].episode, spans[i].begin) for i in alike])
-        out[alike] = [median(share) for share in bent(known, Windows(begins[:, 0], begins[:, 1], int(count)))]
+        for some, windows in Windows(begins[:, 0], begins[:, 1], int(count)).chunks(SETTINGS.stretches.probed_windows):
+            out[alike[some]] = [median(share) for share in bent(known, windows)]
     return out
 
 
