@@ -15,6 +15,7 @@ from runner.effects.wording import Values
 from runner.errors import check_range
 
 LINEAR = 1  # MuJoCo's `interp`, of a command between two steps
+SHORTER = 10.0  # a replay of a corrected model may need steps so many times as short as those of its file
 SAMPLES = np.array([1.0, 4.0, 16.0])  # delays, in sample periods, at which is looked what one does
 
 
@@ -69,10 +70,10 @@ class ActuatorDelay(MechanismEffect):
         return replace(command, columns={**command.columns, self.target: late})
 
     def edit_written(self, spec: mujoco.MjSpec) -> None:
-        """Add to the actuator's own delay; between two steps the line counts, as it does here."""
+        """Add to the actuator's own delay, for steps down to a tenth; between two steps the line counts, as here."""
         actuator = next(a for a in spec.actuators if a.name == self.target)
         actuator.delay += self.delay_s
-        actuator.nsample = max(actuator.nsample, math.ceil(actuator.delay / spec.option.timestep - 1e-9) + 1)
+        actuator.nsample = max(actuator.nsample, math.ceil(SHORTER * actuator.delay / spec.option.timestep - 1e-9) + 1)
         actuator.interp = LINEAR
 
     @classmethod

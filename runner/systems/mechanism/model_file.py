@@ -151,7 +151,7 @@ def _of_delays(late: Sequence[mujoco.MjsActuator]) -> str:
     told = ", ".join(f"'{a.name}' {a.delay:g} s" for a in late)
     return (
         f"Commands come late: {told}. Until then those from before the first step count, which are 0 unless "
-        "mj_initCtrlHistory sets them; a shorter timestep needs more nsample."
+        "mj_initCtrlHistory sets them; a timestep below a tenth of this one needs more nsample."
     )
 
 
