@@ -25,7 +25,7 @@ import pandas as pd
 import runner
 from runner.api.corrected import Corrected
 from runner.noise.measured import measure
-from runner.simulate.shooting import windows_of
+from runner.systems.windows import windows_of
 
 RESTART_S = 0.5
 POSITION_GAIN, VELOCITY_GAIN, DRIVE_N_PER_V, LIMIT_V = 160.18, 243.45, 35.15, 10.0  # 1/s, V s/m

@@ -36,14 +36,14 @@ from runner.recording import write_case
 from runner.settings import SETTINGS
 from runner.simulate import gap as gap_module
 from runner.simulate.gap import WHOLE_EPISODE, measure_gap
-from runner.simulate.shooting import Fitted, fit_starts, windows_of
+from runner.simulate.shooting import Fitted, fit_starts
 from runner.systems.case import open_case
 from runner.systems.planar_box.model_file import MODEL
 from runner.systems.planar_box.simulator import Simulator
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.planar_box.windows import Effects
 from runner.systems.simulator import Run
-from runner.systems.windows import Windows
+from runner.systems.windows import Windows, windows_of
 from tests.mechanism_cases import slide_case
 from tests.tosses import toss_case, world
 

@@ -21,14 +21,13 @@ from runner.localise.windows import check_length, window_lengths_s, windows_of_l
 from runner.noise.measured import measure
 from runner.recording import Span
 from runner.settings import SETTINGS
-from runner.simulate.shooting import windows_of
 from runner.systems.channels import Signals
 from runner.systems.planar_box import commands
 from runner.systems.planar_box import windows as simulated
 from runner.systems.planar_box.initial import PlanarStart
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.planar_box.windows import Effects
-from runner.systems.windows import Labels, Windows
+from runner.systems.windows import Labels, Windows, windows_of
 
 PATCH = FrictionPatch(0.5, 0.8, 0.3, 0.5)
 

@@ -12,9 +12,10 @@ from runner.noise.measured import Measured
 from runner.recording import Span
 from runner.settings import SETTINGS
 from runner.simulate.gap import HORIZONS_S, WHOLE_EPISODE, of_a_sample
-from runner.simulate.shooting import WINDOWS_AT_ONCE, windows_of
+from runner.simulate.shooting import WINDOWS_AT_ONCE
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import Run
+from runner.systems.windows import windows_of
 
 
 def gap_by_horizon(

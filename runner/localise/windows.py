@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 from runner.errors import RecordingError
 from runner.settings import SETTINGS
-from runner.simulate.shooting import windows_of
 from runner.systems.base import AbstractSystem
-from runner.systems.windows import Windows
+from runner.systems.windows import Windows, windows_of
 
 
 def windows_of_length(system: AbstractSystem, window_s: float, episodes: Sequence[int]) -> Windows:

@@ -25,10 +25,10 @@ from runner.errors import RecordingError
 from runner.noise.measured import Measured
 from runner.recording import Span
 from runner.settings import SETTINGS
-from runner.simulate.shooting import WINDOWS_AT_ONCE, Fitted, Predict, fit_starts, windows_of
+from runner.simulate.shooting import WINDOWS_AT_ONCE, Fitted, Predict, fit_starts
 from runner.systems.base import AbstractSystem
 from runner.systems.simulator import AbstractSimulator, Run
-from runner.systems.windows import Windows
+from runner.systems.windows import Windows, windows_of
 
 HORIZONS_S = (0.1, 0.5, 1.0)
 WHOLE_EPISODE = "episode"

@@ -15,7 +15,6 @@ import numpy as np
 from runner.noise.measured import Measured
 from runner.numerics.levenberg_marquardt import Schedule, Trial, damped, descend
 from runner.settings import SETTINGS
-from runner.systems.windows import Windows
 
 PRIOR_SIGMAS = 10.0  # a fitted start state may lie some such distances from the measured one, and hardly more
 DAMPING = Schedule(1e-3, stiffening=30.0)
@@ -23,20 +22,6 @@ AS_PROMISED = 0.95  # of what a step promised: derivatives under which it gains 
 WINDOWS_AT_ONCE = 400  # bounds the memory of one batch
 
 Predict = Callable[[np.ndarray, int], np.ndarray]
-
-
-def windows_of(lengths: Sequence[int], samples: int, episodes: Sequence[int] | None = None) -> Windows:
-    """Return windows end to end that share their border samples; what is left at the end of an episode is left out.
-
-    Args:
-        lengths: Samples of each episode.
-        samples: Steps of a window; it then has one more sample than that.
-        episodes: Which episodes; None: all.
-    """
-    chosen = range(len(lengths)) if episodes is None else episodes
-    pairs = [(e, f) for e in chosen for f in range(0, lengths[e] - samples, samples)]
-    index = np.array(pairs, dtype=int).reshape(-1, 2)
-    return Windows(index[:, 0], index[:, 1], samples + 1)
 
 
 def whiten(residual: np.ndarray, valid: np.ndarray, signals: Measured) -> np.ndarray:

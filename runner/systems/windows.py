@@ -41,6 +41,20 @@ class Windows:
         return [(part, Windows(self.episode[part], self.first[part], self.samples)) for part in parts]
 
 
+def windows_of(lengths: Sequence[int], samples: int, episodes: Sequence[int] | None = None) -> Windows:
+    """Return windows end to end that share their border samples; what is left at the end of an episode is left out.
+
+    Args:
+        lengths: Samples of each episode.
+        samples: Steps of a window; it then has one more sample than that.
+        episodes: Which episodes; None: all.
+    """
+    chosen = range(len(lengths)) if episodes is None else episodes
+    pairs = [(e, f) for e in chosen for f in range(0, lengths[e] - samples, samples)]
+    index = np.array(pairs, dtype=int).reshape(-1, 2)
+    return Windows(index[:, 0], index[:, 1], samples + 1)
+
+
 @dataclass(frozen=True)
 class Labels:
     """What went on in each window, and where.

@@ -37,7 +37,7 @@ from runner.systems.misread import (
     percent,
     share_missed,
 )
-from runner.systems.windows import Windows
+from runner.systems.windows import Windows, windows_of
 
 WHAT = {"rad": "Angles", "m": "Ways"}
 LIES_OFF = 0.15  # of a body's size: nobody measures poses that badly, nor is off by that in how large it is
@@ -167,11 +167,9 @@ def _replayed(recording: MechanismRecording, models: Models, length_s: float) ->
     None where no episode is so long.
     """
     signals, samples = raw_signals(recording), max(FEWEST_SAMPLES, round(length_s / recording.step_s))
-    places = [(e, f) for e, t in enumerate(recording.episodes) for f in range(0, len(t) - samples, samples)]
-    if not places:
+    windows = windows_of([len(t) for t in recording.episodes], samples).some(WINDOWS)
+    if not len(windows):
         return None
-    episode, first = np.array(places).T
-    windows = Windows(episode, first, samples + 1).some(WINDOWS)
     starts = MechanismStart(recording, models, signals.sigma).guess_windows(signals, windows, smooth=True)
     simulator = MechanismSimulator(recording, models, models.file_step_s)
     with np.errstate(invalid="ignore", over="ignore"):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from runner.numerics.arrays import FloatArray
 from runner.systems.channels import Channel
 from runner.systems.misread import FEWEST_SAMPLES, WINDOW_S, WINDOWS, in_another_unit, share_missed
-from runner.systems.windows import Windows
+from runner.systems.windows import Windows, windows_of
 
 WHAT = {"m": "Positions", "rad": "Headings"}
 Replay = Callable[[Sequence[FloatArray], Windows], FloatArray]
@@ -27,18 +27,15 @@ def in_other_units(
         rate_hz: Samples per second.
         replay: Returns what the model as believed shows in windows, (W, n, C), that begin as such values have it.
     """
-    samples = max(FEWEST_SAMPLES, round(WINDOW_S * rate_hz))
-    places = [(e, f) for e, v in enumerate(values) for f in range(0, len(v) - samples, samples)]
+    every_window = windows_of([len(v) for v in values], max(FEWEST_SAMPLES, round(WINDOW_S * rate_hz)))
     out = []
-    for unit, what in WHAT.items() if places else ():
+    for unit, what in WHAT.items() if len(every_window) else ():
         of_pose = np.array([c.unit == unit for c in channels])
         of_unit = np.array([c.unit.split("/")[0] == unit for c in channels])
-        episode, first = np.array(places).T
-        windows = Windows(episode, first, samples + 1)
-        # where it moves most: of a box at rest each window shows noise alone
-        moves = np.nan_to_num(np.ptp(np.nan_to_num(windows.of(values)[..., of_pose]), axis=1).sum(axis=1))
-        most = np.sort(np.argsort(-moves)[:WINDOWS])
-        windows = Windows(episode[most], first[most], samples + 1)
+        # where it moves most: of a box at rest each window shows noise alone; a sample that was lost is no motion
+        shown = every_window.of(values)[..., of_pose]
+        moves = np.nan_to_num(np.fmax.reduce(shown, axis=1) - np.fmin.reduce(shown, axis=1)).sum(axis=1)
+        windows = every_window.at(np.sort(np.argsort(-moves)[:WINDOWS]))
 
         def missed(
             factor: float,
