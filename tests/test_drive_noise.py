@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from runner.commands.gap import _in_short
+from runner.commands.gap import in_short
 from runner.diagnosis.pipeline import diagnose
 from runner.effects.base import AbstractEffect
 from runner.effects.wording import number
@@ -19,7 +19,7 @@ from runner.inference.least_squares import NONE, Fitter
 from runner.noise.measured import measure
 from runner.recording import Episode, Form, Nominal, Recording
 from runner.settings import SETTINGS
-from runner.simulate.gap import measure_gap
+from runner.simulate.gap import WHOLE_EPISODE, measure_gap
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.simulator import Run
 from tests.contended import Contended
@@ -74,7 +74,7 @@ def test_a_gap_says_what_the_noise_of_a_force_makes() -> None:
     middle = np.exp(np.log(fitted["noises"] / fitted["noises_expected"]).mean())
     assert 0.5 < middle < 2.0
     most = number(fitted["noises_expected"].max())
-    assert f"noise of the measured force alone makes up to {most}" in _in_short(gap, system.recording)
+    assert f"noise of the measured force alone makes up to {most}" in in_short(gap, system.recording, WHOLE_EPISODE)
 
 
 @pytest.mark.slow

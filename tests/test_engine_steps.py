@@ -10,9 +10,13 @@ import pytest
 
 from runner.diagnosis.engine_steps import said_of_engine_steps
 from runner.noise.measured import measure
+from runner.recording import Span
+from runner.simulate.gap import measure_gap
+from runner.systems.case import open_case
 from runner.systems.mechanism import MechanismSystem
 from runner.systems.simulator import Run
 from tests.mechanism_cases import followed, system_of, write_case
+from tests.tosses import toss_case, world
 
 MODEL = """<mujoco><option timestep="0.002"/><worldbody><body name="lever">
 <joint name="hinge" axis="0 -1 0" damping="0.05" frictionloss="0.1" solreffriction="0.02 1"/>
@@ -91,3 +95,15 @@ def test_the_step_that_would_do_does(tmp_path: Path) -> None:
     enough_s = float(note.rpartition("`timestep` to ")[2].rstrip("."))
     assert said(enough_s, "short") == ()
     assert said(2.0 * enough_s, "twice") != ()
+
+
+@pytest.mark.parametrize(("height_m", "said"), [(5.0, 1), (0.4, 0)])
+def test_it_is_said_of_what_flies_and_not_of_what_lands(height_m: float, said: int, tmp_path: Path) -> None:
+    """A fall of half a second is 2 mm off in steps of 1 ms; in shorter ones a contact would be another."""
+    toss_case(tmp_path / "case", world(), tosses=3, height_m=height_m, length_s=0.5)
+    system = open_case(tmp_path / "case")
+    assert isinstance(system, MechanismSystem)
+    measured = measure(system, scatter=system.scatter())
+    whole = [Span(e, 0, len(v)) for e, v in enumerate(measured.values)]
+    starts = measure_gap(system, measured, horizons_s=()).starts
+    assert len(said_of_engine_steps(system, measured, (), starts, whole)) == said

@@ -7,6 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import mujoco
 import numpy as np
 import pandas as pd
 import pytest
@@ -14,6 +15,7 @@ import yaml
 from cases import SIGMA, made
 
 from runner.__main__ import main
+from runner.commands.gap import in_short
 from runner.diagnosis.corrected import read_corrected, write_corrected
 from runner.effects.planar_box import (
     ActuatorDelay,
@@ -35,7 +37,7 @@ from runner.noise.measured import Measured, measure
 from runner.recording import write_case
 from runner.settings import SETTINGS
 from runner.simulate import gap as gap_module
-from runner.simulate.gap import WHOLE_EPISODE, measure_gap
+from runner.simulate.gap import WHOLE_EPISODE, Gap, measure_gap
 from runner.simulate.shooting import Fitted, fit_starts
 from runner.systems.case import open_case
 from runner.systems.planar_box.model_file import MODEL
@@ -44,7 +46,8 @@ from runner.systems.planar_box.system import PlanarBox
 from runner.systems.planar_box.windows import Effects
 from runner.systems.simulator import Run
 from runner.systems.windows import Windows, windows_of
-from tests.mechanism_cases import slide_case
+from tests.mechanism_cases import joint_channels, slide_case
+from tests.mechanism_cases import write_case as write_joints
 from tests.tosses import toss_case, world
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "cases"
@@ -362,3 +365,53 @@ def test_a_start_that_the_motion_amplifies_is_found_over_longer_and_longer_parts
     assert fit_starts(*problem, steps, scale, shares=SETTINGS.held_out.growing_shares).starts[0, 0] == pytest.approx(
         1.0, abs=1e-3
     )
+
+
+def test_where_noise_grows_shorter_windows_say_what_is_missed(tmp_path: Path) -> None:
+    """A pole that falls from its head: over two seconds a hair's breadth at the top is half a turn."""
+    xml = """<mujoco><option timestep="0.002" integrator="implicitfast"/><worldbody><body>
+        <joint name="pole" axis="0 1 0" damping="0.05"/>
+        <geom type="capsule" fromto="0 0 0 0 0 0.6" size="0.02" mass="1"/></body></worldbody></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(xml)
+    data, rng, columns = mujoco.MjData(model), np.random.default_rng(0), []
+    for above in (0.005, -0.01, 0.02):
+        mujoco.mj_resetData(model, data)
+        data.qpos[0], angles = above, []
+        for _ in range(400):
+            angles.append(data.qpos[0] + 0.003 * rng.normal())
+            mujoco.mj_step(model, data, 5)
+        columns.append({"t": 0.01 * np.arange(400), "q_pole": np.array(angles)})
+    channels = joint_channels(["pole"], velocities=False)
+    write_joints(tmp_path, xml, columns, {"commands": {}, "channels": channels, "noise": {"q_pole": 0.003}})
+    system = open_case(tmp_path)
+    found = measure_gap(system, measure(system))
+    assert found.told != WHOLE_EPISODE
+    assert found.growth[WHOLE_EPISODE] > 10.0 > found.growth[found.told]
+    said = in_short(found, system.recording, found.told)
+    assert said == f"in windows of {found.told} the model misses nothing but the noise."
+
+
+def test_a_free_motion_is_told_of_as_a_whole(tmp_path: Path) -> None:
+    """Noise of its first speeds leads far away, but a fit finds them: it grows in proportion to the time alone."""
+    toss_case(tmp_path, world(), tosses=3, height_m=5.0)
+    system = open_case(tmp_path)
+    found = measure_gap(system, measure(system))
+    measured = found.table.loc[lambda t: (t["horizon"] == WHOLE_EPISODE) & (t["starts"] == "measured")]
+    assert measured["noises_expected"].max() > 10.0
+    assert found.told == WHOLE_EPISODE
+
+
+@pytest.mark.parametrize(("stated", "values", "noises", "said"), [
+    (True, 400, 1.12, True), (False, 400, 1.12, False), (False, 400, 1.4, True), (False, 40000, 1.12, True),
+])  # fmt: skip
+def test_what_an_estimated_noise_may_be_off_by_is_no_gap(
+    *, stated: bool, values: int, noises: float, said: bool
+) -> None:
+    """Of few samples the noise is known to a tenth: a right model leaves as much more, or as much less."""
+    row = {
+        "starts": "fitted", "horizon": WHOLE_EPISODE, "channel": "x", "stated": stated, "values": float(values),
+        "noises": noises, "noises_expected": 1.0,
+    }  # fmt: skip
+    found = Gap(pd.DataFrame([row]), pd.DataFrame(), {}, {WHOLE_EPISODE: 1.0})
+    recording, _ = made(episodes=1, seconds=1.0)
+    assert ("misses x by" in in_short(found, recording, WHOLE_EPISODE)) is said

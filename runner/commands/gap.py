@@ -14,8 +14,10 @@ measured, beside what the noise alone would make of it; "fitted" is the gap from
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from rich import box
@@ -36,7 +38,7 @@ from runner.progress import progress, waiting
 from runner.recording import find_cases
 from runner.recording.case import content_hash
 from runner.recording.data import WARNING, introduced, warnings
-from runner.simulate.gap import AMPLIFIES, HORIZONS_S, WHOLE_EPISODE, Gap
+from runner.simulate.gap import HORIZONS_S, WHOLE_EPISODE, Gap
 from runner.storage.provenance import digest, files_digest
 from runner.storage.writing import write_parquet
 from runner.systems.base import AbstractSystem
@@ -49,11 +51,11 @@ LEGEND = (
     ("starts measured", "from the measured start states: their noise spreads, and what smoothing makes of jumps"),
     ("noise alone", "what that noise makes of a perfect model; compare starts measured with it"),
 )
-LEGEND_AMPLIFIES = (
-    "Over whole episodes one noise of the start grows to {} noises: what is missed there says little, shorter times "
-    "say more."
-)
+AMPLIFIED = "Over whole episodes one noise of where they begin grows to {} noises: what is missed there says little."
 AT_NOISE = 1.1  # times the noise: up to here, what a model that is right leaves too
+# An estimate of the noise from the median size of third differences of N values is off by 1.8 / sqrt(N) of itself
+# (standard error: 1.17 for a median of what is independent, times 1.5 as neighbours share values); twice that counts.
+OFF_TWICE = 3.6
 SHOWN = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "m/s": ("mm/s", 1e3), "rad/s": ("mrad/s", 1e3)}
 
 
@@ -88,7 +90,7 @@ def main(config: GapConfig, job: Job) -> None:
     console = Console()
     # of one case the model as believed stands beside the corrected one; whole episodes are the smaller part of the time
     beside = len(cases) == 1 and config.model is not None
-    total = sum(len(config.horizons_s) + len(s.recording.episodes) * (1 + beside) for s in systems)
+    total = sum(len(config.horizons_s) + beside + len(s.recording.episodes) * (1 + beside) for s in systems)
     tables, episodes = [], []
     with progress("Replaying", total=total, unit="steps", minutes=True) as advance:
         for case, model in zip(cases, models, strict=True):
@@ -96,7 +98,8 @@ def main(config: GapConfig, job: Job) -> None:
             tables.append(found.table.assign(case=str(case.path)))
             episodes.append(found.episodes.assign(case=str(case.path)))
             if len(cases) == 1:
-                believed = gap(case, horizons_s=(), advance=advance) if beside else None
+                of = [h for h in config.horizons_s if f"{h:g} s" == found.told]
+                believed = gap(case, horizons_s=of, advance=advance) if beside else None
                 _print(case.system, found, console, config.model, believed)
     table = _case_first(pd.concat(tables, ignore_index=True))
     write_parquet(folder / GAP, table.assign(**job.provenance))
@@ -117,9 +120,11 @@ def _print(system: AbstractSystem, found: Gap, console: Console, corrected: Path
     """Print what the model misses: in a sentence, then in a table, then what the table's words mean."""
     recording = system.recording
     by = "" if corrected is None else f", with the corrected model of {corrected}"
-    console.print(Text(f"{recording.path}{by}: {_in_short(found, recording)}", style="bold"))
+    console.print(Text(f"{recording.path}{by}: {in_short(found, recording, found.told)}", style="bold"))
     if believed is not None:
-        console.print(Text(f"As believed, without the correction: {_in_short(believed, recording)}"))
+        console.print(Text(f"As believed, without the correction: {in_short(believed, recording, found.told)}"))
+    if found.told != WHOLE_EPISODE:
+        console.print(Text(AMPLIFIED.format(number(found.growth[WHOLE_EPISODE]))))
     for note in (*recording.notes, *(f"{WARNING}{said}" for said in system.misread())):
         console.print(Text(f"{introduced(note)}."))
     table = _table(system, found, " = ")
@@ -128,9 +133,6 @@ def _print(system: AbstractSystem, found: Gap, console: Console, corrected: Path
     _print_whole(table, console)
     for term, meaning in LEGEND:
         console.print(Padding(Text.assemble((term, "italic"), f": {meaning}"), (0, 0, 0, 1)))
-    whole = found.table.loc[found.table["horizon"] == WHOLE_EPISODE, "noises_expected"].max()
-    if whole > AMPLIFIES:
-        console.print(Padding(Text(LEGEND_AMPLIFIES.format(number(whole))), (0, 0, 0, 1)))
     if not found.table["stated"].to_numpy().all():
         said = (
             "~: not stated but estimated from how samples differ; what is in noises rests on it. A diagnosis estimates "
@@ -180,15 +182,24 @@ def _print_whole(table: Table, console: Console) -> None:
     Console(width=max(console.width, needed)).print(table, soft_wrap=True)
 
 
-def _in_short(found: Gap, recording: Recorded) -> str:
-    """Say in a sentence which channels stand out over whole episodes."""
-    rows = found.table.loc[lambda t: (t["starts"] == "fitted") & (t["horizon"] == WHOLE_EPISODE)].to_dict("records")
-    over = sorted((r for r in rows if r["noises"] > AT_NOISE * r["noises_expected"]), key=lambda r: -r["noises"])
+def _over(row: Mapping[str, Any]) -> bool:
+    """Whether a model misses more than the noise, by more than an estimate of the noise may be off."""
+    off = 0.0 if row["stated"] else OFF_TWICE / math.sqrt(max(row["values"], 1.0))
+    return bool(row["noises"] > (AT_NOISE + off) * row["noises_expected"])
+
+
+def in_short(found: Gap, recording: Recorded, horizon: str) -> str:
+    """Say in a sentence which channels stand out over a horizon."""
+    of = (found.table["starts"] == "fitted") & (found.table["horizon"] == horizon) & found.table["noises"].notna()
+    rows = found.table.loc[of].to_dict("records")
+    over = sorted(filter(_over, rows), key=lambda r: -r["noises"])
     count = len(recording.episodes)
     where = "over the whole episode" if count == 1 else f"over all {count} episodes"
     if in_parts(recording):
         where = f"over the {count} parts of the one episode"
-    made = max(r["noises_expected"] for r in rows)
+    if horizon != WHOLE_EPISODE:
+        where = f"in windows of {horizon}"
+    made = max((r["noises_expected"] for r in rows), default=1.0)
     alone = f"; noise of the measured force alone makes up to {number(made)}" if made >= AT_NOISE else ""
     if not over:
         return f"{where} the model misses nothing but the noise{alone}."

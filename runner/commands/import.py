@@ -32,6 +32,7 @@ from runner.importing.readers import read_log
 from runner.importing.record import RECORD
 from runner.importing.signals import ReadOptions
 from runner.importing.target import target_of
+from runner.progress import waiting
 from runner.recording.data import WARNING, introduced
 from runner.storage.writing import write_text
 from runner.systems.case import open_case
@@ -75,13 +76,15 @@ def main(config: ImportConfig, job: Job) -> None:
 def _propose(config: ImportConfig, console: Console) -> None:
     """Read the log, say what it seems to be, and write a map to be edited."""
     target = target_of(config.model)
-    log = read_log(config.logs, ReadOptions(rate_hz=config.rate_hz))
+    with waiting("Reading the log"):
+        log = read_log(config.logs, ReadOptions(rate_hz=config.rate_hz))
     if config.propose.exists():
         raise ConfigError(
             f"propose: '{config.propose}' is there already: if it is of this log, go on with map={config.propose}; "
             f"else name another, as in propose={config.logs[0].stem}_map.yaml."
         )
-    proposal = target.propose(log, config.rate_hz)
+    with waiting("Telling signals apart"):
+        proposal = target.propose(log, config.rate_hz)
     heading, rows = ("signal", "is", "unit", "why"), proposal.table
     held = [counted(len(log.parts[0].signals), "signal")]
     if len(log.parts) > 1:
@@ -113,8 +116,11 @@ def _import(config: ImportConfig, map_file: Path, console: Console) -> None:
     if config.out is None:
         raise ConfigError("out: a folder for the case is needed, as in out=CASE.")
     check_out(config.out, config.logs)
-    built = _built(config, map_file)
-    read = write_case(built, config.out, model=config.model, log=config.logs, map_file=map_file)
+    with waiting("Making the case"):
+        built = _built(config, map_file)
+    with waiting("Checking it against the model"):
+        read = write_case(built, config.out, model=config.model, log=config.logs, map_file=map_file)
+        misread = [f"{WARNING}{said}" for said in open_case(config.out).misread()]
     clocks = _clocks(built.clocks)
     print_table(console, "Clocks", clocks, right=range(2, len(clocks[0])))
     conversions = [
@@ -122,7 +128,6 @@ def _import(config: ImportConfig, map_file: Path, console: Console) -> None:
         for e in built.plan.entries
     ]
     print_table(console, "Columns", (("column", "signal", "unit"), conversions))
-    misread = [f"{WARNING}{said}" for said in open_case(config.out).misread()]
     for note in (*built.notes, *read, *misread):
         _say(console, f"{introduced(note)}.")
     episodes = counted(len(built.table["episode"].unique()), "episode")

@@ -35,7 +35,8 @@ def said_of_engine_steps(
         spans: The stretches.
     """
     alone = system.by_engine_alone()
-    if alone is None or not starts:
+    # where something is hit two steps of different lengths soon part, and how hard a contact is hangs on the step
+    if alone is None or not starts or measured.hits(range(len(measured.values))):
         return ()
     engine, step_s = alone
     one, other = system.simulator().parts(spans), engine.parts(spans)

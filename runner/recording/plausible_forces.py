@@ -80,9 +80,8 @@ def measured_notes(table: Table, spans: Sequence[slice]) -> list[str]:
     if not noise_n:
         return []
     return [
-        f"{WARNING}the force 'fx', 'fy' was measured, with noise of {noise_n:.2g} N, and is replayed as it stands: "
-        "no answer is surer than that lets it be, however much better it fits than others. Where an arm or a hand "
-        "decides the motion its path tells more. Give the path of what pushes as a `pin`"
+        f"{WARNING}the force 'fx', 'fy' was measured, with noise of {noise_n:.2g} N: what that makes counts as noise, "
+        "and limits how sure an answer is. Where a robot's arm or a hand pushes, give its path as a `pin`"
     ]
 
 

@@ -26,9 +26,6 @@ if TYPE_CHECKING:
 NONE, UNKNOWN = "none", "unknown"
 HALF = 0.5  # an explanation less likely than that is not an answer
 OVER = 0.05  # squared noises that the nominal model leaves: less is not worth a word
-NOISE_LEFT = 0.99  # of what can be closed: the rest is as good as noise
-# of the noise's mean square: what leaves more than that, 1.4 noise levels, is not the noise, however much is closed
-MUCH_AS_NOISE = 1.0
 TRACE = 0.25  # of the noise's mean square: 12 % in the root of it is as good as noise
 NOISY = 3.0  # noise levels missed as believed: of less, a good part is noise, which nothing takes away
 
@@ -206,9 +203,7 @@ def _left(diagnosis: Diagnosis, kind: Kind) -> tuple[Left, float, bool]:
     if diagnosis.excess > TRACE or kind is Kind.UNKNOWN:
         in_fitted = bool(diagnosis.held_out) and unseen <= TRACE < diagnosis.excess
         return Left.SOMETHING, max(unseen, diagnosis.excess), in_fitted
-    closed = diagnosis.closure.closable_closed
-    as_noise = unseen <= TRACE or (closed is not None and closed >= NOISE_LEFT and unseen <= MUCH_AS_NOISE)
-    return (Left.NOISE if as_noise else Left.SMALL_ERRORS), unseen, False
+    return (Left.NOISE if unseen <= TRACE else Left.SMALL_ERRORS), unseen, False
 
 
 def _mostly(diagnosis: Diagnosis) -> str | None:

@@ -14,7 +14,7 @@ makes of a gap shows where the same model is replayed with more noise of that si
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -50,11 +50,23 @@ class Gap:
             force makes.
         episodes: The same for each whole episode: `episode` is its number in the recording.
         starts: Fitted start states of the whole episodes, by position of the episode, (S,) each.
+        growth: By horizon what one noise of where a window begins grows to, in noises of the channel where that is
+            most. Noise of its speeds is not counted: it leads far away in a free motion, too, and a fit finds them.
     """
 
     table: pd.DataFrame
     episodes: pd.DataFrame
     starts: dict[int, np.ndarray]
+    growth: Mapping[str, float]
+
+    @property
+    def told(self) -> str:
+        """The longest horizon at which what is missed says something of the model.
+
+        Where noise grows many times over, any small difference becomes as large as the motion.
+        """
+        horizons = list(self.growth)
+        return next((h for h in horizons[::-1] if not self.growth[h] > AMPLIFIES), horizons[0])
 
     def _repr_html_(self) -> str:
         return self.table.to_html(index=False, float_format="{:.3g}".format)
@@ -93,7 +105,7 @@ def measure_gap(
     chosen = list(range(len(lengths))) if episodes is None else list(episodes)
     simulator = system.simulator()
     noisier = [s.simulator() for s in system.driven_otherwise(SETTINGS.odds.drive_draws)]
-    rows = []
+    rows, growth = [], dict[str, float]()
     for horizon in horizons_s:
         samples = _samples(system, horizon)
         windows = windows_of(lengths, samples, chosen)
@@ -115,6 +127,7 @@ def measure_gap(
 
             sums.append(_sums(system, by(simulator), some, signals, map(by, noisier)))
         rows += _rows(system, f"{horizon:g} s", horizon, _total(sums), signals)
+        growth[f"{horizon:g} s"] = _growth(_total(sums))
         advance()
     by_episode, starts, kept = [], {}, []
     for e in chosen if whole_episodes else ():
@@ -136,7 +149,12 @@ def measure_gap(
         advance()
     if kept:
         rows += _rows(system, WHOLE_EPISODE, math.nan, _total(kept), signals)
-    return Gap(pd.DataFrame(rows), pd.DataFrame(by_episode), starts)
+        growth[WHOLE_EPISODE] = _growth(_total(kept))
+    return Gap(pd.DataFrame(rows), pd.DataFrame(by_episode), starts, growth)
+
+
+def _growth(sums: _Sums) -> float:
+    return float(np.sqrt(sums.grown / np.maximum(sums.values, 1.0)).max())
 
 
 def _samples(system: AbstractSystem, horizon_s: float) -> int:
@@ -156,6 +174,7 @@ class _Sums:
     squares: np.ndarray  # from measured starts, without the first sample, which is the start
     values: np.ndarray
     expected: np.ndarray  # of the squares, for a perfect model
+    grown: np.ndarray  # of them, in squared noises, what noise of where the windows begin makes
     made: np.ndarray  # of the fitted squares, by noise of a measured force
     fitted_squares: np.ndarray  # with what the fit takes from the noise put back
     fitted_values: np.ndarray
@@ -192,6 +211,8 @@ def _sums(
         # a start without all of its measurements says nothing of what measured starts are worth
         counts[~sound] = False
     expected = np.where(counts, spread + signals.sigma**2, 0.0).sum(axis=(0, 1))
+    places = (change[:, : system.initial.size // 2] / signals.sigma) ** 2
+    grown = np.where(counts, places.sum(axis=1), 0.0).sum(axis=(0, 1))
     amplifies = grow and (expected > AMPLIFIES**2 * signals.sigma**2 * counts.sum(axis=(0, 1))).any()
     shares = SETTINGS.held_out.growing_shares if amplifies else (1.0,)
     problem = (predict, values, valid, signals, measured, steps, scale)
@@ -211,6 +232,7 @@ def _sums(
         np.where(counts, residual**2, 0.0).sum(axis=(0, 1)),
         counts.sum(axis=(0, 1)),
         expected,
+        grown,
         np.where(valid, taken_up, 0.0).sum(axis=(0, 1)),
         (squares + back) * signals.sigma**2,
         valid.sum(axis=(0, 1)),
@@ -246,6 +268,7 @@ def _total(sums: Sequence[_Sums]) -> _Sums:
         squares=add("squares"),
         values=add("values"),
         expected=add("expected"),
+        grown=add("grown"),
         made=add("made"),
         fitted_squares=add("fitted_squares"),
         fitted_values=add("fitted_values"),

@@ -16,6 +16,8 @@ from runner.systems.windows import Windows
 class AbstractInitialState(ABC):
     """What of the start of an episode, or of a window of it, is unknown: S numbers.
 
+    The first half of them says where everything is, the second how fast it goes.
+
     Attributes:
         steps: For differences, (S,): small against a motion, large against rounding.
         channels: Those that measure the state itself.

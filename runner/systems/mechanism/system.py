@@ -258,10 +258,8 @@ class MechanismSystem(AbstractSystem):
             self._simulator = MechanismSimulator(self.recording, self._models, self.step_s, threads, rough=rough)
         return self._simulator
 
-    def by_engine_alone(self) -> tuple[MechanismSimulator, float] | None:
-        """See `AbstractSystem`; None for what hits something: two steps of different lengths soon part there."""
-        if any(self._found_flights):
-            return None
+    def by_engine_alone(self) -> tuple[MechanismSimulator, float]:
+        """See `AbstractSystem`."""
         own = Models(self.recording, cores(), hard_friction=self._models.hard_friction, engine_steps=True)
         return MechanismSimulator(self.recording, own, own.file_step_s, self.simulator().threads), own.file_step_s
 
