@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,11 +11,12 @@ import numpy as np
 import pytest
 from scipy.linalg import cholesky, solve_triangular, toeplitz
 
-from runner.noise.measured import Measured, refine, without_outliers
+from runner.noise.measured import Measured, measure, refine, without_outliers
 from runner.noise.model import NoiseModel, estimate
 from runner.numerics.differences import third_differences, white_noise
 from runner.recording import Span
 from runner.systems.channels import Channel
+from tests.mechanism_cases import slide_case, system_of
 
 
 def noise(n: int, k: int, share: float, memory: float, seed: int) -> np.ndarray:
@@ -137,6 +139,17 @@ def test_outliers_stand_out_of_slow_noise() -> None:
     dropped = np.flatnonzero(~without_outliers(measured, {0: left}).valid[0][:, 0])
     assert set(at) <= set(dropped)
     assert len(dropped) <= len(at) + 2
+
+
+@pytest.mark.parametrize("steps", [1, 2])
+def test_what_turns_about_within_a_sample_is_no_outlier(steps: int, tmp_path: Path) -> None:
+    """Of a motion to and fro at a constant speed, of many noise levels a sample; a spike beside it is one."""
+    turns = 3.0 * np.abs((np.arange(800) * 0.01 * steps) % 2.0 - 1.0)
+    spikes = np.zeros(800)
+    spikes[[55, 333, 555]] = (0.3, -0.3, 0.5)
+    shown = turns + spikes + 1e-3 * np.random.default_rng(0).normal(size=800)
+    system = system_of(slide_case(tmp_path, motion=lambda _: (shown, np.gradient(turns, 0.005)), length_s=3.995))
+    assert np.flatnonzero(~measure(system).valid[0][:, 0]).tolist() == [55, 333, 555]
 
 
 def test_third_differences_leave_nothing_of_a_parabola_by_an_uneven_clock() -> None:

@@ -154,7 +154,8 @@ def measure(system: AbstractSystem, *, scatter: Scatter | None = None) -> Measur
     sigma, noise_model = _noise(rests, system, stated, white, rounding, doubt=0.0)
     spans = tuple(Span(e, 0, len(v)) for e, v in enumerate(values))
     new = sigma * noise_model.innovation()
-    valid = tuple(_inliers(v, new, None if scatter is None else scatter.calm[e]) for e, v in enumerate(values))
+    calm = [None if scatter is None else scatter.calm[e] for e in range(len(values))]
+    valid = tuple(_inliers(v, new, c, moving=True) for v, c in zip(values, calm, strict=True))
     return Measured(spans, values, sigma, noise_model, valid, system.noise_by_owner(), scatter)
 
 
@@ -321,12 +322,14 @@ def _rounding_noise(values: Sequence[np.ndarray], groups: Sequence[Sequence[int]
     return out
 
 
-def _inliers(values: np.ndarray, new: np.ndarray, calm: np.ndarray | None) -> np.ndarray:
+def _inliers(values: np.ndarray, new: np.ndarray, calm: np.ndarray | None, *, moving: bool = False) -> np.ndarray:
     """Mark values that don't stick out of their neighbours by many noise levels; what is NaN has none and is none.
 
     `new`, (C,), is the standard deviation of what is new in a sample: slow noise moves the neighbours as well, so that
     beside it an outlier of a few noise levels is as plain as one of many in white noise. Where something is hit, which
-    is not `calm`, (T,), a motion has a kink, and what sticks out of its neighbours is what a hit has done.
+    is not `calm`, (T,), a motion has a kink, and what sticks out of its neighbours is what a hit has done. With
+    `moving`, of a motion itself, what lies where the motion leads does not stick out: a servo whose target has stepped
+    turns about from one sample to the next.
     """
     inliers, neighbours = np.isfinite(values), 5
     smooth = None if calm is None else minimum_filter(calm, size=neighbours, mode="nearest")
@@ -335,6 +338,16 @@ def _inliers(values: np.ndarray, new: np.ndarray, calm: np.ndarray | None) -> np
         if len(there):
             own = values[there, c]
             distance = np.abs(own - median_filter(own, size=neighbours, mode="nearest"))
-            near = distance < SETTINGS.noise.outlier_sigmas * level + 3.0 * np.median(distance)
+            far = SETTINGS.noise.outlier_sigmas * level + 3.0 * np.median(distance)
+            near = (np.minimum(distance, _off_a_motion(own)) if moving else distance) < far
             inliers[there, c] = near if smooth is None else near | ~smooth[there]
     return inliers
+
+
+def _off_a_motion(own: np.ndarray) -> np.ndarray:
+    """Return how far each value is off the nearest of where the two before, the two after, and all four lead, (T,)."""
+    led = np.full((3, len(own)), np.inf)
+    led[0, 2:] = 2.0 * own[1:-1] - own[:-2]
+    led[1, :-2] = 2.0 * own[1:-1] - own[2:]
+    led[2, 2:-2] = (4.0 * (own[1:-3] + own[3:-1]) - own[:-4] - own[4:]) / 6.0
+    return np.abs(own - led).min(axis=0)
