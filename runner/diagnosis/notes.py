@@ -105,7 +105,7 @@ def doubts(system: AbstractSystem, measured: Measured, top: Contender) -> tuple[
         )
     if not top.fit.converged:
         out.append(
-            "The fit of the best explanation had not fully come to rest when its steps were used up; its errors may be "
+            "The fit of the best explanation did not come fully to rest, so that its errors may be "
             "too small. Before relying on its numbers let the corrected model predict another recording, by "
             "`runner gap`, or diagnose that and this one as one case: `runner import` takes several logs."
         )
