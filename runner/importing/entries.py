@@ -202,7 +202,9 @@ def size_of(key: str, unit: str, si_unit: str) -> float:
         return 1.0
     family = units.allowed(si_unit)
     if unit not in family:
-        raise RecordingError(f"{key}: '{unit}' is none of what is measured in {si_unit}. {nearest(unit, family)}")
+        other = unit in units.ELECTRIC and unit != "1"
+        hint = f" Without `unit`, and with `scale: S`, where S is how many {si_unit} one {unit} gives." if other else ""
+        raise RecordingError(f"{key}: '{unit}' is none of what is measured in {si_unit}. {nearest(unit, family)}{hint}")
     return family[unit]
 
 

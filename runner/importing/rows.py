@@ -28,6 +28,7 @@ HELD_STEPS = 5.0  # a command that is held for more of its own steps is worth a 
 MOVED = 0.02  # of a row: stamps that are rounded to milliseconds move by as much, which need not be said
 NEAR = 0.1  # rows nearer than this share of the usual step are worth a note
 FEWEST_ROWS = 3  # of an episode
+MOST_LOST = 0.1  # of the samples of a command: with more of them no numbers, the log may leave out what has not changed
 MOST_ROWS = 30.0  # per sample: more than a log is made finer by on purpose, less than units of a clock differ by
 
 
@@ -53,25 +54,32 @@ def in_order(one: Series, told: Told) -> Series:
     return Series(one.entry, one.signal, one.at[order][last], t[last], one.values[order][last])
 
 
-def _check_command(one: Series) -> None:
+def _stated(one: Series, told: Told, *, sparse: bool) -> Series:
+    """Return a command with the samples that are numbers: of a few that are none, each was lost.
+
+    Raises:
+        RecordingError: If many are none: then nothing tells what was commanded.
+    """
     bad = ~np.isfinite(one.values)
+    if bad.any() and not sparse and bad.mean() <= MOST_LOST:
+        told.add("{names}: no number in {n} samples, which count as lost", int(bad.sum()), column=one.entry.column)
+        return one.where(~bad)
     if bad.any():
         first = int(np.argmax(bad))
         many = f" ({int(bad.sum())} of {len(bad)} samples)" if bad.sum() > 1 else ""
         raise RecordingError(
             f"{one.entry.key}: signal '{one.signal.name}' is no number in sample {int(one.at[first]) + 1}{many}; a "
-            "command must be known at all times. If empty cells mean no new value: `log: {sparse: true}` in the map."
+            "command must be known at nearly all times. If empty cells mean no new value: `log: {sparse: true}` in the "
+            "map."
         )
+    return one
 
 
-def _known(series: Sequence[Series], keys: RowKeys) -> list[Series]:
+def _known(series: Sequence[Series], keys: RowKeys, told: Told, *, sparse: bool) -> list[Series]:
     """Return all series, checked: a command is a number, or in rows that may be lost one that was not written down."""
     if keys.at == NEAREST:
         return [one.where(np.isfinite(one.values)) if one.entry.role is Role.COMMAND else one for one in series]
-    for one in series:
-        if one.entry.role is Role.COMMAND:
-            _check_command(one)
-    return list(series)
+    return [_stated(one, told, sparse=sparse) if one.entry.role is Role.COMMAND else one for one in series]
 
 
 def rows(episode: Cut, keys: RowKeys, told: Told, *, sparse: bool) -> Rows | None:
@@ -90,7 +98,7 @@ def rows(episode: Cut, keys: RowKeys, told: Told, *, sparse: bool) -> Rows | Non
     if sparse and lines:
         raise RecordingError(f"{lines[0]}.between: line: in a sparse log an empty cell means that nothing has changed.")
     pointed = episode.series if sparse else with_points(episode.series, told)
-    series = [in_order(one, told) for one in _known(pointed, keys)]
+    series = [in_order(one, told) for one in _known(pointed, keys, told, sparse=sparse)]
     if not sparse:
         series = [with_lost(one, told) if one.entry.role is Role.COMMAND else one for one in series]
     if any(not len(one.t_ns) for one in series if one.entry.role is Role.COMMAND) or not any(

@@ -56,10 +56,14 @@ class Signal:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What was recorded in one go: a file, an episode of a data set, a recording of several in a file."""
+    """What was recorded in one go: a file, an episode of a data set, a recording of several in a file.
+
+    `words` are columns that hold words where numbers should be: by name what stands in the first such row.
+    """
 
     name: str
     signals: Mapping[str, Signal]
+    words: Mapping[str, str] = field(default_factory=dict)
 
     def signal(self, key: str, name: str) -> Signal:
         """Return a signal.
@@ -69,6 +73,11 @@ class Part:
         """
         if name in self.signals:
             return self.signals[name]
+        if name in self.words:
+            raise RecordingError(
+                f"{key}: '{name}' of {self.name} is no column of numbers: {self.words[name]}. Where nothing was read a "
+                "cell is empty, or nan, n/a, null."
+            )
         raise RecordingError(f"{key}: no signal '{name}' in {self.name}. {nearest_of(name, self.signals)}")
 
 

@@ -242,9 +242,13 @@ def _command_unit(model: mujoco.MjModel, actuator: int) -> str:
     hinge = int(model.jnt_type[model.actuator_trnid[actuator, 0]]) == HINGE
     if is_servo(model, actuator):
         return "rad" if hinge else "m"
-    if int(model.actuator_biastype[actuator]) == NO_BIAS and float(model.actuator_gainprm[actuator, 0]) == 1.0:
-        return "N m" if hinge else "N"
-    return ""
+    return ("N m" if hinge else "N") if gives_its_command(model, actuator) else ""
+
+
+def gives_its_command(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether an actuator's command is the force that it gives, in N or N m: by a gear it may be a current as well."""
+    gains = (float(model.actuator_gainprm[actuator, 0]), float(model.actuator_gear[actuator, 0]))
+    return int(model.actuator_biastype[actuator]) == NO_BIAS and gains == (1.0, 1.0)
 
 
 def _forces(value: object, model: mujoco.MjModel) -> tuple[ForceColumns, ...]:

@@ -21,7 +21,7 @@ from runner.importing.guess.names import (
     words_of,
 )
 from runner.importing.signals import Signal
-from runner.recording.model_form_mapping import AT_JOINT, HINGE, SCALAR_JOINTS, is_servo
+from runner.recording.model_form_mapping import AT_JOINT, HINGE, SCALAR_JOINTS, gives_its_command, is_servo
 
 FEWEST_TO_FOLLOW = 20  # samples
 FOLLOWS, AS_FAR = 0.8, 3.0  # correlation of a position with its target, and how many times as far it may go
@@ -111,7 +111,7 @@ def elements_of(model: mujoco.MjModel) -> list[Element]:
             if limits is None and joint is not None and joint.limited[0]:
                 limits = _range(joint.range)
         else:
-            plain = float(model.actuator_gainprm[i, 0]) == 1.0 and not model.actuator_biasprm[i].any()
+            plain = gives_its_command(model, i)
             si_unit, takes = ("N m" if hinge else "N") if plain and joint is not None else "", Quantity.FORCE
             takes = takes if plain else Quantity.UNKNOWN
         out.append(Element("actuator", actuator.name, "command", names, si_unit, limits, takes))

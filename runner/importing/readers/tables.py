@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +18,27 @@ from runner.storage.limits import check_size
 from runner.storage.parquet_file import UNREADABLE, ParquetError, read_whole
 
 DELIMITERS = (",", "\t", ";", "|")
+# cells that hold no number, as programs write them
+MISSING = (
+    "",
+    "nan",
+    "NaN",
+    "NAN",
+    "-nan",
+    "null",
+    "NULL",
+    "None",
+    "none",
+    "n/a",
+    "N/A",
+    "NA",
+    "#N/A",
+    "<NA>",
+    "-",
+    "--",
+)
 TABLE = "table"  # the stream of all columns of a table
+SHOWN_CELL, SHOWN_LINE = 20, 60  # characters in a message
 SAMPLE = "sample"  # the clock that is made of `log.rate_hz` where data have no time
 
 
@@ -45,23 +67,64 @@ def read_text(path: Path, options: ReadOptions) -> Log:
         raise RecordingError(f"{path}: column '{commas[0]}' has decimal commas: `log: {{decimal: ','}}` in the map.")
     if commas and options.decimal is None:
         decimal = ","
-        part, texts = table_part(path.name, _text_table(path, delimiter, decimal))
+        table = _text_table(path, delimiter, decimal)
+        part, texts = table_part(path.name, table)
     notes = [f"{path.name}: columns parted by {delimiter!r}"] if delimiter not in (",", "\t") else []
-    if texts:
-        notes.append(f"{path.name}: columns of text are not read: {', '.join(map(repr, texts))}")
+    part = replace(part, words={name: _first_word(table.column(i), decimal) for name, i in texts.items()})
+    if part.words:
+        each = (f"'{name}' ({said})" for name, said in part.words.items())
+        notes.append(f"{path.name}: columns of text are not read: {', '.join(each)}")
     return Log("text table", [part], notes, decimal)
 
 
+def _first_word(column: pa.ChunkedArray, decimal: str) -> str:
+    """Return what of a column of text is no number, and in which row, such as "'ERR' in row 499"."""
+    for i, cell in enumerate(column.to_pylist()):
+        try:
+            float(cell.replace(decimal, ".") if cell is not None else 0.0)
+        except ValueError:
+            shown = cell if len(cell) <= SHOWN_CELL else f"{cell[:SHOWN_CELL]}..."
+            return f"{shown!r} in row {i + 1}"
+    return "text"
+
+
 def _text_table(path: Path, delimiter: str, decimal: str) -> pa.Table:
-    convert = pa_csv.ConvertOptions(
-        decimal_point=decimal, strings_can_be_null=True, null_values=["", "nan", "NaN", "NAN", "null", "None"]
-    )
+    convert = pa_csv.ConvertOptions(decimal_point=decimal, strings_can_be_null=True, null_values=list(MISSING))
     try:
         table = pa_csv.read_csv(path, parse_options=pa_csv.ParseOptions(delimiter=delimiter), convert_options=convert)
         names = table.column_names
     except UNREADABLE as error:  # cells as they are read, names of columns when they are asked for
+        _check_lines(path, delimiter)
         raise file_error(path, "a text table", error) from None
+    # a line of separators alone holds nothing, as an empty line does
+    empty = np.logical_and.reduce([table.column(i).is_null().to_numpy() for i in range(table.num_columns)])
+    table = table.filter(pa.array(~empty)) if empty.any() else table
     return table.rename_columns([c.strip().lstrip("%\ufeff") for c in names])
+
+
+def _check_lines(path: Path, delimiter: str) -> None:
+    """Refuse a table of which a line has other cells than the first, which names the columns.
+
+    Raises:
+        RecordingError: Naming that line.
+    """
+    odd: list[pa_csv.InvalidRow] = []
+
+    def note(row: pa_csv.InvalidRow) -> str:
+        odd.append(row)
+        return "skip"
+
+    options = pa_csv.ParseOptions(delimiter=delimiter, invalid_row_handler=note)
+    with contextlib.suppress(*UNREADABLE):
+        # line by line: only so are lines counted
+        pa_csv.read_csv(path, parse_options=options, read_options=pa_csv.ReadOptions(use_threads=False))
+    if odd:
+        first = odd[0]
+        more = f" (and {len(odd) - 1} more such lines)" if len(odd) > 1 else ""
+        raise RecordingError(
+            f"{path}: line {first.number} has {first.actual_columns} cells, the first line, which names the columns, "
+            f"{first.expected_columns}{more}: {first.text[:SHOWN_LINE]!r}."
+        )
 
 
 def _decimal_commas(column: pa.ChunkedArray) -> bool:
