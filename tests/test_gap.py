@@ -356,7 +356,7 @@ def test_a_start_that_the_motion_amplifies_is_found_over_longer_and_longer_parts
     signals = cast("Measured", SimpleNamespace(sigma=np.array([0.01]), noise_model=SimpleNamespace(whiten=lambda r: r)))
     values = np.sin(1.0 * t_s)[None, :, None]
 
-    def predict(starts: np.ndarray, samples: int) -> np.ndarray:
+    def predict(starts: np.ndarray, samples: int, _: np.ndarray) -> np.ndarray:
         return np.sin(starts * t_s[:samples])[..., None]  # (W, K, 1) by (n,)
 
     problem = (predict, values, np.ones_like(values, bool), signals, np.array([[1.3]]))

@@ -105,19 +105,61 @@ def test_a_proposal_says_what_is_missing(tmp_path: Path, runs: list[Run], run_im
 
 
 def test_a_command_must_be_known(tmp_path: Path, runs: list[Run], run_import: Import) -> None:
-    """An empty cell of a command is refused, unless the map says that it means no new value."""
+    """Many empty cells of a command are refused, unless the map says that they mean no new value; few were lost."""
     table = frame(runs[0])
     table.loc[[5, 6], "cmd_elbow"] = np.nan
+    table.to_csv("few.csv", index=False)
+    code, out, err = run_import([Path("few.csv")], FLAT)
+    assert (code, err) == (0, "")
+    assert "'u_elbow': no number in 2 samples, which count as lost" in " ".join(out.split())
+    (episode,) = read_model_case("case").episodes
+    shutil.rmtree("case")
+    assert episode.commands[[4, 7], 1] == pytest.approx(runs[0].u[[4, 7], 1])
+    table.loc[5:20, "cmd_elbow"] = np.nan
     table.loc[7, "elbow_pos"] = np.nan
     table.to_csv("log.csv", index=False)
     code, _, err = run_import([Path("log.csv")], FLAT)
     assert code == 2
-    assert "commands.u_elbow: signal 'cmd_elbow' is no number in sample 6 (2 of 120 samples)" in err
+    assert "commands.u_elbow: signal 'cmd_elbow' is no number in sample 6 (16 of 120 samples)" in err
     code, _, err = run_import([Path("log.csv")], FLAT | {"log": {"sparse": True}})
     assert (code, err) == (0, "")
     (episode,) = read_model_case("case").episodes
-    assert episode.commands[4:8, 1] == pytest.approx(runs[0].u[[4, 4, 4, 7], 1])
+    assert episode.commands[[4, 5, 20, 21], 1] == pytest.approx(runs[0].u[[4, 4, 4, 21], 1])
     assert np.flatnonzero(np.isnan(episode.values).any(axis=1)).tolist() == [7]
+
+
+@pytest.mark.parametrize("cell", ["n/a", "NA", "", "-"])
+def test_a_cell_without_a_reading_is_not_measured(cell: str, runs: list[Run], run_import: Import) -> None:
+    lines = frame(runs[0]).to_csv(index=False).splitlines()
+    column = lines[0].split(",").index("elbow_pos")
+    cells = lines[50].split(",")
+    lines[50] = ",".join([*cells[:column], cell, *cells[column + 1 :]])
+    lines[80] = "," * (len(cells) - 1)
+    Path("log.csv").write_text("\n".join(lines))
+    code, _, err = run_import([Path("log.csv")], FLAT)
+    assert (code, err) == (0, "")
+    recording = read_model_case("case")
+    elbow = [s.name for s in recording.mapping.sources].index("q_elbow")
+    assert np.flatnonzero(np.isnan(recording.episodes[0].values[:, elbow])).tolist() == [49, 79]
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("{before},ERR,{after}", "channels.q_elbow: 'elbow_pos' of log.csv is no column of numbers: 'ERR' in row 50."),
+        ("{before}", "log.csv: line 51 has {few} cells, the first line, which names the columns, {all}: '{before}'."),
+    ],
+)
+def test_a_cell_that_is_no_number_is_named(line: str, message: str, runs: list[Run], run_import: Import) -> None:
+    """With its row: a column that vanished, and another joint's proposed, told a user nothing."""
+    lines = frame(runs[0]).to_csv(index=False).splitlines()
+    column, cells = lines[0].split(",").index("elbow_pos"), lines[50].split(",")
+    parts = {"before": ",".join(cells[:column]), "after": ",".join(cells[column + 1 :])}
+    lines[50] = line.format(**parts)
+    Path("log.csv").write_text("\n".join(lines))
+    code, _, err = run_import([Path("log.csv")], FLAT)
+    assert code == 2
+    assert message.format(few=column, all=len(cells), before=parts["before"][:60]) in err
 
 
 def test_a_model_that_does_not_compile_is_refused(tmp_path: Path, runs: list[Run], run_import: Import) -> None:

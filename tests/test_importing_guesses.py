@@ -13,7 +13,7 @@ from runner.importing.guess.clock import clock_times, guess_clock
 from runner.importing.guess.counter import guess_episodes
 from runner.importing.guess.elements import elements_of
 from runner.importing.guess.fall import falls
-from runner.importing.guess.names import said_by, without, words_of
+from runner.importing.guess.names import Quantity, said_by, without, words_of
 from runner.importing.guess.unit import guess_unit, of_counts, unit_by_slope
 from runner.importing.map_file import TO_FILL
 from runner.importing.plausible import within
@@ -151,6 +151,34 @@ def test_runs_in_one_bag_are_parted_where_no_message_comes(pause_s: float, known
     signals = [stamped("/state/position[elbow]", measured), stamped("/command[elbow]", sent)]
     proposal = propose(Log("MCAP", [Part("log.mcap", {s.name: s for s in signals})]), model)
     assert yaml.safe_load(proposal.text)["episodes"] == known
+
+
+def test_signals_that_differ_in_a_number_alone_are_in_the_order_of_the_model() -> None:
+    """And what follows a target that was told so is the position of its joint."""
+    t, wave = np.arange(200) * 0.01, np.sin(np.arange(200) * 0.1)
+    other = np.cos(np.arange(200) * 0.23)
+    columns = {"t": t, "j1_target_deg": 40 * wave, "j1_deg": 38 * wave, "j2_target_deg": 9 * other, "j2_deg": 8 * other}
+    model = mujoco.MjModel.from_xml_string(SHOULDER_AND_ELBOW)
+    proposal = propose(log_of(**columns), model)
+    found = yaml.safe_load(proposal.text)
+    assert [c["signal"] for c in found["commands"].values()] == ["j1_target_deg", "j2_target_deg"]
+    assert [(c["signal"], c["joint"]) for c in found["channels"].values()] == [
+        ("j1_deg", "shoulder_j"),
+        ("j2_deg", "elbow_j"),
+    ]
+    assert not proposal.missing
+
+
+def test_a_rate_is_a_velocity_of_what_it_names() -> None:
+    assert said_by(("rate",), "pivot_rate", named=True).quantity is Quantity.VELOCITY
+    assert said_by(("sample", "rate"), "sample_rate").quantity is Quantity.UNKNOWN
+
+
+@pytest.mark.parametrize(("gear", "unit"), [(1.0, "N m"), (8.0, "")])
+def test_a_command_behind_a_gear_may_be_a_current(gear: float, unit: str) -> None:
+    model = mujoco.MjModel.from_xml_string(ONE_JOINT.replace("/></actuator>", f' gear="{gear}"/></actuator>'))
+    (command,) = [e for e in elements_of(model) if e.is_command]
+    assert command.si_unit == unit
 
 
 @pytest.mark.parametrize(("size", "unit"), [(180 / np.pi, "deg"), (1.0, "rad")])

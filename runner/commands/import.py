@@ -89,7 +89,10 @@ def _propose(config: ImportConfig, console: Console) -> None:
     held = [counted(len(log.parts[0].signals), "signal")]
     if len(log.parts) > 1:
         held.append(counted(len(log.parts), "part"))
-    print_table(console, f"{log.format}: {', '.join(held)}", (heading, rows))
+    if rows:
+        print_table(console, f"{log.format}: {', '.join(held)}", (heading, rows))
+    else:
+        _say(console, f"{log.format}: {', '.join(held)}, of which none was recognised.")
     for line in (*log.notes, *proposal.notes):
         _say(console, f"{introduced(line)}.")
     for line in proposal.missing:

@@ -84,6 +84,7 @@ class _Draft:
     rate_hz: float | None = None
     box: bool = False
     undriven: bool = False
+    blank: dict[str, list[str]] = field(default_factory=dict)  # lines to be filled in, by what they belong to
     rests: bool = False
 
 
@@ -287,16 +288,24 @@ def _lacking(draft: _Draft, elements: Sequence[Element]) -> None:
     blind = [j for j in joints if j not in measured]
     if actuators and not driven:
         draft.undriven = True
+        draft.blank["commands"] = [_blank(e) for e in elements if e.is_command]
         draft.missing.append(
             f"commands: no signal was recognised for actuators {_listed(actuators)}; {{}} if nothing was sent to them"
         )
     elif idle:
         draft.notes.append(f"no command for {_listed(idle)}: such an actuator gets 0")
     if not draft.channels:
+        draft.blank["channels"] = [_blank(e) for e in elements if (e.kind, e.quantity) == ("joint", "position")]
         what = f"joints {_listed(joints)}" if joints else "the pose of a body"
         draft.missing.append(f"channels: no signal was recognised for {what}")
     elif blind:
         draft.notes.append(f"no position for joints {_listed(blind)}")
+
+
+def _blank(element: Element) -> str:
+    """Return a line of a map for an element whose signal is not known."""
+    column, unit = _free(element.column, set()), {"unit": element.si_unit} if element.si_unit else {}
+    return f"  # {column}: {_flow({'signal': TO_FILL, **element.keys, **unit})}"
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -323,7 +332,8 @@ def _text(draft: _Draft, head: Mapping[str, object]) -> str:
         ("channels", draft.channels, "  # q_joint: {signal: NAME, joint: NAME, quantity: position, unit: rad}"),
     ):
         if not entries:
-            lines += [f"{title}: {'{}' if title == 'commands' and not draft.undriven else TO_FILL}", empty]
+            lines.append(f"{title}: {'{}' if title == 'commands' and not draft.undriven else TO_FILL}")
+            lines += draft.blank.get(title) or [empty]
             continue
         lines.append(f"{title}:")
         lines += [f"  {name}: {_flow(entry)}  # {' '.join(draft.why[name].split())}" for name, entry in entries.items()]
@@ -331,7 +341,8 @@ def _text(draft: _Draft, head: Mapping[str, object]) -> str:
     rounding = "here step / sqrt(12) of coarse ones; " if draft.noise else ""
     lines.append(f"noise: {_flow(draft.noise)}  # standard deviations in SI; {rounding}what is missing is estimated")
     if not draft.box:
-        free = "start: free  # nothing shows that every episode begins at rest; if they all do: rest"
+        unseen = "nothing shows that" if draft.channels else "no channel was recognised that would show whether"
+        free = f"start: free  # {unseen} every episode begins at rest; if they all do: rest"
         lines.append(
             "start: rest  # every episode begins far slower than it goes on; else free" if draft.rests else free
         )

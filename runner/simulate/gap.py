@@ -123,7 +123,7 @@ def measure_gap(
         for _, some in windows.chunks(WINDOWS_AT_ONCE):
 
             def by(simulator: AbstractSimulator, some: Windows = some) -> Predict:
-                return lambda s, n: simulator.predict_windows(effects, replace(some, samples=n), s)
+                return lambda s, n, of: simulator.predict_windows(effects, replace(some.at(of), samples=n), s)
 
             sums.append(_sums(system, by(simulator), some, signals, map(by, noisier)))
         rows += _rows(system, f"{horizon:g} s", horizon, _total(sums), signals)
@@ -134,7 +134,7 @@ def measure_gap(
         windows = Windows(np.array([e]), np.array([0]), lengths[e])
 
         def whole(simulator: AbstractSimulator, e: int = e) -> Predict:
-            def predict(states: np.ndarray, n: int) -> np.ndarray:
+            def predict(states: np.ndarray, n: int, _: np.ndarray) -> np.ndarray:
                 runs = [Run(effects, simulator.seen_start(effects, s)) for s in states[0]]
                 part = simulator if n == lengths[e] else simulator.parts([Span(e, 0, n)])
                 return part.predict(e if part is simulator else 0, runs)[None]
@@ -199,7 +199,8 @@ def _sums(
     steps, scale = system.initial.steps, system.initial.scale(signals.sigma)
     errors = system.initial.errors(signals, windows)[..., None, None]
     measured = system.initial.guess_windows(signals, windows, smooth=False)
-    rows = predict(np.stack([measured, *(measured + d for d in np.diag(steps))], axis=1), windows.samples)
+    every = np.arange(len(windows))
+    rows = predict(np.stack([measured, *(measured + d for d in np.diag(steps))], axis=1), windows.samples, every)
     residual = rows[:, 0] - values
     # how the noise of the start state spreads
     change = (rows[:, 1:] - rows[:, :1]) / steps[:, None, None] * errors
@@ -216,8 +217,8 @@ def _sums(
     amplifies = grow and (expected > AMPLIFIES**2 * signals.sigma**2 * counts.sum(axis=(0, 1))).any()
     shares = SETTINGS.held_out.growing_shares if amplifies else (1.0,)
     problem = (predict, values, valid, signals, measured, steps, scale)
-    fitted = fit_starts(*problem, shares=shares, iterations=START_STEPS, short=not grow)
-    moved = [(p(fitted.starts[:, None], windows.samples)[:, 0] - values - fitted.residual) for p in noisier]
+    fitted = fit_starts(*problem, shares=shares, iterations=START_STEPS)
+    moved = [(p(fitted.starts[:, None], windows.samples, every)[:, 0] - values - fitted.residual) for p in noisier]
     made, taken_up = _made(np.array(moved), fitted, valid, signals)
     expected = expected + np.where(counts, made, 0.0).sum(axis=(0, 1))
     # through a hit a descent may end where more is left than it began with, or where the motion diverges

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,10 +18,9 @@ from runner.settings import SETTINGS
 
 PRIOR_SIGMAS = 10.0  # a fitted start state may lie some such distances from the measured one, and hardly more
 DAMPING = Schedule(1e-3, stiffening=30.0)
-AS_PROMISED = 0.95  # of what a step promised: derivatives under which it gains that much have not changed
 WINDOWS_AT_ONCE = 400  # bounds the memory of one batch
 
-Predict = Callable[[np.ndarray, int], np.ndarray]
+Predict = Callable[[np.ndarray, int, np.ndarray], np.ndarray]  # of start states, how many samples, of which windows
 
 
 def whiten(residual: np.ndarray, valid: np.ndarray, signals: Measured) -> np.ndarray:
@@ -71,15 +70,15 @@ def fit_starts(
     shares: Sequence[float] = (1.0,),
     iterations: int = 4,
     tolerance: float = 0.1,
-    short: bool = False,
 ) -> Fitted:
-    """Fit the start state of each window by Levenberg-Marquardt steps, all windows side by side.
+    """Fit the start state of each window by Levenberg-Marquardt steps, all windows that are not at rest side by side.
 
     A window keeps a step only if it lowers its loss. A motion that amplifies its start has many local minima over a
     long time, and one valley over a short one: then starts are fitted to longer and longer parts of the windows.
 
     Args:
-        predict: From start states (W, K, S) to predictions of the first n samples (W, K, n, C).
+        predict: From start states (k, K, S) of k of the windows, at these positions (k,), to predictions of their first
+            n samples, (k, K, n, C).
         values: What was measured, (W, n, C).
         valid: What of it counts, (W, n, C).
         signals: The noise.
@@ -88,15 +87,14 @@ def fit_starts(
         scale: How far they may be from the measured ones, (S,).
         shares: Of each window, one after the other: each fit begins where the one before ended.
         iterations: At most so many steps, of each share.
-        tolerance: Ends when no window expects to gain more than this in its sum of squares and a small share of it.
-        short: The windows are so short that derivatives hold where a step gains what it promised.
+        tolerance: A window rests when it expects to gain no more than this and a small share of its sum of squares.
     """
     samples = values.shape[1]
 
     def fit(begin: np.ndarray, share: float) -> Fitted:
         n = math.ceil(share * samples)
-        problem = _Problem(predict, values[:, :n], valid[:, :n], signals, first, steps, scale, tolerance, short)
-        point = problem.linearise(begin)
+        problem = _Problem(predict, values[:, :n], valid[:, :n], signals, first, steps, scale, tolerance)
+        point = problem.begin(begin)
         return descend(problem.attempt, point, DAMPING, iterations=iterations, blocks=len(values)).fitted
 
     begin = first
@@ -115,7 +113,7 @@ class _Point:
 
 @dataclass(frozen=True)
 class _Problem:
-    """The windows, as in `fit_starts`. They are simulated side by side, so all of them go on as long as one does."""
+    """The windows, as in `fit_starts`. Those that have come to rest are not simulated again."""
 
     predict: Predict
     values: np.ndarray
@@ -125,42 +123,49 @@ class _Problem:
     steps: np.ndarray
     scale: np.ndarray
     tolerance: float
-    short: bool
 
-    def linearise(self, starts: np.ndarray) -> _Point:
+    def begin(self, starts: np.ndarray) -> _Point:
         """Return where windows with these start states stand."""
+        every = np.arange(len(starts))
+        residual, change, jacobian = self._linearised(starts, every)
+        return _Point(Fitted(starts, residual, change, jacobian), self._losses(residual, starts, every))
+
+    def _linearised(self, starts: np.ndarray, windows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return what windows with these start states leave, and its derivatives: residual, change, jacobian."""
         moves = np.vstack([np.zeros(len(self.steps)), np.diag(self.steps)])
-        rows = self.predict(starts[:, None, :] + moves, self.values.shape[1])
-        residual = rows[:, 0] - self.values
+        rows = self.predict(starts[:, None, :] + moves, self.values.shape[1], windows)
         moved = (rows[:, 1:] - rows[:, :1]) / self.steps[:, None, None] * self.scale[:, None, None]
-        jacobian = np.moveaxis(whiten(moved, self.valid[:, None], self.signals), 1, -1)
-        change = np.moveaxis(moved / self.signals.sigma, 1, -1)
-        return _Point(Fitted(starts, residual, change, jacobian), self._losses(residual, starts))
+        jacobian = np.moveaxis(whiten(moved, self.valid[windows][:, None], self.signals), 1, -1)
+        return rows[:, 0] - self.values[windows], np.moveaxis(moved / self.signals.sigma, 1, -1), jacobian
 
     def attempt(self, _: int, point: _Point, windows: np.ndarray, damping: np.ndarray) -> Trial[_Point]:
-        """Step every window; one that gains nothing stays where it is."""
+        """Step the windows that go on; one that gains nothing stays where it is."""
         at, w = point.fitted, len(windows)
-        matrix = at.jacobian.reshape(w, -1, len(self.steps))
-        right = np.einsum("wip,wi->wp", matrix, whiten(at.residual, self.valid, self.signals).reshape(w, -1))
-        right += (at.starts - self.first) / self.scale / PRIOR_SIGMAS**2
+        matrix = at.jacobian[windows].reshape(w, -1, len(self.steps))
+        left = whiten(at.residual[windows], self.valid[windows], self.signals)
+        right = np.einsum("wip,wi->wp", matrix, left.reshape(w, -1))
+        right += (at.starts - self.first)[windows] / self.scale / PRIOR_SIGMAS**2
         normal = np.einsum("wip,wiq->wpq", matrix, matrix) + np.eye(len(self.steps)) / PRIOR_SIGMAS**2
         step = -np.linalg.solve(damped(normal, damping), right[:, :, None])[:, :, 0]
         promised = -2 * (right * step).sum(axis=1) - np.einsum("wp,wpq,wq->w", step, normal, step)
-        if (promised < self.tolerance + SETTINGS.fit.rest_share * point.loss).all():
+        rests = promised < self.tolerance + SETTINGS.fit.rest_share * point.loss[windows]
+        on = windows[~rests]
+        if not len(on):
             return Trial(point, rests=True)
-        trial = at.starts + step * self.scale
-        residual = self.predict(trial[:, None, :], self.values.shape[1])[:, 0] - self.values
-        losses = self._losses(residual, trial)
-        gained = losses < point.loss
-        starts = np.where(gained[:, None], trial, at.starts)
-        bent = gained & (point.loss - losses < AS_PROMISED * promised - self.tolerance)
-        if bent.any() or (gained.any() and not self.short):
-            point = self.linearise(starts)
-        elif gained.any():
-            moved = replace(at, starts=starts, residual=np.where(gained[:, None, None], residual, at.residual))
-            point = _Point(moved, np.where(gained, losses, point.loss))
-        return Trial(point, eased=gained, refused=~gained)
+        trial = at.starts[on] + step[~rests] * self.scale
+        residual = self.predict(trial[:, None, :], self.values.shape[1], on)[:, 0] - self.values[on]
+        losses = self._losses(residual, trial, on)
+        gained = losses < point.loss[on]
+        starts, left, loss = at.starts.copy(), at.residual.copy(), point.loss.copy()
+        starts[on[gained]], left[on[gained]], loss[on[gained]] = trial[gained], residual[gained], losses[gained]
+        change, jacobian = at.change, at.jacobian
+        if gained.any():
+            change, jacobian = change.copy(), jacobian.copy()
+            change[on[gained]], jacobian[on[gained]] = self._linearised(trial[gained], on[gained])[1:]
+        eased, refused = rests & False, rests & False
+        eased[~rests], refused[~rests] = gained, ~gained
+        return Trial(_Point(Fitted(starts, left, change, jacobian), loss), eased=eased, refused=refused, rests=rests)
 
-    def _losses(self, residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
-        prior = ((starts - self.first) / self.scale / PRIOR_SIGMAS) ** 2
-        return (whiten(residual, self.valid, self.signals) ** 2).sum(axis=(1, 2)) + prior.sum(axis=1)
+    def _losses(self, residual: np.ndarray, starts: np.ndarray, windows: np.ndarray) -> np.ndarray:
+        prior = ((starts - self.first[windows]) / self.scale / PRIOR_SIGMAS) ** 2
+        return (whiten(residual, self.valid[windows], self.signals) ** 2).sum(axis=(1, 2)) + prior.sum(axis=1)

@@ -11,6 +11,7 @@ import numpy as np
 from runner.importing.guess.names import (
     BY_NAME,
     LAST_INDEX,
+    NUMBER,
     Quantity,
     Said,
     contains,
@@ -205,7 +206,7 @@ def _by_name(signal: Signal, elements: Sequence[Element], matches: Matches) -> N
         return
     longest = max(len(name) for name, _ in named)
     named = [(name, e) for name, e in named if len(name) == longest]
-    said = said_by(without(words, named[0][0]), signal.name)
+    said = said_by(without(words, named[0][0]), signal.name, named=bool(named[0][0]))
     if said.other or (not named[0][0] and not said.command and said.quantity is Quantity.UNKNOWN):
         return
     wanted = [e for _, e in named if _fits(e, said)]
@@ -237,19 +238,25 @@ def _fits(element: Element, said: Said) -> bool:
 
 
 def _by_order(signals: Sequence[Signal], elements: Sequence[Element], matches: Matches) -> None:
-    """Match lists of numbers without names, as long as there are joints or actuators, in the order of the model."""
+    """Match lists of numbers without names, as long as there are joints or actuators, in the order of the model.
+
+    So are signals whose names differ in a number alone, as `j1_target` and `j2_target`.
+    """
     lists: dict[str, list[tuple[int, Signal]]] = {}
     for signal in signals:
-        indexed = LAST_INDEX.match(signal.name)
+        indexed, numbers = LAST_INDEX.match(signal.name), NUMBER.findall(signal.name)
         if indexed:
             lists.setdefault(indexed[1], []).append((int(indexed[2]), signal))
+        elif len(numbers) == 1:
+            lists.setdefault(NUMBER.sub("#", signal.name), []).append((int(numbers[0]), signal))
     for base, members in lists.items():
         said = said_by(words_of(base), base)
         if said.other or (said.quantity is Quantity.UNKNOWN and not said.command):
             continue
         wanted = [e for e in elements if _fits(e, said)]
         indices = [i for i, _ in sorted(members, key=lambda m: m[0])]
-        if indices != list(range(len(wanted))) or any(matches.has(e) for e in wanted):
+        counted = [list(range(begin, begin + len(wanted))) for begin in (0, 1)]
+        if not wanted or indices not in counted or any(matches.has(e) for e in wanted):
             continue
         for element, (i, signal) in zip(wanted, sorted(members, key=lambda m: m[0]), strict=True):
             matches.pairs.append((element, signal, f"number {i} of {len(wanted)}, in the order of the model"))

@@ -17,6 +17,7 @@ POSITION = {
     "enc",
 }  # fmt: skip
 VELOCITY = {"velocity", "velocities", "vel", "dq", "qd", "qvel", "dqpos", "speed", "speeds", "omega"}
+RATE = {"rate", "rates"}
 FORCE = {"effort", "efforts", "torque", "torques", "tau", "force", "forces", "trq"}
 OTHER = {
     "error", "err", "temperature", "temp", "current", "currents", "volt", "volts", "voltage", "pwm", "accel",
@@ -29,6 +30,7 @@ OTHER_UNITS = {"amp", "amps", "volts", "watt", "watts", "celsius"}
 OTHER_SYMBOLS = re.compile(r"(?<![A-Za-z])(m?[AVW]|(deg)?C)$")
 BY_NAME = "by its name"  # why a signal is what it is taken for
 LAST_INDEX = re.compile(r"(.*)\[(\d+)\]$")
+NUMBER = re.compile(r"\d+")
 
 
 class Quantity(Enum):
@@ -79,10 +81,13 @@ def shared_words(names: Sequence[str]) -> frozenset[str]:
     return frozenset.intersection(*every) if len(every) > 1 else frozenset()
 
 
-def said_by(words: Sequence[str], name: str) -> Said:
-    """Return what the words of a signal's name, without those of its element, say of it."""
+def said_by(words: Sequence[str], name: str, *, named: bool = False) -> Said:
+    """Return what the words of a signal's name, without those of its element, say of it.
+
+    Where the element is `named`, a rate is a velocity: `pivot_rate`, but not `sample_rate`.
+    """
     have = set(words)
-    if have & VELOCITY:
+    if have & VELOCITY or (named and have & RATE):
         quantity = Quantity.VELOCITY
     elif have & FORCE:
         quantity = Quantity.FORCE
