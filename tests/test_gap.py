@@ -238,7 +238,7 @@ def test_no_correction_is_a_model_too(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "error", "message"),
     [
-        ("effects: {frictoin: {mu: 0.2}}", ConfigError, "effects.frictoin: no such effect.*Did you mean 'friction'"),
+        ("effects: {frictoin: {mu: 0.2}}", ConfigError, "effects.frictoin: no such effect.*near it: 'friction'"),
         ("effects: {friction: {nu: 0.2}}", ConfigError, "effects.friction.nu: no such parameter.*Did you mean 'mu'"),
         ("effects: {wind: {force_n: 1.0}}", ConfigError, "effects.wind: must have 'force_n', 'direction_rad', got"),
         ("effects: {friction: {mu: -1}}", ConfigError, r"effects.friction.mu: must be a finite number in \[0, 10\]"),

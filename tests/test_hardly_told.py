@@ -52,6 +52,13 @@ def test_where_a_centre_of_mass_is_along_the_axis_is_not_told(tmp_path: Path) ->
     assert Values(values, errors).long("y_m").startswith("0 ± ")
 
 
+def test_lengths_that_are_told_together_are_in_one_unit() -> None:
+    """In that which suits the largest."""
+    of = Values({"x_m": 0.02502, "y_m": -0.0101}, {"x_m": 0.00017, "y_m": 0.00017})
+    assert of.longs("x_m", "y_m") == "(2.502 ± 0.017, −1.010 ± 0.017) cm"
+    assert of.long("y_m") == "−10.10 ± 0.17 mm"
+
+
 @pytest.mark.parametrize(("error", "said"), [(0.02, "0.25 ± 0.02 m/s"), (30.0, "0.250 m/s, which is not told")])
 def test_a_speed_at_which_a_law_bends_is_never_nought(error: float, said: str) -> None:
     """Rounded to the place of its error, a speed that the recording does not tell would be 0 ± 30 m/s."""

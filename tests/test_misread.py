@@ -51,6 +51,23 @@ def test_a_wrong_unit_of_all_angles_is_told(tmp_path: Path, factor: float, said:
     assert said in told
 
 
+@pytest.mark.parametrize(
+    ("kinds", "factor", "said"),
+    [
+        (("q", "dq"), 1 / RADIAN, "Measurements of joint 'elbow' may have been read in a wrong unit"),
+        (("u",), RADIAN, "Commands 'u_elbow' may have been read in a wrong unit"),
+    ],
+)
+def test_a_wrong_unit_of_one_joint_is_told(tmp_path: Path, kinds: tuple[str, ...], factor: float, said: str) -> None:
+    """Of its measurements, or of what its servo is told."""
+    episodes = [recorded(stretched_out(0.4), seed, samples=200, step_s=0.0005) for seed in (1, 2)]
+    wrong = [e | {f"{kind}_elbow": factor * e[f"{kind}_elbow"] for kind in kinds} for e in episodes]
+    of_arm = {**NOMINAL, "noise": {name: of * (factor if name[-5:] == "elbow" else 1) for name, of in NOISE.items()}}
+    told = open_case(write_case(tmp_path, stretched_out(0.4), wrong, of_arm)).misread()
+    assert any(one.startswith(said) for one in told)
+    assert not any("shoulder" in one for one in told)
+
+
 @pytest.mark.parametrize("mass", [0.4, 0.2, 0.8])
 def test_a_wrong_model_is_no_wrong_unit(tmp_path: Path, mass: float) -> None:
     """A forearm of half or twice the weight is what a diagnosis is for."""

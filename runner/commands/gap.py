@@ -126,7 +126,7 @@ def _print(system: AbstractSystem, found: Gap, console: Console, corrected: Path
     if found.told != WHOLE_EPISODE:
         console.print(Text(AMPLIFIED.format(number(found.growth[WHOLE_EPISODE]))))
     for note in (*recording.notes, *(f"{WARNING}{said}" for said in system.misread())):
-        console.print(Text(f"{introduced(note)}."))
+        console.print(Text(introduced(note)))
     table = _table(system, found, " = ")
     if console.measure(table, options=console.options.update(max_width=1000)).maximum > console.width:
         table = _table(system, found, "=")  # narrower by what is not needed

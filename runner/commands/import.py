@@ -94,7 +94,7 @@ def _propose(config: ImportConfig, console: Console) -> None:
     else:
         _say(console, f"{log.format}: {', '.join(held)}, of which none was recognised.")
     for line in (*log.notes, *proposal.notes):
-        _say(console, f"{introduced(line)}.")
+        _say(console, introduced(line))
     for line in proposal.missing:
         _say(console, f"Missing: {line}.")
     write_text(config.propose, proposal.text)
@@ -132,7 +132,7 @@ def _import(config: ImportConfig, map_file: Path, console: Console) -> None:
     ]
     print_table(console, "Columns", (("column", "signal", "unit"), conversions))
     for note in (*built.notes, *read, *misread):
-        _say(console, f"{introduced(note)}.")
+        _say(console, introduced(note))
     episodes = counted(len(built.table["episode"].unique()), "episode")
     _say(console, f"{episodes}, {counted(len(built.table), 'row')}: {config.out}")
     if len(set(built.sources.values())) > 1:

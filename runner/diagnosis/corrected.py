@@ -26,6 +26,7 @@ from pydantic import BaseModel, StrictFloat, ValidationError
 from runner.effects.base import AbstractEffect, Effects
 from runner.effects.vocabulary import Vocabulary
 from runner.errors import ConfigError, ResultError, nearest
+from runner.importing.signals import nearest_of
 from runner.storage.checked import dotted, must, refusal
 from runner.storage.reading import file_of
 from runner.storage.writing import write_yaml
@@ -125,7 +126,10 @@ def _read(path: Path) -> _Corrected:
 
 def _effect(path: Path, name: str, values: Mapping[str, float], vocabulary: Vocabulary) -> AbstractEffect:
     if name not in vocabulary.each_by_name:
-        raise ConfigError(f"{path}: effects.{name}: no such effect. {nearest(name, vocabulary.each_by_name)}")
+        raise ConfigError(
+            f"{path}: effects.{name}: no such effect of this recording; is this the corrected model of another one? "
+            f"{nearest_of(name, vocabulary.each_by_name)}"
+        )
     candidates = vocabulary.each_by_name[name]
     variants = [c.effect for c in candidates]
     fitting = [c for c in candidates if _accepts(c.effect, set(values))]

@@ -146,8 +146,15 @@ class Values:
     def angle(self, name: str) -> str:
         return self.show(name, "°", DEGREES)
 
-    def long(self, name: str) -> str:
-        return length(self[name], self.error(name))
+    def long(self, name: str, *others: str) -> str:
+        """Return a length, in the unit that suits the largest of it and others that are told beside it."""
+        factor, unit = _unit_of(max(max(abs(self[n]), self.error(n) or 0.0) for n in (name, *others)))
+        return self.show(name, unit, factor)
+
+    def longs(self, *names: str) -> str:
+        """Return lengths in one unit, as in `(2.50 ± 0.02, −1.01 ± 0.02) cm`."""
+        shown = [self.long(name, *names).rpartition(" ") for name in names]
+        return f"({', '.join(value for value, _, _ in shown)}) {shown[0][2]}"
 
     def place(self) -> str:
         return f"({number(self['x_m'])}, {number(self['y_m'])}) m"

@@ -285,8 +285,9 @@ def warnings(notes: Iterable[str]) -> list[str]:
 
 
 def introduced(note: str) -> str:
-    """Return a note as it is printed in a line of its own, with a word before it that says what it is."""
-    return note[0].upper() + note[1:] if note.startswith(WARNING) else f"Note: {note}"
+    """Return a note as a sentence in a line of its own, with a word before it that says what it is."""
+    said = note[0].upper() + note[1:] if note.startswith(WARNING) else f"Note: {note}"
+    return said if said.endswith((".", "?")) else f"{said}."
 
 
 def frozen_array(values: ArrayLike) -> FloatArray:

@@ -101,7 +101,7 @@ def _told(name: str, column: str, what: str, answer: _Answer | None, with_spring
         if not 1 / COMMANDS.max_gain < answer.gain < COMMANDS.max_gain:
             return [
                 f"{WARNING}the motion of '{column}' needs {answer.gain:.3g} times the command '{name}' by the model; "
-                f"allowed: {1 / COMMANDS.max_gain:g} to {COMMANDS.max_gain:g}"
+                f"usual: {1 / COMMANDS.max_gain:g} to {COMMANDS.max_gain:g}"
             ]
     elif (
         answer.size > COMMANDS.telling_share

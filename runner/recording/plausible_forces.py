@@ -144,7 +144,7 @@ def _sizes(used: _Blocks) -> list[str]:
     if not 1 / FORCES.max_gain < gain < FORCES.max_gain:
         notes.append(
             f"{WARNING}the motion needs {gain:.3g} times the forces 'fx', 'fy' with the believed mass and friction; "
-            f"allowed: {1 / FORCES.max_gain:g} to {FORCES.max_gain:g}"
+            f"usual: {1 / FORCES.max_gain:g} to {FORCES.max_gain:g}"
         )
     return notes
 

@@ -76,4 +76,6 @@ def share_missed(shown: FloatArray, measured: FloatArray) -> float:
 
 def percent(share: float) -> str:
     """Return a share in words."""
+    if share > 100:
+        return "far more than all"
     return f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"

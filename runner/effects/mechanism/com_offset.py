@@ -75,5 +75,6 @@ def _told(of: Values, model: mujoco.MjModel, target: str | None) -> list[str]:
 
 def _amount(of: Values, told: Sequence[str]) -> str:
     """Return how far off it is along each axis that the motion tells."""
-    off = f"off by {', '.join(axis + ' ' + of.long(axis + '_m') for axis in told)} in body axes" if told else ""
+    each = ", ".join(f"{axis} {of.long(f'{axis}_m', *(f'{a}_m' for a in told))}" for axis in told)
+    off = f"off by {each} in body axes" if told else ""
     return "; ".join(part for part in (off, parts.said_of_others(told)) if part)

@@ -105,7 +105,7 @@ class Compliance(MechanismEffect):
         unit = parts.stiffness_unit(beliefs.model, target)
         return Phrase(
             f"drive and link of joint '{target}' are coupled elastically",
-            of.show("stiffness", unit),
+            of.scale("stiffness", unit),
             f"Give the drive of '{target}' a body and joint of its own, \"{target}{parts.DRIVE}\", with the armature "
             f"and {FRICTION_SHARE:.0%} of the friction, let the actuator act on it, and couple the two by "
             f'<fixed springlength="0" stiffness="{parts.attribute(of["stiffness"])}"><joint joint="{target}" coef="1"/>'

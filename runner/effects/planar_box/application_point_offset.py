@@ -48,7 +48,7 @@ class ApplicationPointOffset(PlanarEffect):
     def phrase(cls, of: Values, beliefs: Beliefs, target: str | None = None) -> Phrase:
         return Phrase(
             "the push acts elsewhere on the object than commanded",
-            f"off by ({of.long('x_m')}, {of.long('y_m')}) along the object's own x and y",
+            f"off by {of.longs('x_m', 'y_m')} along the object's own x and y",
             f"Add ({number(of['x_m'])}, {number(of['y_m'])}) m to the commanded point of application, in body axes.",
             "Measure where the pusher really touches the object.",
         )

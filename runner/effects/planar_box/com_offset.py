@@ -47,7 +47,7 @@ class ComOffset(PlanarEffect):
     def phrase(cls, of: Values, beliefs: Beliefs, target: str | None = None) -> Phrase:
         return Phrase(
             "the centre of mass is off the geometric centre",
-            f"by ({of.long('x_m')}, {of.long('y_m')}) along the object's own x and y",
+            f"by {of.longs('x_m', 'y_m')} along the object's own x and y",
             f"Move the centre of mass to ({number(beliefs.centre_of_mass_m[0] + of['x_m'])}, "
             f"{number(beliefs.centre_of_mass_m[1] + of['y_m'])}) m in body axes.",
             "Balance the object on an edge, once along each side.",

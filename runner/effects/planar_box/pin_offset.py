@@ -57,8 +57,7 @@ class PinOffset(PlanarEffect):
     def phrase(cls, of: Values, beliefs: Beliefs, target: str | None = None) -> Phrase:
         return Phrase(
             "the pin touches the object elsewhere than recorded",
-            f"off by ({of.long('world_x_m')}, {of.long('world_y_m')}, {of.long('height_m')}) along the world's x, y "
-            "and up",
+            f"off by {of.longs('world_x_m', 'world_y_m', 'height_m')} along the world's x, y and up",
             f"Add ({number(of['world_x_m'])}, {number(of['world_y_m'])}) m to the recorded path of the pin, and "
             f"{number(of['height_m'])} m to `pin.height`.",
             "Let the pin touch the object from two sides and compare the gap that is computed with none; measure how "

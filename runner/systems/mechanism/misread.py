@@ -66,19 +66,55 @@ def _with_y_up(q: FloatArray, shift: int) -> FloatArray:
 def in_other_units(recording: MechanismRecording, models: Models) -> list[str]:
     """Say of which joints the model as believed follows the motion far better if it was read in a wrong unit.
 
+    All of a kind may have been, with the targets of their servos, or else the measurements, or targets, of one alone.
+
     Args:
         recording: The case.
         models: Its compiled models.
     """
-    out = []
+    mapping, out = recording.mapping, []
     for unit in UNITS:
-        channels = [k for k, s in enumerate(recording.mapping.sources) if (s.kind, s.unit) == ("joint", unit)]
+        channels = [k for k, s in enumerate(mapping.sources) if (s.kind, s.unit) == ("joint", unit)]
+        measured = [k for k, s in enumerate(mapping.sources) if s.kind == "joint" and s.unit.split("/")[0] == unit]
+        targets = [k for k, c in enumerate(mapping.commands.values()) if c.unit == unit]
+        out += _in_another_unit(recording, models, WHAT[unit], unit, channels, measured, targets)
+    return out or _of_one_in_another_unit(recording, models)
 
-        def missed(factor: float, unit: str = unit, channels: Sequence[int] = channels) -> float:
-            return _missed(recording if factor == 1.0 else _scaled(recording, unit, factor), models, channels)
 
-        out += in_another_unit(WHAT[unit], unit, missed)
+def _of_one_in_another_unit(recording: MechanismRecording, models: Models) -> list[str]:
+    """Say of which one joint, or servo, that is so: of those that miss much of their own motion."""
+    mapping, model, out = recording.mapping, models.compiled(()).model, []
+    joints = dict.fromkeys(s.target for s in mapping.sources if s.kind == "joint")
+    for joint in joints:
+        measured = [k for k, s in enumerate(mapping.sources) if (s.kind, s.target) == ("joint", joint)]
+        places = [k for k in measured if mapping.sources[k].unit in UNITS]
+        if not places or not _missed(recording, models, places) > FOLLOWS:
+            continue
+        unit = mapping.sources[places[0]].unit
+        out += _in_another_unit(recording, models, f"Measurements of joint '{joint}'", unit, places, measured, [])
+        for k, (name, command) in enumerate(mapping.commands.items()):
+            driven = model.joint(int(model.actuator(command.actuator).trnid[0])).name
+            if command.unit == unit and driven == joint:
+                out += _in_another_unit(recording, models, f"Commands '{name}'", unit, places, [], [k])
     return out
+
+
+def _in_another_unit(
+    recording: MechanismRecording,
+    models: Models,
+    what: str,
+    unit: str,
+    channels: Sequence[int],
+    measured: Sequence[int],
+    commands: Sequence[int],
+) -> list[str]:
+    """Say whether the motion of some channels is followed far better if what was measured and commanded is larger."""
+
+    def missed(factor: float) -> float:
+        other = recording if factor == 1.0 else _scaled(recording, measured, commands, factor)
+        return _missed(other, models, channels)
+
+    return in_another_unit(what, unit, missed)
 
 
 def exchanged(recording: MechanismRecording, models: Models) -> list[str]:
@@ -136,15 +172,16 @@ def _swapped(
     return replace(recording, episodes=tuple(map(of, recording.episodes)))
 
 
-def _scaled(recording: MechanismRecording, unit: str, factor: float) -> MechanismRecording:
-    """Return a recording whose joints of a unit move so many times as far, and servos' targets with them."""
-    mapping = recording.mapping
-    joints = np.array([factor if s.kind == "joint" and s.unit.split("/")[0] == unit else 1.0 for s in mapping.sources])
-    targets = np.array([factor if c.unit == unit else 1.0 for c in mapping.commands.values()])
+def _scaled(
+    recording: MechanismRecording, channels: Sequence[int], commands: Sequence[int], factor: float
+) -> MechanismRecording:
+    """Return a recording in which some channels and commands are so many times as large."""
+    measured, commanded = np.ones(len(recording.mapping.sources)), np.ones(len(recording.mapping.commands))
+    measured[list(channels)], commanded[list(commands)] = factor, factor
 
     def of(episode: MechanismEpisode) -> MechanismEpisode:
         after = None if episode.after is None else of(episode.after)
-        return replace(episode, values=episode.values * joints, commands=episode.commands * targets, after=after)
+        return replace(episode, values=episode.values * measured, commands=episode.commands * commanded, after=after)
 
     return replace(recording, episodes=tuple(map(of, recording.episodes)))
 
