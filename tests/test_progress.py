@@ -118,11 +118,11 @@ def test_lines_come_more_rarely_with_time(monkeypatch: pytest.MonkeyPatch, capsy
     ("passed_s", "first_s", "compiling_s", "said"),
     [
         (5.0, None, 0.0, ""),
-        (10.0, 5.0, 0.0, " of 30 to 65 s as a rule"),
-        (10.0, 9.0, 4.0, " of 34 to 69 s as a rule"),
-        (10.0, 10.0, 0.0, " of 1 to 2 min as a rule"),
-        (100.0, 30.0, 0.0, " of 3 to 6 min as a rule"),
-        (391.0, 30.0, 0.0, ", longer than usual"),
+        (10.0, 3.0, 0.0, " of 12 to 90 s as a rule"),
+        (10.0, 6.0, 4.0, " of 12 to 64 s as a rule"),
+        (10.0, 10.0, 0.0, " of 1 to 5 min as a rule"),
+        (100.0, 30.0, 0.0, " of 2 to 15 min as a rule"),
+        (901.0, 30.0, 0.0, ", longer than usual"),
     ],
 )
 def test_how_long_it_usually_takes_is_told_once_there_is_an_explanation(

@@ -128,7 +128,7 @@ def test_what_is_unknown_is_told_by_what_comes_near_and_by_how_it_looks(found: A
         "what is missed where it was fitted, it does not hold on episodes that were not fitted: more "
         "is missed there than without it, it is 46 natural log units less likely than the first and wind does not "
         "stand out of its own error.",
-        "With the nearest, what is left is 58 % over the noise, most of it in the yaw rate (88 %).",
+        "With the nearest, what is left is 1.6 times the noise, most of it in the yaw rate (88 %).",
         "Towards world x: 0.12 N is missing (root mean square). It goes along with its speed (48 %) and the time "
         "(20 %).",
     ):

@@ -26,7 +26,7 @@ Numbers = Mapping[str, float]
 LEAST_SHARE = 0.005  # of anything: less is told as nothing
 PLACE = {"x_m", "y_m", "radius_m"}  # of an effect that is somewhere
 WHOLE_S = 10.0  # from here on seconds are told without decimals
-MANIFOLD = 1.0  # from twice the noise on it is told as so many times
+LITTLE = 0.095  # over the noise: more is told as so many times the noise, 1.1 and up
 
 CAUSES = {  # of what is left
     Left.SMALL_ERRORS: "small errors of any simulator",
@@ -230,7 +230,7 @@ def _with(said: Statement) -> str:
 
 def beyond(said: Statement) -> str:
     """Return how much what is left is beyond the noise, in the same measure as the share of the gap that closed."""
-    if said.over_noise < MANIFOLD:
+    if said.over_noise < LITTLE:
         return f"{percent(said.over_noise)} over the noise"
     return f"{number(1 + said.over_noise, 2)} times the noise"
 
