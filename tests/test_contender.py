@@ -11,7 +11,7 @@ import pytest
 from scipy.signal import lfilter
 
 from runner.effects.mechanism import ActuatorDelay, Gravity, ObservationDelay
-from runner.effects.planar_box import ActuatorLag, BodySize
+from runner.effects.planar_box import ActuatorLag, ActuatorSaturation, BodySize
 from runner.effects.vocabulary import Candidate
 from runner.inference.contender import are_confounded, contend, dispersion_of, memory
 from runner.inference.evidence import directions, sensitivities
@@ -23,6 +23,7 @@ from runner.systems.planar_box.simulator import Simulator
 from runner.systems.planar_box.system import PlanarBox
 from runner.systems.simulator import Run
 from tests.cases import NOMINAL, made
+from tests.test_multiple_shooting import pushed, random_pushes
 
 
 def left(rows: list[np.ndarray]) -> Any:
@@ -111,3 +112,15 @@ def test_a_lag_longer_than_a_command_lasts_promises_most() -> None:
     nominal = fitter.fit(NONE, [0, 1])
     around = contend(fitter, nominal, sensitivities(fitter, nominal, directions(system)))
     assert max(around.gains, key=lambda c: float(around.gains[c][0])).effect is ActuatorLag
+
+
+def test_a_limit_far_below_one_large_push_is_looked_at() -> None:
+    """The largest push of all may be that of an episode which is held out: there are limits that cut off the others."""
+    forces = [(20.0 if e == 2 else 10.0) / 16.0 * f for e, f in enumerate(random_pushes(3, 3.0))]
+    limit = 0.8 * min(float(np.linalg.norm(f, axis=1).max()) for f in forces[:2])
+    system = PlanarBox(pushed(forces, [(ActuatorSaturation(limit),)] * 3))
+    fitter = Fitter(system, system.simulator(threads=1), measure(system))
+    nominal = fitter.fit(NONE, [0, 1])
+    around = contend(fitter, nominal, sensitivities(fitter, nominal, directions(system)))
+    gains = {c.effect: float(gain) for c, (gain, *_) in around.gains.items()}
+    assert gains[ActuatorSaturation] > 0.1 * nominal.total

@@ -41,7 +41,8 @@ class ActuatorSaturation(PlanarEffect):
 
     @classmethod
     def starts(cls, context: Context) -> np.ndarray:
-        return np.array([[s] for s in (0.1, 0.3)])
+        """Return shares of every size: the largest push of all may be one of few, and far above the limit."""
+        return np.array([[s] for s in (0.1, 0.3, 0.5, 0.7)])
 
     @classmethod
     def phrase(cls, of: Values, beliefs: Beliefs, target: str | None = None) -> Phrase:
