@@ -67,4 +67,4 @@ def test_a_measured_force_is_warned_of(tmp_path: Path) -> None:
     table.to_parquet(tmp_path / "case/recording.parquet", index=False)
     (note,) = read_case(tmp_path / "case").notes
     assert note.startswith("warning: the force 'fx', 'fy' was measured, with noise of 0.0")
-    assert "Give the path of what pushes as a `pin`" in note
+    assert "Where a robot's arm or a hand pushes, give its path as a `pin`" in note
