@@ -100,9 +100,9 @@ def test_lost_forces_stand_between_their_neighbours(tmp_path: Path, capsys: pyte
     log.loc[empty, ["push_x_N", "push_y_N"]] = np.nan
     imported(log.drop(index=gone), tmp_path)
     said = " ".join(capsys.readouterr().out.split())
-    assert "Note: 'fx', 'fy': 6 samples were lost; the line between those around them is taken" in said
+    assert "Note: 'fx', 'fy': 6 samples were lost; the curve between those around them is taken" in said
     assert "'vx'" not in said  # nobody has asked for velocities
-    text = (tmp_path / "map.yaml").read_text().replace(", between: line", "")  # means say less of single rows
+    text = (tmp_path / "map.yaml").read_text().replace(", between: curve", "")  # means say less of single rows
     (tmp_path / "held.yaml").write_text(text)
     log_file, box = tmp_path / "pushes.csv", tmp_path / "box.yaml"
     assert (
@@ -174,20 +174,31 @@ def _series(column: str, values: list[float], acts: tuple[str, ...] = ()) -> Ser
     return Series(entry, Signal(column, "table", np.array(values)), at, 10_000_000 * at, np.array(values))
 
 
-@pytest.mark.parametrize(("name", "between"), [("push_x_N", "line"), ("cmd_push_x_N", None)])
-def test_a_measured_force_is_a_line(name: str, between: str | None, tmp_path: Path) -> None:
-    """A case holds each row's force, so that of a line it is the mean until the next row; what was sent was held."""
+@pytest.mark.parametrize(("name", "between"), [("push_x_N", "curve"), ("cmd_push_x_N", None)])
+def test_a_measured_force_is_a_curve(name: str, between: str | None, tmp_path: Path) -> None:
+    """A case holds each row's force, so that of a curve it is the mean until the next row; what was sent was held."""
     log = tracker()
-    t = np.tile(np.arange(SAMPLES) / RATE_HZ, PUSHES)
-    log["push_x_N"] = 5.0 * np.sin(3.0 * t)
+    t = np.arange(SAMPLES) / RATE_HZ
+    log["push_x_N"] = np.tile(5.0 * np.sin(9.0 * t), PUSHES)
     log["push_y_N"] = 0.02 * np.random.default_rng(0).normal(size=len(log))  # all of it noise
     text = yaml.safe_load(imported(log.rename(columns={"push_x_N": name}), tmp_path))
     assert text["commands"]["fx"].get("between") == between
     assert text["commands"]["fy"].get("between") == between  # one sensor
+    mean = 5.0 / 9.0 * RATE_HZ * (np.cos(9.0 * t) - np.cos(9.0 * t + 9.0 / RATE_HZ))  # the integral over a row
     for episode in read_case(tmp_path / "case").episodes:
-        force = 5.0 * np.sin(3.0 * np.arange(SAMPLES) / RATE_HZ)
-        line = np.append(0.5 * (force[1:] + force[:-1]), force[-1])
-        np.testing.assert_allclose(episode.force_n[:, 0], line if between else force, atol=1e-9)
+        if between:  # the mean of a line is 0.75 % off: (9 / 30)^2 / 12
+            np.testing.assert_allclose(episode.force_n[1:-2, 0], mean[1:-2], atol=0.005)
+        else:
+            np.testing.assert_allclose(episode.force_n[:, 0], 5.0 * np.sin(9.0 * t), atol=1e-9)
+
+
+def test_what_bends_less_than_it_is_noisy_is_a_line(tmp_path: Path) -> None:
+    """Noise makes a curve the worse forecast of a sample, as a line takes the mean of more like neighbours."""
+    log, g = tracker(), np.random.default_rng(1)
+    t = np.tile(np.arange(SAMPLES) / RATE_HZ, PUSHES)
+    log["push_x_N"] = 5.0 * np.sin(3.0 * t) + 0.2 * g.normal(size=len(log))
+    log["push_y_N"] = 0.2 * g.normal(size=len(log))
+    assert yaml.safe_load(imported(log, tmp_path))["commands"]["fx"]["between"] == "line"
 
 
 def test_a_line_pushes_as_much_as_it_does_between_rows(tmp_path: Path) -> None:

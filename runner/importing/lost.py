@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline, PPoly
 
 from runner.importing.clocks import LOST, NS
 from runner.importing.episodes import Series
@@ -34,9 +35,9 @@ def with_lost(one: Series, told: Told) -> Series:
     gaps = np.flatnonzero(counts > 1)
     if not len(gaps):
         return one
-    between, held = _errors(one.values, counts)
-    name, line = one.entry.column, one.entry.between is Between.LINE
-    if not line and not between < SMOOTH * held:
+    line, _, held = _errors(one.values, counts)
+    name, between = one.entry.column, one.entry.between
+    if not between.moves_on and not line < SMOOTH * held:
         jumped = gaps[one.values[gaps] != one.values[gaps + 1]]
         said = "{names}: {n} samples were lost where the command changed; the one before is held, so it may change late"
         told.add(said, int((counts[jumped] - 1).sum()), column=name)
@@ -47,9 +48,9 @@ def with_lost(one: Series, told: Told) -> Series:
     after = np.repeat(gaps, counts[gaps] - 1)
     share = np.concatenate([np.arange(1, n) / n for n in counts[gaps]])
     t = one.t_ns[after] + np.round(share * (one.t_ns[after + 1] - one.t_ns[after])).astype(np.int64)
-    values = one.values[after] + share * (one.values[after + 1] - one.values[after])
-    said = "{names}: {n} samples were lost; the line between those around them is taken"
-    said += "" if line else ", as that foretells the others"
+    values = through(one.t_ns / NS, one.values, between)(t / NS)
+    said = f"{{names}}: {{n}} samples were lost; the {_named(between)} between those around them is taken"
+    said += "" if between.moves_on else ", as that foretells the others"
     told.add(said, len(after), column=name)
     order = np.argsort(np.concatenate([one.t_ns, t]), kind="stable")
     return replace(
@@ -60,8 +61,32 @@ def with_lost(one: Series, told: Told) -> Series:
     )
 
 
-def moves_on(components: Sequence[FloatArray], t_s: FloatArray | None) -> bool:
-    """Whether what is sampled moves on between its samples: neighbours foretell each, and it makes no steps.
+def _named(between: Between) -> str:
+    return Between.CURVE.value if between is Between.CURVE else Between.LINE.value
+
+
+def through(t_s: FloatArray, values: FloatArray, between: Between) -> PPoly:
+    """Return what goes through samples: lines, or cubic curves with the slopes that their neighbours have.
+
+    Such a curve (Catmull and Rom 1974) bends by four samples alone, so that a jump disturbs none that are further away.
+
+    Args:
+        t_s: Their times, (T,), s, rising, two or more.
+        values: The samples, (T,).
+        between: Which; what is held goes along lines here.
+    """
+    steps = np.diff(t_s)
+    chords = np.diff(values) / steps
+    if between is not Between.CURVE or len(t_s) == 2:
+        return PPoly(np.stack([chords, values[:-1]]), t_s)
+    return CubicHermiteSpline(t_s, values, np.gradient(values, t_s, edge_order=2))
+
+
+def moves_on(components: Sequence[FloatArray], t_s: FloatArray | None) -> Between:
+    """Return what is between samples: what its neighbours foretell moves on, and makes no steps.
+
+    It does so along a curve where the cubic through four neighbours foretells a sample better than the line through
+    two. Noise speaks for the line, as that takes the mean of fewer.
 
     Args:
         components: Of one force, (T,) each, NaN where not known: one sensor has one answer.
@@ -73,8 +98,10 @@ def moves_on(components: Sequence[FloatArray], t_s: FloatArray | None) -> bool:
         steps = np.ones(max(int(there.sum()) - 1, 0)) if t_s is None else np.diff(t_s[there])
         apart = np.abs(steps - np.median(steps)) > NEAR_STEPS * np.median(steps) if len(steps) else steps > 0
         errors.append(_errors(values[there], np.where(apart, 2, 1)))
-    between, held = np.sqrt(np.sum(np.square(errors), axis=0))
-    return bool(between < SMOOTH * held)
+    line, curve, held = np.sqrt(np.sum(np.square(errors), axis=0))
+    if not line < SMOOTH * held:
+        return Between.HELD
+    return Between.CURVE if curve < line else Between.LINE
 
 
 def _lost_steps(t_s: FloatArray) -> np.ndarray:
@@ -93,11 +120,16 @@ def _lost_steps(t_s: FloatArray) -> np.ndarray:
     return np.where(known, counts, 1).astype(np.int64)
 
 
-def _errors(values: FloatArray, counts: np.ndarray) -> tuple[float, float]:
-    """Return how far neighbours, and the sample before, are off as a forecast of a sample, RMS over whole stretches."""
-    inner = np.flatnonzero((counts[:-1] == 1) & (counts[1:] == 1)) + 1
+def _errors(values: FloatArray, counts: np.ndarray) -> tuple[float, float, float]:
+    """Return how far forecasts of a sample are off, RMS over whole stretches.
+
+    They are the line between its neighbours, the cubic through two on each side, and the sample before.
+    """
+    even = counts == 1
+    inner = np.flatnonzero(even[1:-2] & even[2:-1] & even[:-3] & even[3:]) + 2
     if not len(inner):
-        return np.inf, 0.0
-    between = values[inner] - (values[inner - 1] + values[inner + 1]) / 2
-    held = values[inner] - values[inner - 1]
-    return float(np.sqrt(np.mean(between**2))), float(np.sqrt(np.mean(held**2)))
+        return np.inf, np.inf, 0.0
+    near, far = (values[inner - k] + values[inner + k] for k in (1, 2))
+    off = values[inner] - near / 2, values[inner] - (4 * near - far) / 6, values[inner] - values[inner - 1]
+    line, curve, held = (float(np.sqrt(np.mean(each**2))) for each in off)
+    return line, curve, held

@@ -12,7 +12,7 @@ channels:                                        # what is measured as in `nomin
   x: {signal: "/pose/position/x", body: object, quantity: position, axis: x, unit: mm}
   quat: {signals: [a, b, c, d], order: xyzw, body: object, quantity: orientation}
 forces:
-  - {body: object, force: [a, b, c], point: [d, e, f], unit: N, point_unit: mm, between: line}   # or held
+  - {body: object, force: [a, b, c], point: [d, e, f], unit: N, point_unit: mm, between: line}   # curve, held
 noise: {q_elbow: 0.001}                          # SI
 start: free                                      # or rest
 known: [gravity]                                 # optional: effects that are not the case
@@ -59,12 +59,18 @@ class Up(Enum):
 class Between(Enum):
     """What a command does from one of its samples to the next.
 
-    A case holds what stands in a row until the next one: of a line that is its mean over that time, so that it pushes
-    as much as the line does, and no half row late.
+    A case holds what stands in a row until the next one: of a line or a curve that is its mean over that time, so that
+    it pushes as much as that does, and no half row late.
     """
 
     HELD = "held"
     LINE = "line"
+    CURVE = "curve"
+
+    @property
+    def moves_on(self) -> bool:
+        """Whether a sample is one of something that changes all the time."""
+        return self is not Between.HELD
 
 
 class Order(Enum):

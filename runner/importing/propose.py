@@ -157,7 +157,7 @@ def _lacking_of_box(column: str, element: Element, part: Part, used: Collection[
 
 
 def _lines(draft: _Draft, part: Part, times_s: FloatArray | None) -> None:
-    """Propose lines between samples of a force that moves on between them, unless its name says that it was sent."""
+    """Propose what is between samples of a force that moves on there, unless its name says that it was sent."""
     forces = [draft.commands[c] for c in FORCE[:2] if draft.commands.get(c, {}).get("signal", TO_FILL) != TO_FILL]
     names = [entry["signal"] for entry in forces]
     values = [part.signals[name].values for name in names]
@@ -165,13 +165,16 @@ def _lines(draft: _Draft, part: Part, times_s: FloatArray | None) -> None:
         return
     known = times_s is not None and all(len(v) == len(times_s) for v in values)
     measured = force_noise([[v[np.isfinite(v)]] for v in values]).any()  # noise hides that it moves on
-    if measured or moves_on(values, times_s if known else None):
+    between = moves_on(values, times_s if known else None)
+    if measured and not between.moves_on:
+        between = Between.LINE
+    if between.moves_on:
         for entry in forces:
-            entry["between"] = Between.LINE.value
+            entry["between"] = between.value
         verb = "moves" if len(names) == 1 else "move"
         draft.notes.append(
-            f"{_listed(names)}: {verb} on between samples, so the line between them is taken (between: line); a force "
-            "that was commanded and held is `between: held`"
+            f"{_listed(names)}: {verb} on between samples, so the {between.value} between them is taken (between: "
+            f"{between.value}); a force that was commanded and held is `between: held`"
         )
 
 

@@ -1,6 +1,6 @@
 """One episode as rows of a table: series put in order, then on common times.
 
-Commands are held until their next sample, or are the mean of the line to it; where samples are lost see
+Commands are held until their next sample, or are the mean of the line or curve to it; where samples are lost see
 `runner.importing.lost`. Channels keep their own samples where rows stand at all times of all series, or go to the
 nearest of even rows, or are interpolated where the map puts rows elsewhere, but not over gaps.
 """
@@ -11,13 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import PPoly
 
 from runner.errors import RecordingError
 from runner.importing.clocks import NS
 from runner.importing.entries import Role
 from runner.importing.episodes import Cut, Series
-from runner.importing.lost import with_lost
-from runner.importing.map_file import ALL, EVEN, NEAREST, Between, RowKeys
+from runner.importing.lost import through, with_lost
+from runner.importing.map_file import ALL, EVEN, NEAREST, RowKeys
 from runner.importing.points import with_points
 from runner.importing.signals import Integers
 from runner.importing.told import Told
@@ -94,9 +95,10 @@ def rows(episode: Cut, keys: RowKeys, told: Told, *, sparse: bool) -> Rows | Non
     Raises:
         RecordingError: If a command is not a number, or a series has no samples.
     """
-    lines = [one.entry.key for one in episode.series if one.entry.between is Between.LINE]
-    if sparse and lines:
-        raise RecordingError(f"{lines[0]}.between: line: in a sparse log an empty cell means that nothing has changed.")
+    moving = [one.entry for one in episode.series if one.entry.between.moves_on]
+    if sparse and moving:
+        key = f"{moving[0].key}.between: {moving[0].between.value}"
+        raise RecordingError(f"{key}: in a sparse log an empty cell means that nothing has changed.")
     pointed = episode.series if sparse else with_points(episode.series, told)
     series = [in_order(one, told) for one in _known(pointed, keys, told, sparse=sparse)]
     if not sparse:
@@ -136,7 +138,7 @@ def rows(episode: Cut, keys: RowKeys, told: Told, *, sparse: bool) -> Rows | Non
     columns = {}
     for one in series:
         if one.entry.role is Role.COMMAND:
-            of = {Between.HELD: _held, Between.LINE: _means}[one.entry.between]
+            of = _means if one.entry.between.moves_on else _held
             columns[one.entry.column] = of(_moved(one, kept) if keys.at == NEAREST else one, kept, told)
         else:
             columns[one.entry.column] = CHANNELS.get(keys.at, _interpolated)(one, kept, told)
@@ -211,26 +213,25 @@ def _held(one: Series, times: Integers, told: Told) -> FloatArray:
 
 
 def _means(one: Series, times: Integers, told: Told) -> FloatArray:
-    """Return the mean of the line between samples from each row to the next; in the last row the line itself.
+    """Return the mean of what goes through samples from each row to the next; in the last row its value.
 
     Over gaps of several of its steps nothing says how it went on: there it is held.
     """
-    held = _held(one, times, told)
+    held, between = _held(one, times, told), one.entry.between
     if len(one.t_ns) < 2 or len(times) < 2:
         return held
     t, at, values = (one.t_ns - times[0]) / NS, (times - times[0]) / NS, one.values
-    gaps = np.flatnonzero(np.diff(t) > GAP_STEPS * np.median(np.diff(t)))
-    t, values = np.insert(t, gaps + 1, t[gaps + 1]), np.insert(values, gaps + 1, values[gaps])
-    until = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(t))])
-    before = np.clip(np.searchsorted(t, at, side="right") - 1, 0, None)
-    after = np.minimum(before + 1, len(t) - 1)
-    step = t[after] - t[before]
-    share = np.divide(at - t[before], step, out=np.zeros_like(at), where=step > 0)
-    line = values[before] + share * (values[after] - values[before])
-    area = until[before] + 0.5 * (values[before] + line) * (at - t[before])
-    out = np.append(np.diff(area) / np.diff(at), line[-1])
+    ends = np.append(np.flatnonzero(np.diff(t) > GAP_STEPS * np.median(np.diff(t))), len(t) - 1)
+    pieces = np.zeros((4, len(t)))  # of degree 3 and below from each sample on: held, until it is known better
+    pieces[-1] = values
+    for first, last in zip([0, *ends[:-1] + 1], ends, strict=True):
+        if last > first:
+            c = through(t[first : last + 1], values[first : last + 1], between).c
+            pieces[-len(c) :, first:last] = c
+    whole = PPoly(pieces, np.append(t, max(at[-1], t[-1]) + 1.0))
+    out = np.append(np.diff(whole.antiderivative()(at)) / np.diff(at), whole(at[-1]))
     moved = float(np.abs(out - held).max())
-    said = "{names}: means of the line between samples, up to {largest} from what would be held"
+    said = f"{{names}}: means of the {between.value} between samples, up to {{largest}} from what would be held"
     told.add(said, moved > 0.0, moved, column=one.entry.column)
     return out
 
