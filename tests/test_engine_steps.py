@@ -71,7 +71,7 @@ def test_it_is_said_where_the_sensor_would_tell(noise_rad: float, said: int, tmp
     starts = {e: np.zeros(2) for e in range(EPISODES)}
     found = said_of_engine_steps(system, measure(system), (), starts, system.stretches())
     assert len(found) == said
-    assert all("steps of 2 ms" in note and "'q'" in note for note in found)
+    assert all("`timestep` of 0.002 s" in note and "'q'" in note for note in found)
 
 
 def test_nothing_is_said_beside_a_model_that_is_off_by_more(tmp_path: Path) -> None:
@@ -84,17 +84,17 @@ def test_nothing_is_said_beside_a_model_that_is_off_by_more(tmp_path: Path) -> N
 
 
 def test_the_step_that_would_do_does(tmp_path: Path) -> None:
-    """What is said to be short enough is; twice as long is not."""
+    """What is said to be short enough is, with half of what would be borne to spare; four times as long is not."""
     starts = {e: np.zeros(2) for e in range(EPISODES)}
 
     def said(step_s: float, name: str) -> tuple[str, ...]:
         system, _ = swung(1e-3, tmp_path / name, MODEL.replace("0.002", str(step_s)), made_in_s=1e-4)
         return said_of_engine_steps(system, measure(system), (), starts, system.stretches())
 
-    (note,) = said(0.002, "long")
-    enough_s = float(note.rpartition("`timestep` to ")[2].rstrip("."))
-    assert said(enough_s, "short") == ()
-    assert said(2.0 * enough_s, "twice") != ()
+    (note,) = said(0.002, "first")
+    enough_s = float(note.partition("set it to ")[2].partition(" there")[0])
+    assert said(enough_s, "short") == said(1.9 * enough_s, "twice") == ()
+    assert said(4.0 * enough_s, "long") != ()
 
 
 @pytest.mark.parametrize(("height_m", "said"), [(5.0, 1), (0.4, 0)])

@@ -1,8 +1,8 @@
 """What the engine's own steps make of a model, beside its equations of motion.
 
 A diagnosis integrates to second order in the step. An engine that is first order is off by what a clock that is half
-a step ahead, or damping times half a step as inertia, would do. A log that it wrote shows just that, and a fine sensor
-tells it.
+a step ahead, or damping times half a step as inertia, would do. A log that it wrote in such steps shows just that, and
+a fine sensor tells it; one that it wrote in finer steps, or that was measured, does not.
 """
 
 from __future__ import annotations
@@ -49,14 +49,13 @@ def said_of_engine_steps(
     worst = int(np.argmax(noises / bearable))
     if not noises[worst] > bearable[worst]:
         return ()
-    # of first order: half the step leaves half
-    enough_s = step_s / 2.0 ** np.ceil(np.log2(noises[worst] / bearable[worst]))
+    # of first order: half the step leaves half, and what leaves half of what the model misses adds an eighth to it
+    enough_s = step_s / 2.0 ** np.ceil(np.log2(2.0 * noises[worst] / bearable[worst]))
     return (
-        f"MuJoCo alone, in the model's steps of {1000 * step_s:g} ms, is {noises[worst]:.2g} noises of "
-        f"'{system.channels[worst].name}' off the motion that the model stands for, much as if it were half a step "
-        "ahead and its dampers had inertia. A recording that MuJoCo made in such steps shows that too, one that it "
-        "made in shorter steps does not. Where MuJoCo alone is to move as the corrected model does, to within what "
-        f"that misses, set `timestep` to {enough_s:.3g}.",
+        f"The model's `timestep` of {step_s:g} s is too long to replay it in MuJoCo alone, which is then "
+        f"{noises[worst]:.2g} noises of '{system.channels[worst].name}' off (runner takes finer steps of its own): set "
+        f"it to {enough_s:.3g} there. If MuJoCo made this recording in such long steps, they are part of what was "
+        "measured, and may have been taken for a delay or for inertia.",
     )
 
 
