@@ -14,6 +14,7 @@ from runner.commands.gap import in_short
 from runner.diagnosis.pipeline import diagnose
 from runner.effects.base import AbstractEffect
 from runner.effects.wording import number
+from runner.inference import drive_noise
 from runner.inference.drive_noise import ByNoise, as_told, told_apart_from_noise
 from runner.inference.least_squares import NONE, Fitter
 from runner.noise.measured import measure
@@ -63,6 +64,21 @@ def test_what_noise_of_a_force_makes_is_little_for_a_while() -> None:
     brief = whole.stretched(spans)
     nominal = brief.fit(NONE, range(len(brief.measured.spans)))
     assert brief.measured.excess(nominal.total, nominal.episodes) < 0.2 * over_all
+
+
+def test_a_measured_force_is_not_replayed_so_long_that_what_is_little_grows_large(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Whatever its noise makes: where parts begin one grows to 10 at most, where the box turns away."""
+    monkeypatch.setattr(drive_noise, "by_noise", lambda *_: ByNoise.none())
+    system = PlanarBox(measured(3, 4.0))
+    whole = Fitter(system, system.simulator(threads=1), measure(system))
+    spans = told_apart_from_noise(whole)
+    assert spans is not None
+    longest = max(s.end - s.begin for s in spans) / RATE_HZ
+    gap = measure_gap(system, whole.measured, horizons_s=(longest, 3.9), whole_episodes=False)
+    short, long = gap.growth.values()
+    assert short < 1.5 * SETTINGS.pieces.most_growth < long  # by windows that begin elsewhere
 
 
 def test_a_gap_says_what_the_noise_of_a_force_makes() -> None:

@@ -172,3 +172,11 @@ def test_a_descent_rests_where_what_suits_each_episode_gains_next_to_nothing() -
     fixed = (Parameter("slope", "", 1.0, 0.0, 0.0),)
     assert edge.descended(50, parameters=fixed, tolerance=2.0).ending is Ending.RESTED
     assert len(edge.taken) <= 5  # of 50 steps
+
+
+def test_a_descent_rests_where_no_step_however_short_leads_down() -> None:
+    """An edge, as between holding and slipping: derivatives taken on one side of it promise what neither side has."""
+    edge = Lines([np.full(len(T), 10.0), np.zeros(len(T))], first=lambda s: -abs(s))
+    fixed = (Parameter("slope", "", 1.0, 0.0, 0.0),)
+    assert edge.descended(50, parameters=fixed).ending is Ending.RESTED
+    assert edge.descended(3, parameters=fixed).ending is None  # it has not tried short ones by then

@@ -263,8 +263,10 @@ def _first_look(
     piles_up = seen.cut_s is not None and {s.episode for s in spans} == set(range(len(root.measured.values)))
     if not piles_up:
         first = replace(first, fitter=replace(fitter, measured=fitter.measured.without(seen.hung)))
-        # what gets farther than the model as believed comes to turns that bend
-        spans = () if noisy else system.stretches(_suggested(first))
+        # what gets farther than the model as believed comes to turns that bend, or to what lets noise grow
+        suggested = _suggested(first)
+        noisy = told_apart_from_noise(replace(root, held=suggested)) if noisy else None
+        spans = noisy or system.stretches(suggested)
         if len(spans) <= len(fitter.measured.spans):
             return first
     if fitter.simulator is not simulator:

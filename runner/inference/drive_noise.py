@@ -6,11 +6,14 @@ body. How much it makes, and how far it could turn a comparison, shows where the
 noise of that size (as in SIMEX, Cook and Stefanski 1994).
 
 An error of a force moves all that comes after it, so what it makes grows with time. Once that is more than what sensors
-add, a longer replay repeats the same error and tells nothing new: such recordings are replayed in parts.
+add, a longer replay repeats the same error and tells nothing new: such recordings are replayed in parts. They are, too,
+where a motion lets small differences grow many times over: what a sensor shows of a force from sample to sample is not
+all that the force did.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -103,28 +106,29 @@ def driven_otherwise(fitter: Fitter) -> tuple[Fitter, ...]:
 
 
 def told_apart_from_noise(whole: Fitter) -> list[Span] | None:
-    """Return parts of the episodes over which noise of the drive makes no more than the sensors' does.
+    """Return parts of the episodes over which noise of the drive makes no more than the sensors' does, nor grows much.
 
-    None: over whole episodes it does not. By the believed model, whose starts are free; parts are halves of halves.
+    None: over whole episodes it does not. Starts are free; parts are tried each a third shorter or so than the last.
 
     Args:
-        whole: Of whole episodes, with the noise as it shows before any model was looked at.
+        whole: Of whole episodes, with the noise as it shows before any model was looked at; by what it holds.
     """
     systems = whole.system.driven_otherwise(SETTINGS.odds.drive_draws)
     if not systems:
         return None
     every = range(len(whole.measured.values))
-    length_s, spans, part = whole.longest_s(every), None, whole
-    while _made_beside_starts(part, systems) > 1.0 and length_s / 2 >= SETTINGS.pieces.min_length_s:
-        shorter = whole.pieces(length_s / 2, every)
-        if {s.episode for s in shorter} != set(every):
+    longest_s, count, spans, part = whole.longest_s(every), 1, None, whole
+    while _is_too_long(part, systems):
+        count = math.ceil(count * 4 / 3)
+        shorter = whole.pieces(longest_s / count, every)
+        if longest_s / count < SETTINGS.pieces.min_length_s or {s.episode for s in shorter} != set(every):
             break
-        length_s, spans, part = length_s / 2, shorter, whole.parts(shorter)
+        spans, part = shorter, whole.parts(shorter)
     return spans
 
 
-def _made_beside_starts(fitter: Fitter, systems: Sequence[AbstractSystem]) -> float:
-    """Return what noise of the drive makes beside the noise of all that was measured, as a mean square in noises.
+def _is_too_long(fitter: Fitter, systems: Sequence[AbstractSystem]) -> bool:
+    """Whether noise of the drive makes more than that of all that was measured does, or the motion lets it grow.
 
     What start states take up of it is taken off.
 
@@ -133,7 +137,24 @@ def _made_beside_starts(fitter: Fitter, systems: Sequence[AbstractSystem]) -> fl
         systems: The same with more noise on the drive.
     """
     fit = fitter.fit(NONE, range(len(fitter.measured.values)), iterations=SETTINGS.fit.nominal_steps)
-    return by_noise((fit,), fitter, [fitter.with_system(s) for s in systems]).excess
+    if by_noise((fit,), fitter, [fitter.with_system(s) for s in systems]).excess > 1.0:
+        return True
+    return _growth(fit, fitter) > SETTINGS.pieces.most_growth
+
+
+def _growth(fit: Fit, fitter: Fitter) -> float:
+    """Return what one noise of where stretches begin grows to, RMS in noises of the channel where that is most.
+
+    That of their speeds is not counted: it leads far away in a free motion, too, and a fit finds them.
+    """
+    initial, measured = fitter.system.initial, fitter.measured
+    noise = initial.scale(measured.sigma)[: initial.size // 2]
+    grown, counts = np.zeros(len(measured.sigma)), np.zeros(len(measured.sigma))
+    for e, q, r in zip(fit.episodes, fit.basis.q, fit.basis.r, strict=True):
+        moved = (q @ (r[:, : len(noise)] * noise)).reshape(*measured.values[e].shape, -1)
+        grown += (moved**2).sum(axis=(0, 2))
+        counts += measured.counted(e).sum(axis=0)
+    return float(np.sqrt(grown / np.maximum(counts, 1)).max())
 
 
 def as_told(

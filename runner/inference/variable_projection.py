@@ -248,6 +248,9 @@ class Descent:
         # one episode in which another corner hits first must not hold all others where they are
         apart = self._each_as_far_as_it_goes(point, dx, ds)
         if apart is None:
+            # where friction holds or just doesn't, derivatives promise what no step has, however short: a minimum, too
+            if DAMPING.ends_at(damping).all():
+                return Trial(replace(point, ending=Ending.RESTED), rests=True)
             return Trial(point, refused=True)
         gain = point.total - apart.total
         if gain < self.tolerance:  # whatever these derivatives promise, as where friction holds or just doesn't

@@ -42,6 +42,10 @@ class Schedule:
         higher = np.where(refused, np.maximum(damping * self.stiffening, self.least_refused), damping)
         return np.where(eased, np.maximum(damping / self.easing, self.least), higher)
 
+    def ends_at(self, damping: np.ndarray) -> np.ndarray:
+        """Return whose dampings (n,) are the last: a block whose step is refused goes no further, (n,)."""
+        return self.after(damping, eased=False, refused=True) >= self.most
+
 
 @dataclass(frozen=True)
 class Trial(Generic[Point]):
@@ -81,8 +85,8 @@ def descend(step: Step[Point], point: Point, schedule: Schedule, *, iterations: 
             break
         attempt = step(iteration, point, going, damping[going])
         point = attempt.point
+        stuck = attempt.refused & schedule.ends_at(damping[going])
         damping[going] = schedule.after(damping[going], attempt.eased, attempt.refused)
-        stuck = attempt.refused & (damping[going] >= schedule.most)
         going = going[~(attempt.rests | stuck)]
     return point
 

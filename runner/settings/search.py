@@ -60,6 +60,12 @@ class PieceSettings:
     min_length_s: float = setting(
         0.5, "s", "Over less, the start state that is free in every piece takes up most of what a wrong force does."
     )
+    most_growth: float = setting(
+        10.0,
+        "noises",
+        "Where one noise of the place that a motion begins at grows to more, whatever is a little off becomes as large "
+        "as the motion, and a descent of start states ends in any of many hollows.",
+    )
     beginning: float = setting(
         0.5,
         "of the longest stretch",

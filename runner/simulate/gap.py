@@ -35,7 +35,6 @@ WHOLE_EPISODE = "episode"
 # Of a descent of starts. Speeds guessed from positions of 30 a second are far off: after two steps windows of a second
 # still missed ten times what they miss in the end.
 START_STEPS = 8
-AMPLIFIES = 10.0  # noises that one noise of the start makes: from here on a descent of starts needs shorter parts first
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ class Gap:
         Where noise grows many times over, any small difference becomes as large as the motion.
         """
         horizons = list(self.growth)
-        return next((h for h in horizons[::-1] if not self.growth[h] > AMPLIFIES), horizons[0])
+        return next((h for h in horizons[::-1] if not self.growth[h] > SETTINGS.pieces.most_growth), horizons[0])
 
     def _repr_html_(self) -> str:
         return self.table.to_html(index=False, float_format="{:.3g}".format)
@@ -214,7 +213,8 @@ def _sums(
     expected = np.where(counts, spread + signals.sigma**2, 0.0).sum(axis=(0, 1))
     places = (change[:, : system.initial.size // 2] / signals.sigma) ** 2
     grown = np.where(counts, places.sum(axis=1), 0.0).sum(axis=(0, 1))
-    amplifies = grow and (expected > AMPLIFIES**2 * signals.sigma**2 * counts.sum(axis=(0, 1))).any()
+    most = SETTINGS.pieces.most_growth
+    amplifies = grow and (expected > most**2 * signals.sigma**2 * counts.sum(axis=(0, 1))).any()
     shares = SETTINGS.held_out.growing_shares if amplifies else (1.0,)
     problem = (predict, values, valid, signals, measured, steps, scale)
     fitted = fit_starts(*problem, shares=shares, iterations=START_STEPS)
