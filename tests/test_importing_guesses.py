@@ -216,6 +216,23 @@ def test_what_all_names_of_a_kind_have_tells_none_from_another(target: str, angl
     assert {e["joint"]: e["signal"] for e in found["channels"].values()} == {f"{j}_j": angle.format(j) for j in moved}
 
 
+def test_a_word_that_begins_one_name_alone_is_short_for_it() -> None:
+    """What no word says a quantity of is left alone, and so is what may be short for either."""
+    t = 0.01 * sample
+    model = mujoco.MjModel.from_xml_string(SHOULDER_AND_ELBOW)
+    columns = {"goal_sh": np.sin(3 * t), "goal_el": np.sin(4 * t), "enc_sh": np.sin(2 * t), "enc_el": np.sin(5 * t)}
+    proposal = propose(log_of(time=t, el_warmth=40 + t, **columns), model)
+    found = yaml.safe_load(proposal.text)
+    assert [c["signal"] for c in found["commands"].values()] == ["goal_sh", "goal_el"]
+    assert [(c["signal"], c["joint"]) for c in found["channels"].values()] == [
+        ("enc_sh", "shoulder_j"),
+        ("enc_el", "elbow_j"),
+    ]
+    assert all(f"'{signal[-2:]}' as short for it" in why for signal, _, _, why in proposal.table)
+    alike = mujoco.MjModel.from_xml_string(SHOULDER_AND_ELBOW.replace("elbow", "shin"))
+    assert yaml.safe_load(propose(log_of(time=t, goal_sh=np.sin(3 * t)), alike).text)["commands"] == "TODO"
+
+
 def test_commands_that_are_not_recognised_wait_to_be_filled_in() -> None:
     """Servos that nothing is sent to stand at zero: that is for the owner to say."""
     t = 0.01 * sample

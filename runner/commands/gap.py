@@ -32,12 +32,13 @@ from runner.api.gap import gap
 from runner.api.tables import GAP
 from runner.commands import Command, Job
 from runner.diagnosis.corrected import corrected_file
-from runner.effects.wording import listed, number
+from runner.effects.wording import listed, number, small_unit
 from runner.errors import ConfigError, check_range
 from runner.progress import progress, waiting
 from runner.recording import find_cases
 from runner.recording.case import content_hash
 from runner.recording.data import WARNING, introduced, warnings
+from runner.settings import SETTINGS
 from runner.simulate.gap import HORIZONS_S, WHOLE_EPISODE, Gap
 from runner.storage.provenance import digest, files_digest
 from runner.storage.writing import write_parquet
@@ -45,18 +46,18 @@ from runner.systems.base import AbstractSystem
 from runner.systems.recorded import Recorded, in_parts
 
 EPISODES_FILE = "gap_episodes.parquet"
-# so that a reader sees 5 numbers and no zeros: mm, mrad
+GROWS = "growth of noise"
 LEGEND = (
-    ("starts fitted", "from the start states that suit the model best; 1 is a perfect model"),
-    ("starts measured", "from the measured start states: their noise spreads, and what smoothing makes of jumps"),
-    ("noise alone", "what that noise makes of a perfect model; compare starts measured with it"),
+    (GROWS, "what one noise of where a window begins grows to; above {most:g}, what is missed says little"),
+    ("starts fitted", "from those that suit the model best; 1, or what the noise alone makes, is a perfect model"),
+    ("starts measured", "from those that were measured: their noise spreads, and what smoothing makes of jumps"),
+    ("noise alone", "what noise makes of a perfect model; compare what stands above it"),
 )
 AMPLIFIED = "Over whole episodes one noise of where they begin grows to {} noises: what is missed there says little."
 AT_NOISE = 1.1  # times the noise: up to here, what a model that is right leaves too
 # An estimate of the noise from the median size of third differences of N values is off by 1.8 / sqrt(N) of itself
 # (standard error: 1.17 for a median of what is independent, times 1.5 as neighbours share values); twice that counts.
 OFF_TWICE = 3.6
-SHOWN = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "m/s": ("mm/s", 1e3), "rad/s": ("mrad/s", 1e3)}
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,8 @@ def _print(system: AbstractSystem, found: Gap, console: Console, corrected: Path
         table = _table(system, found, "=")  # narrower by what is not needed
     _print_whole(table, console)
     for term, meaning in LEGEND:
-        console.print(Padding(Text.assemble((term, "italic"), f": {meaning}"), (0, 0, 0, 1)))
+        said = meaning.format(most=SETTINGS.pieces.most_growth)
+        console.print(Padding(Text.assemble((term, "italic"), f": {said}"), (0, 0, 0, 1)))
     if not found.table["stated"].to_numpy().all():
         said = (
             "~: not stated but estimated from how samples differ; what is in noises rests on it. A diagnosis estimates "
@@ -151,13 +153,14 @@ def _table(system: AbstractSystem, found: Gap, equals: str) -> Table:
     table.add_column("channel", no_wrap=True)
     for name in ("noise", *("episodes" if h == WHOLE_EPISODE else h for h in horizons)):
         table.add_column(name, justify="right", no_wrap=True)
+    table.add_row(f"[italic]{GROWS}[/]", "", *(_noises(found.growth[h]) for h in horizons), end_section=True)
     at = {(r["starts"], r["channel"], r["horizon"]): r for r in found.table.to_dict("records")}
     # noise of a measured force is left by a perfect model from fitted starts too
     kinds = (("fitted", False), *((("fitted", True),) if system.has_noisy_drive else ()))
     for starts, alone in (*kinds, ("measured", False), ("measured", True)):
         table.add_row("[italic]noise alone[/]" if alone else f"[italic]starts {starts}[/]")
         for c, channel in enumerate(system.channels):
-            unit, factor = SHOWN.get(channel.unit, (channel.unit, 1.0))
+            unit, factor = small_unit(channel.unit)
             rows = [at[starts, channel.name, horizon] for horizon in horizons]
             mark = "" if rows[0]["stated"] else "~"
             if alone:

@@ -21,6 +21,15 @@ UNITS = {
 }
 
 
+# the unit that a small amount is shown in, and what one SI unit is of it; any other unit is shown as it is
+SMALL_UNITS = {"m": ("mm", 1e3), "rad": ("°", DEGREES), "m/s": ("mm/s", 1e3), "rad/s": ("°/s", DEGREES)}
+
+
+def small_unit(unit: str) -> tuple[str, float]:
+    """Return the unit that a small amount is shown in, and what one SI unit is of it."""
+    return SMALL_UNITS.get(unit, (unit, 1.0))
+
+
 def unit_of(name: str) -> str:
     """Return the unit that the name of a number ends on, "" for a pure number."""
     endings = [ending for ending in UNITS if name.endswith(ending)]

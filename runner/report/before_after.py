@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from runner.effects.wording import DEGREES, change, length, number
+from runner.effects.wording import change, length, number, small_unit
 from runner.simulate.gap import measure_gap, of_a_sample
 from runner.systems.channels import Channel
 from runner.systems.recorded import longest_part_s
@@ -18,13 +18,6 @@ if TYPE_CHECKING:
     from runner.diagnosis.result import Diagnosis
 
 SHOWN_HORIZONS_S = (0.1, 0.5, 1.0, 2.0)
-# the unit that a small amount is shown in, and what one SI unit is of it; any other unit is shown as it is
-SMALL = {"m": ("mm", 1e3), "rad": ("°", DEGREES), "m/s": ("mm/s", 1e3), "rad/s": ("°/s", DEGREES)}
-
-
-def small(unit: str) -> tuple[str, float]:
-    """Return the unit that a small amount is shown in, and what one SI unit is of it."""
-    return SMALL.get(unit, (unit, 1.0))
 
 
 @dataclass(frozen=True)
@@ -80,7 +73,7 @@ def misses(diagnosis: Diagnosis) -> list[Miss]:
     at_last = {m.channel.name: m for m in of_whole_episodes(diagnosis)}
     out = []
     for channel in diagnosis.system.channels:
-        unit, scale = small(channel.unit)
+        unit, scale = small_unit(channel.unit)
         for horizon in horizons:
             key = (channel.name, f"{horizon:g} s")
             values = (before.loc[key, "rms"], after.loc[key, "rms"], before.loc[key, "noise"])
@@ -97,7 +90,7 @@ def of_whole_episodes(diagnosis: Diagnosis) -> list[Miss]:
     named = table["channel"].to_numpy()
     values = {c: table[c].to_numpy(float) for c in ("before", "after", "noise")}
     for channel in diagnosis.system.channels:
-        unit, scale = small(channel.unit)
+        unit, scale = small_unit(channel.unit)
         there = named == channel.name
         if there.any():
             before, after, noise = (scale * _rms(of[there]) for of in values.values())

@@ -8,7 +8,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 
-from runner.report.before_after import Miss, small
+from runner.effects.wording import small_unit
+from runner.report.before_after import Miss
 from runner.report.figures import BAND, FAINT, GREY, INK, ORANGE, STYLE, new, svg
 from runner.report.figures import title as titled
 from runner.report.motions import Paths, autocorrelation
@@ -75,7 +76,7 @@ def _channel(system: AbstractSystem, path: Paths, i: int, sigma: float, name: st
     # marks between the two would strike through what is written there
     upper.tick_params(axis="x", length=0, labelbottom=False)
 
-    unit, scale = small(channel.unit)
+    unit, scale = small_unit(channel.unit)
     lower.axhspan(-2 * scale * sigma, 2 * scale * sigma, color=BAND, lw=0)
     lower.axhline(0, color=INK, lw=0.6)
     missed = [scale * (m - path.measured)[:, i] for m in (path.nominal, path.corrected)]

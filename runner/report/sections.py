@@ -13,10 +13,10 @@ import pandas as pd
 from markupsafe import Markup
 from scipy.special import chdtrc  # of scipy.stats' import every diagnosis would wait for a second
 
-from runner.effects.wording import counted, listed, number, percent
+from runner.effects.wording import counted, listed, number, percent, small_unit
 from runner.importing.record import called, episode_sources
 from runner.report import motion_figures, where_figures, words
-from runner.report.before_after import Miss, misses, of_whole_episodes, small
+from runner.report.before_after import Miss, misses, of_whole_episodes
 from runner.report.figures import GREY, ORANGE
 from runner.report.missing_force import by_regime, components, missing_force
 from runner.report.motions import Paths, autocorrelation, where_after, whitened
@@ -285,7 +285,7 @@ def noise(diagnosis: Diagnosis) -> list[dict[str, str]]:
     measured = diagnosis.measured
     out = []
     for i, channel in enumerate(diagnosis.system.channels):
-        unit, scale = small(channel.unit)
+        unit, scale = small_unit(channel.unit)
         lag_one = float(measured.noise_model.lag_one[i])
         stated = float(measured.stated[i])
         source = "estimated from the recording"

@@ -18,6 +18,7 @@ from runner.importing.guess.names import (
     own_words,
     said_by,
     shared_words,
+    short_for,
     without,
     words_of,
 )
@@ -202,12 +203,16 @@ def _by_name(signal: Signal, elements: Sequence[Element], matches: Matches) -> N
     alone = len({e.target for e in elements if e.kind == "joint"}) == 1
     if not named and alone:
         named = [((), e) for e in elements]
+    short = "" if named else _short(words, elements)
+    if short:
+        named = [((short,), e) for e in elements if short_for(short, e.names)]
     if not named:
         return
     longest = max(len(name) for name, _ in named)
     named = [(name, e) for name, e in named if len(name) == longest]
     said = said_by(without(words, named[0][0]), signal.name, named=bool(named[0][0]))
-    if said.other or (not named[0][0] and not said.command and said.quantity is Quantity.UNKNOWN):
+    vague = said.quantity is Quantity.UNKNOWN and not said.command
+    if said.other or (vague and (short or not named[0][0])):
         return
     wanted = [e for _, e in named if _fits(e, said)]
     if not wanted:
@@ -221,10 +226,20 @@ def _by_name(signal: Signal, elements: Sequence[Element], matches: Matches) -> N
     if matches.has(element):
         matches.notes.append(f"'{signal.name}' may be the {element.words} as well")
         return
-    why = BY_NAME if named[0][0] else "the only joint"
-    if said.quantity is Quantity.UNKNOWN and not said.command:
+    why = f"'{short}' as short for it" if short else BY_NAME if named[0][0] else "the only joint"
+    if vague:
         why += ", no word says of which quantity"
     matches.pairs.append((element, signal, why))
+
+
+def _short(words: Sequence[str], elements: Sequence[Element]) -> str:
+    """Return the word that is short for a joint or its actuator and for no other, as `sh` for shoulder; "": none is."""
+    for word in words:
+        joints = {e.target for e in elements if e.kind == "joint" and short_for(word, e.names)}
+        driven = {e.target for e in elements if e.is_command and short_for(word, e.names)}
+        if len(joints) < 2 and len(driven) < 2 and (joints or driven):
+            return word
+    return ""
 
 
 def _fits(element: Element, said: Said) -> bool:

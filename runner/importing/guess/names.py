@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -24,6 +24,8 @@ OTHER = {
     "acceleration", "ddq", "gain", "gains", "min", "max", "limit", "lower", "upper", "id", "status", "mode", "std",
     "covariance",
 }  # fmt: skip
+SAYS = COMMAND | POSITION | VELOCITY | RATE | FORCE | OTHER  # words of quantities, which are short for nothing
+FEWEST_LETTERS = 2  # that are short for a name
 # of what is no motion and no force, where nothing else in a name that ends on it says what it is; symbols of units are
 # capital: a small letter is a part of a name
 OTHER_UNITS = {"amp", "amps", "volts", "watt", "watts", "celsius"}
@@ -73,6 +75,13 @@ def own_words(name: str, shared: Collection[str] = ()) -> tuple[tuple[str, ...],
     whole = words_of(name)
     bare = tuple(w for w in whole if w not in GENERIC and w not in shared)
     return (whole, bare) if bare and bare != whole and not all(w.isdigit() for w in bare) else (whole,)
+
+
+def short_for(word: str, names: Iterable[Sequence[str]]) -> bool:
+    """Whether a word of two letters or more begins one of some names, and is less than its first word."""
+    return len(word) >= FEWEST_LETTERS and any(
+        len(word) < len(name[0]) and name[0].startswith(word) for name in names if word not in SAYS
+    )
 
 
 def shared_words(names: Sequence[str]) -> frozenset[str]:
