@@ -77,15 +77,20 @@ def _flights(
         for i, joint in enumerate(coordinates.joints)
         if (found := pose_channels(recording, near.body(int(near.jnt_bodyid[i])).name)) is not None
     }
-    free = np.zeros(len(episode), bool)
     every = max(1, len(episode) // MECHANISM.flight.max_looked_at)
+    looked_at, clear = list[int](), list[float]()
     for k in range(0, len(episode), every):
         for q, places, turn in where.values():
             data.qpos[q] = np.concatenate([episode.values[k, places], episode.orientations[turn][k]])
         if np.isfinite(data.qpos).all():
             mujoco.mj_kinematics(near, data)
             mujoco.mj_collision(near, data)
-            free[k : k + every] = data.ncon == 0
+            looked_at.append(k)
+            clear.append(float(data.ncon == 0))
+    if not looked_at:
+        return []
+    # where a reading was lost, and between those that are looked at, what is flight on both sides of it is flight
+    free = np.interp(np.arange(len(episode)), looked_at, clear) == 1.0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], free, [False]]).astype(int)))
     fewest = SETTINGS.fit.min_start_samples
     least = max(fewest, round(MECHANISM.flight.min_length_s / episode.step_s))

@@ -338,6 +338,8 @@ def shortest_contact_s(model: mujoco.MjModel) -> float:
 
 
 def can_touch(model: mujoco.MjModel) -> bool:
-    """Whether any two geoms of a model may be in contact."""
+    """Whether any two geoms of a model may be in contact: those of one body, or of two that never part, can't be."""
     kinds, partners = np.array(model.geom_contype), np.array(model.geom_conaffinity)
-    return model.npair > 0 or model.nflex > 0 or bool((kinds[:, None] & partners[None, :]).any())
+    of = np.array(model.body_weldid)[model.geom_bodyid]
+    apart = of[:, None] != of[None, :]
+    return model.npair > 0 or model.nflex > 0 or bool((kinds[:, None] & partners[None, :])[apart].any())
