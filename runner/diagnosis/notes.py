@@ -105,9 +105,9 @@ def doubts(system: AbstractSystem, measured: Measured, top: Contender) -> tuple[
         )
     if not top.fit.converged:
         out.append(
-            "The fit of the best explanation did not come fully to rest, so that its errors may be "
-            "too small. Before relying on its numbers let the corrected model predict another recording, by "
-            "`runner gap`, or diagnose that and this one as one case: `runner import` takes several logs."
+            "The fit of the best explanation was still moving when its steps were used up, so that its errors may be "
+            "too small. Before relying on its numbers diagnose this recording and another as one case (`runner import` "
+            "takes several logs)."
         )
     if measured.scatter is not None and measured.scatter.hit and top.fit.explanation.candidates:
         out.append(

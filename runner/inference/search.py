@@ -191,9 +191,24 @@ def _share_starts(rounds: Rounds) -> None:
         else:
             rounds.nominal, rounds.alone = fit, sensitivities(rounds.fitter, fit, rounds.every)
             again = contend(rounds.fitter, fit, rounds.alone, dispersion=rounds.dispersion)
-        rounds.disperse(again)
-        again = again.weighed(rounds.fitter.system, rounds.dispersion)
-        rounds.contenders = [again if other.fit is c.fit else other for other in rounds.contenders]
+        _put(rounds, again, c.fit)
+
+
+def _put(rounds: Rounds, again: Contender, before: Fit) -> None:
+    """Put a contender in the place of the one that had another fit of the same explanation."""
+    rounds.disperse(again)
+    again = again.weighed(rounds.fitter.system, rounds.dispersion)
+    rounds.contenders = [again if other.fit is before else other for other in rounds.contenders]
+
+
+def _carry_on(rounds: Rounds) -> None:
+    """Let the likeliest explanation come to rest where its steps have been used up: its numbers are what is told."""
+    best = likeliest_first(rounds.contenders)[0].fit
+    if best.converged or not best.explanation.candidates:
+        return
+    steps = SETTINGS.fit.nominal_steps
+    fit = rounds.fitter.fit(best.explanation, best.episodes, x=best.x, starts=best.starts, iterations=steps)
+    _put(rounds, rounds.worthy(fit, rounds.around(fit)), best)
 
 
 def _in_other_words(rounds: Rounds) -> None:
@@ -255,6 +270,7 @@ def fitted_again(found: Search, fitter: Fitter) -> Search:
 
 def _ended(rounds: Rounds) -> Search:
     """Return what whole episodes have been searched for, without what nothing tells, and tell of the likeliest."""
+    _carry_on(rounds)
     _take_out_untold(rounds)
     rounds.answered.clear()
     rounds.tell()
