@@ -203,12 +203,17 @@ def in_short(found: Gap, recording: Recorded, horizon: str) -> str:
     if horizon != WHOLE_EPISODE:
         where = f"in windows of {horizon}"
     made = max((r["noises_expected"] for r in rows), default=1.0)
-    alone = f"; noise of the measured force alone makes up to {number(made)}" if made >= AT_NOISE else ""
+    driven = made >= AT_NOISE
+    alone = f"; noise of the measured force alone makes up to {number(made)}" if driven else ""
     if not over:
         return f"{where} the model misses nothing but the noise{alone}."
     named = [f"{r['channel']} by {number(r['noises'])} times the noise" for r in over]
-    rest = ", the others by no more than it" if len(over) < len(rows) else ""
-    return f"{where} the model misses {listed(named)}{rest}{alone}."
+    within = [r["noises"] for r in rows if not _over(r)]
+    most = f"up to {number(max(within))} times, which that of the measured force may make" if driven else "it"
+    rest = (
+        f", the others by no more than {most}" if within and not driven else f", the others by {most}" if within else ""
+    )
+    return f"{where} the model misses {listed(named)}{rest}{'' if within else alone}."
 
 
 def _print_many(rows: pd.DataFrame, console: Console) -> None:

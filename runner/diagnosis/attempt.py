@@ -334,7 +334,20 @@ def _nominal(fitter: Fitter, stretches: Sequence[int]) -> tuple[Fitter, Fit]:
         starts[[stretches.index(s.episode) for s in before]] = flown.starts
         starts, _ = fitter.best_starts((), starts[:, None], stretches)
     nominal = fitter.fit(NONE, stretches, starts=starts, iterations=steps)
+    if np.isnan(fitter.system.noise_by_owner()).any() and _outweighs_noise(nominal, fitter):
+        return fitter, nominal
     return replace(fitter, measured=refine(fitter.measured, fitter.system, _left(nominal, (), fitter))), nominal
+
+
+def _outweighs_noise(nominal: Fit, fitter: Fitter) -> bool:
+    """Whether the model as believed misses so much more than the noise that nothing of that tells what the noise is.
+
+    Where nobody has stated the noise, what is missed would pass for it, most of all for slow noise, and hide in it all
+    causes but the largest. How samples differ tells what a sensor adds to each; what the likeliest explanation leaves
+    tells the rest.
+    """
+    count = fitter.measured.count(nominal.episodes)
+    return bool(nominal.total > SETTINGS.pieces.far_mean_square * count)
 
 
 def _explained(first: _FirstLook, held_out: Sequence[int]) -> tuple[Fitter, Search]:

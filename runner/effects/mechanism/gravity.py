@@ -115,11 +115,14 @@ class GravityTilt(MechanismEffect):
             f"{plus_minus(DEGREES * of[f'tilt_{axis}_rad'], None if e is None else DEGREES * e, '°')} towards {axis}"
             for axis, e in zip("xy", errors, strict=True)
         ]
+        flies = all(contacts.is_alone(beliefs.model, body) for body in contacts.moving_bodies(beliefs.model))
         return Phrase(
-            "the base is not level",
+            "gravity is not along the vertical of the frame that poses are measured in"
+            if flies
+            else "the base is not level",
             " and ".join(towards),
             f'Set <option gravity="{attribute(*vector)}"/>.',
-            "Put a spirit level on the base.",
+            "Hold a plumb line into the view of what tracks." if flies else "Put a spirit level on the base.",
         )
 
 

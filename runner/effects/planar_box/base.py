@@ -154,7 +154,7 @@ def ahead(motion: Motion, delay_s: float) -> Motion:
     Between steps the velocity is linear: forces switch at steps. Beyond the last it goes on as it did.
     """
     step = float(motion.t_s[1] - motion.t_s[0])
-    part = whole_steps(delay_s, step) - delay_s / step
+    part = overdone(delay_s, step)
     change = np.diff(motion.twist, axis=-2)
     change = np.concatenate([change, change[..., -1:, :]], axis=-2)
     return Motion(
@@ -162,6 +162,11 @@ def ahead(motion: Motion, delay_s: float) -> Motion:
         motion.pose + part * step * (motion.twist + 0.5 * part * change),
         motion.twist + part * change,
     )
+
+
+def overdone(delay_s: float, step_s: float) -> float:
+    """Return the part of a step by which `late` delays too much."""
+    return whole_steps(delay_s, step_s) - delay_s / step_s
 
 
 def whole_steps(delay_s: float, step_s: float) -> int:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from runner.effects.base import in_stages
 from runner.effects.planar_box import Motion, PlanarEffect
+from runner.effects.planar_box.base import overdone
+from runner.effects.planar_box.delay import Delay
 from runner.physics.dry_friction import STATE, STATE_AND_PIN
 from runner.recording import Recording
 from runner.recording.kinematics import without_gaps
+
+START_CORRECTIONS = 2  # each leaves a few percent of the one before: what a hard push changes of friction in a step
 
 
 def measured_columns(recording: Recording) -> np.ndarray:
@@ -53,3 +57,37 @@ def read_at_steps(start: np.ndarray, after: np.ndarray, step_s: float, effects: 
     for effect in in_stages(effects):
         seen = effect.edit_measurement(seen)
     return seen
+
+
+def read_ahead(effects: Sequence[PlanarEffect], step_s: float) -> float:
+    """Return by which part of a step motions with these effects are read ahead, see `read_at_steps`."""
+    return sum((overdone(e.delay_s, step_s) for e in effects if isinstance(e, Delay)), 0.0)
+
+
+def begun_ahead(
+    state: np.ndarray,
+    controls: np.ndarray,
+    share: np.ndarray,
+    step_s: float,
+    after: Callable[[np.ndarray, np.ndarray], np.ndarray],
+) -> np.ndarray:
+    """Return starts from which the given ones are what is read ahead at the first sample, (R, 6).
+
+    Read as they are, starts of what moves would jump by a step's way wherever a delay passes a whole step.
+
+    Args:
+        state: Of the engine, time, pose and twist, (R, 7) or more columns; poses lead by half a step.
+        controls: Commands, (D, n, ...).
+        share: By which part of a step each is read ahead, (R, 1).
+        step_s: Length of a step.
+        after: Returns the state after each step, (R, n, 6) or more columns, from states and commands.
+    """
+    start = state[:, 1:7].copy()
+    if not share.any() or not start[:, 3:].any():
+        return start
+    pose, twist, begun = start[:, :3], start[:, 3:], state.copy()
+    for _ in range(START_CORRECTIONS):
+        change = after(begun, controls[:, :1])[:, 0, 3:6] - begun[:, 4:7]
+        back = share * step_s * (twist - 0.5 * share * change) + 0.5 * step_s * share * change
+        begun[:, 1:7] = np.hstack([pose - back, twist - share * change])
+    return begun[:, 1:7]

@@ -25,7 +25,7 @@ from runner.physics.scene import Base, BodyConfig, Dof, PinConfig, SceneConfig, 
 from runner.recording import Form, Nominal, Recording, Span, Support
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.planar_box.commands import Commands
-from runner.systems.planar_box.motion import measured_columns, read_at_steps, simulated_columns
+from runner.systems.planar_box.motion import begun_ahead, measured_columns, read_ahead, read_at_steps, simulated_columns
 from runner.systems.planar_box.pin_force import means, steps_of_engine
 from runner.systems.planar_box.windows import (
     BYTES_AT_ONCE,
@@ -275,19 +275,14 @@ class Simulator(AbstractSimulator):
             first, last = span.begin * self.steps_per_sample, (span.end - 1) * self.steps_per_sample
             own = self._commands.control(effects, span.episode)[first:last]
             controls[k, : len(own)], controls[k, len(own) :] = own, own[-1:]
-        if dry_friction.is_all_that_acts(base.model):
-            after = dry_friction.rollout(
-                models, controls, start[:, :7], (which, by), self._threads, columns=self._simulated
-            )
-        elif self._simulated > dry_friction.STATE:
-            after = steps_of_engine([models[k] for k in which], base.data[0], start, controls[by])
-        else:
-            each = [models[k] for k in which]
-            with quiet():  # what runs away is told by its residuals
-                state, _ = self._pool.rollout(
-                    each, list(base.data), start, controls[by], control_spec=USERDATA, chunk_size=1
-                )
-            after = state[:, :, 1:7]
+        shares = np.array([[read_ahead(planar(a.run.effects), self.step_s)] for a in asked])
+
+        def begin(state: np.ndarray, first: np.ndarray) -> np.ndarray:
+            self.simulated_s += self.step_s * len(asked)
+            return self._after(base, models, first, state, which, by)
+
+        start[:, 1:7] = begun_ahead(start, controls, shares, self.step_s, begin)
+        after = self._after(base, models, controls, start, which, by)
         self.simulated_s += n * self.step_s * len(asked)
         out = np.empty((len(asked), n // self.steps_per_sample + 1, self._simulated))
         for effects, own in members.items():
@@ -298,6 +293,38 @@ class Simulator(AbstractSimulator):
             for i, count in enumerate(steps):  # what comes after the end has no share in a mean
                 out[i, : len(asked[i]), 6:] = means(after[i, :count, 6:], self.steps_per_sample, self.step_s)
         return [rows[: len(a)] for rows, a in zip(out, asked, strict=True)]
+
+    def _after(
+        self,
+        base: _Compiled,
+        models: Sequence[mujoco.MjModel],
+        controls: np.ndarray,
+        start: np.ndarray,
+        which: np.ndarray,
+        by: np.ndarray,
+    ) -> np.ndarray:
+        """Return the state after each step of some runs, (R, n, 6) or more columns.
+
+        Args:
+            base: What the models have in common.
+            models: Of different effects.
+            controls: Commands of different runs, (D, n, ...).
+            start: Of each run, (R, ...).
+            which: Which model is a run's, (R,).
+            by: Which commands are, (R,).
+        """
+        if dry_friction.is_all_that_acts(base.model):
+            return dry_friction.rollout(
+                models, controls, start[:, :7], (which, by), self._threads, columns=self._simulated
+            )
+        each = [models[k] for k in which]
+        if self._simulated > dry_friction.STATE:
+            return steps_of_engine(each, base.data[0], start, controls[by])
+        with quiet():  # what runs away is told by its residuals
+            state, _ = self._pool.rollout(
+                each, list(base.data), start, controls[by], control_spec=USERDATA, chunk_size=1
+            )
+        return state[:, :, 1:7]
 
     def predict_windows(
         self,

@@ -13,10 +13,18 @@ from mujoco import rollout
 
 from runner.effects.base import AbstractEffect, in_stages
 from runner.effects.planar_box import ActuatorDelay, Motion, ObservationDelay, PlanarEffect
+from runner.effects.planar_box.delay import Delay
 from runner.physics import dry_friction
 from runner.recording.model_form_mjcf import quiet
 from runner.systems.planar_box.commands import Commands
-from runner.systems.planar_box.motion import measured_columns, motion, read_at_steps, simulated_columns
+from runner.systems.planar_box.motion import (
+    begun_ahead,
+    measured_columns,
+    motion,
+    read_ahead,
+    read_at_steps,
+    simulated_columns,
+)
 from runner.systems.planar_box.pin_force import means, steps_of_engine
 from runner.systems.windows import Windows
 
@@ -101,31 +109,36 @@ class WindowSimulator:
         # poses lead by half a step, as in the simulator
         state[:, :, 1:4] += 0.5 * step_s * true[..., 3:]
         state, control = state.reshape(count * columns, -1), control.reshape(count * columns, steps, -1)
-        if dry_friction.is_all_that_acts(self.model):
-            of = np.zeros(len(state), int), np.arange(len(state))
-            rows = dry_friction.rollout(
-                [self.model], control, state[:, :7], of, len(self._data), columns=self._simulated
-            )
-        elif self._simulated > dry_friction.STATE:
-            rows = steps_of_engine([self.model] * len(state), self._data[0], state, control)
-        else:
-            with quiet():
-                rows, _ = self._pool.rollout(
-                    [self.model] * len(state),
-                    self._data,
-                    state,
-                    control,
-                    control_spec=USERDATA,
-                    chunk_size=max(1, min(16, len(state) // (4 * len(self._data)))),
-                )
-            rows = rows[:, :, 1:7]
-        self.simulated_s += len(state) * steps * step_s
+        shares = np.full((len(state), 1), read_ahead(self.effects, step_s))
+        state[:, 1:7] = begun_ahead(state, control, shares, step_s, self._after)
+        rows = self._after(state, control)
         seen = read_at_steps(state[:, 1:7], rows, step_s, self.effects)
         shown = [seen.pose[:, ::per_sample], seen.twist[:, ::per_sample]]
         if self._simulated > dry_friction.STATE:
             shown.append(means(rows[..., 6:], per_sample, step_s))
         every = np.concatenate(shown, axis=-1)[..., self._columns_seen]
         return every.reshape(count, columns, windows.samples, len(self._columns_seen))
+
+    def _after(self, state: np.ndarray, control: np.ndarray) -> np.ndarray:
+        """Return the state after each step of some runs, (R, n, 6) or more columns, from states and commands."""
+        self.simulated_s += control.shape[0] * control.shape[1] * self.commands.step_s
+        if dry_friction.is_all_that_acts(self.model):
+            of = np.zeros(len(state), int), np.arange(len(state))
+            return dry_friction.rollout(
+                [self.model], control, state[:, :7], of, len(self._data), columns=self._simulated
+            )
+        if self._simulated > dry_friction.STATE:
+            return steps_of_engine([self.model] * len(state), self._data[0], state, control)
+        with quiet():
+            rows, _ = self._pool.rollout(
+                [self.model] * len(state),
+                self._data,
+                state,
+                control,
+                control_spec=USERDATA,
+                chunk_size=max(1, min(16, len(state) // (4 * len(self._data)))),
+            )
+        return rows[:, :, 1:7]
 
 
 def _add_wrench(control: np.ndarray, wrench: np.ndarray, yaw: np.ndarray) -> None:
@@ -139,10 +152,14 @@ def _add_wrench(control: np.ndarray, wrench: np.ndarray, yaw: np.ndarray) -> Non
 def unseen(effects: Sequence[PlanarEffect], shown: np.ndarray, step_s: float) -> np.ndarray:
     """Return the true states (..., 6) that sensors with these effects show as the given ones.
 
-    Solved by repeated correction; a delay assumes uniform motion before.
+    Solved by repeated correction. What reads a motion ahead of its steps is left to those who make them, see
+    `begun_ahead`.
     """
     state = shown.copy()
-    if not any(type(e).edit_measurement is not PlanarEffect.edit_measurement for e in effects):
+    effects = [
+        e for e in effects if type(e).edit_measurement not in (PlanarEffect.edit_measurement, Delay.edit_measurement)
+    ]
+    if not effects:
         return state
     for _ in range(30):
         pose = np.stack([state[..., :3], state[..., :3] + step_s * state[..., 3:]], axis=-2)
