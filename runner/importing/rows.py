@@ -231,7 +231,8 @@ def _means(one: Series, times: Integers, told: Told) -> FloatArray:
     whole = PPoly(pieces, np.append(t, max(at[-1], t[-1]) + 1.0))
     out = np.append(np.diff(whole.antiderivative()(at)) / np.diff(at), whole(at[-1]))
     moved = float(np.abs(out - held).max())
-    said = f"{{names}}: means of the {between.value} between samples, up to {{largest}} {one.entry.si_unit} from what would be held"
+    unit = f" {one.entry.si_unit}" if one.entry.si_unit else ""
+    said = f"{{names}}: means of the {between.value} between samples, up to {{largest}}{unit} from what would be held"
     told.add(said, moved > 0.0, moved, column=one.entry.column)
     return out
 

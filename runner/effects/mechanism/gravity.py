@@ -117,9 +117,7 @@ class GravityTilt(MechanismEffect):
         ]
         flies = all(contacts.is_alone(beliefs.model, body) for body in contacts.moving_bodies(beliefs.model))
         return Phrase(
-            "gravity is not along the vertical of the frame that poses are measured in"
-            if flies
-            else "the base is not level",
+            "gravity leans in the frame that poses are measured in" if flies else "the base is not level",
             " and ".join(towards),
             f'Set <option gravity="{attribute(*vector)}"/>.',
             "Hold a plumb line into the view of what tracks." if flies else "Put a spirit level on the base.",
