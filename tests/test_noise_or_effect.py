@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from runner.diagnosis.attempt import _to_search
+from runner.diagnosis.attempt import _nominal, _to_search
 from runner.diagnosis.pipeline import diagnose
 from runner.effects import mechanism as m
 from runner.effects import planar_box as fx
@@ -53,6 +53,24 @@ def servo_case(folder: Path, measured: list[np.ndarray]) -> Path:
             "start": "free",
         },
     )
+
+
+@pytest.mark.parametrize(("off_m", "told"), [(0.0, True), (3e-3, False)])
+def test_noise_is_not_told_from_what_a_model_far_off_leaves(off_m: float, *, told: bool, tmp_path: Path) -> None:
+    """Where nobody stated it: correlated noise is told from what a right model leaves, a wave it lacks is none."""
+    rng, t = np.random.default_rng(3), np.arange(600) * 0.005
+    still = system_of(servo_case(tmp_path / "still", [0.1 * np.sin(t), 0.1 * np.cos(t)]))
+    moved = [still.simulator(threads=1).predict(e, [Run((), np.zeros(2))])[0][:, 0] for e in range(2)]
+    slow = [filtered(rng.normal(size=len(t)), 1.0, 0.0, 0.9) for _ in moved]
+    seen = [
+        q + NOISE_M * (rng.normal(size=len(t)) + 0.3 * s) + off_m * np.sin(5 * t)
+        for q, s in zip(moved, slow, strict=True)
+    ]
+    system = system_of(servo_case(tmp_path / "case", seen))
+    before = measure(system)
+    fitter, _ = _nominal(Fitter(system, system.simulator(threads=1), before), (0, 1))
+    assert (fitter.measured.noise_model.share > before.noise_model.share).all() == told
+    assert fitter.measured.sigma[0] < 2.0 * NOISE_M
 
 
 @pytest.mark.slow
