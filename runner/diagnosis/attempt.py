@@ -40,6 +40,7 @@ from runner.systems.recorded import longest_part_s
 from runner.systems.simulator import AbstractSimulator, Run
 
 OTHERWISE = "again with joints solved otherwise"  # as somebody who waits is told why it begins anew
+BY_MODEL = "again with noise as the model as believed leaves it"
 
 
 @dataclass(frozen=True)
@@ -124,12 +125,12 @@ def attempt(
     `again` tells somebody who waits why all of it begins anew, such as "again with ...".
     """
     as_believed = system.solved
-    first = _first_look(system, simulator, fitted, observer, as_believed, again)
-    if as_believed and (other := better_solved(first.fitter, _nearest(first), as_believed)):
-        # what pieces suggest of joints that creep makes up for that
-        simulator = _counted_on(other, first.fitter)
-        first = _first_look(other, simulator, fitted, observer, as_believed, OTHERWISE)
+    first = _begun(system, simulator, fitted, observer, again)
     fitter, found = _explained(first, held_out)
+    if first.noise_of_samples and not _is_explained(first, found):
+        simulator = _counted_on(system, fitter)
+        first = _begun(system, simulator, fitted, observer, BY_MODEL, by_model=True)
+        fitter, found = _explained(first, held_out)
     if other := _better_solved(fitter, found, as_believed):
         fitter = _solved_otherwise(fitter, other)
         first = replace(first, fitter=fitter, nominal=found.nominal, beginning=_open_again(found, fitter))
@@ -148,6 +149,37 @@ def attempt(
     if fitter.simulator is not simulator:
         simulator.simulated_s += fitter.simulator.simulated_s
     return Attempt(fitted, held_out, fitter, confirmed, first.flown, first.piles_up)
+
+
+def _begun(
+    system: AbstractSystem,
+    simulator: AbstractSimulator,
+    fitted: Sequence[int],
+    observer: ProgressObserver,
+    again: str,
+    *,
+    by_model: bool = False,
+) -> _FirstLook:
+    """Return a first look, by the system solved so that what it suggests leaves less."""
+    as_believed = system.solved
+    first = _first_look(system, simulator, fitted, observer, as_believed, again, by_model=by_model)
+    if as_believed and (other := better_solved(first.fitter, _nearest(first), as_believed)):
+        # what pieces suggest of joints that creep makes up for that
+        simulator = _counted_on(other, first.fitter)
+        first = _first_look(other, simulator, fitted, observer, as_believed, OTHERWISE, by_model=by_model)
+    return first
+
+
+def _is_explained(first: _FirstLook, found: Search) -> bool:
+    """Whether what was found leaves little beside noise as samples differ, or beside what the believed model misses.
+
+    Where nothing does, a part of what is missed is noise, for want of anything better.
+    """
+    best, fitter = found.best.fit, first.fitter
+    count = fitter.measured.count(best.episodes)
+    left = fitter.loss(best.explanation, best.x, best.starts, best.episodes)
+    share = SETTINGS.search.min_gain_share * max(first.nominal.total - count, 0.0)
+    return bool(left < max(SETTINGS.pieces.far_mean_square * count, count + share))
 
 
 def stretches_of(fitter: Fitter, episodes: Iterable[int]) -> tuple[int, ...]:
@@ -234,6 +266,11 @@ class _FirstLook:
     piles_up: bool = False
 
     @property
+    def noise_of_samples(self) -> bool:
+        """Whether the noise is as samples differ, with nothing told of it by what a model leaves."""
+        return self.fitter.measured.noise_model is self.resting.noise_model
+
+    @property
     def seeds(self) -> Mapping[Key, WarmStart]:
         """What the look at pieces suggests to begin with."""
         return self.beginning.seeds if self.beginning else {}
@@ -246,13 +283,18 @@ def _first_look(
     observer: ProgressObserver,
     as_believed: str,
     again: str,
+    *,
+    by_model: bool,
 ) -> _FirstLook:
-    """Fit the nominal model, tell the noise from what it leaves, and look at pieces where it goes astray."""
+    """Fit the nominal model, tell the noise from what it leaves, and look at pieces where it goes astray.
+
+    `by_model` says that the noise is told so however much that is, see `_outweighs_noise`.
+    """
     observer.step(Step.MEASURING, again)
     root = Fitter(system, simulator, measure(system, scatter=system.scatter()), observer=observer)
     noisy = told_apart_from_noise(root)
     fitter = root.stretched(noisy or system.stretches())
-    fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, 1.0))
+    fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, 1.0), by_model=by_model)
     observer.step(Step.SEARCHING, again)
     seen = look(fitter, nominal)
     first = _FirstLook(fitter, nominal, None, root.measured, as_believed, piles_up=bool(noisy))
@@ -273,7 +315,7 @@ def _first_look(
         simulator.simulated_s += fitter.simulator.simulated_s
     fitter = root.stretched(spans)
     fitter, nominal = _nominal(
-        fitter, _to_search(fitter, fitted, SETTINGS.pieces.unexplained_share if piles_up else 1.0)
+        fitter, _to_search(fitter, fitted, SETTINGS.pieces.unexplained_share if piles_up else 1.0), by_model=by_model
     )
     if piles_up:
         beginning = recut(seen.beginning, fitter, nominal)
@@ -325,7 +367,7 @@ def _open_again(found: Search, fitter: Fitter) -> Beginning:
     return replace(resumed(found, fitter), ruled_out=frozenset())
 
 
-def _nominal(fitter: Fitter, stretches: Sequence[int]) -> tuple[Fitter, Fit]:
+def _nominal(fitter: Fitter, stretches: Sequence[int], *, by_model: bool = False) -> tuple[Fitter, Fit]:
     starts, steps = None, SETTINGS.fit.nominal_steps
     if before := fitter.until_hit(stretches):
         # through an impact a start descends to anywhere: it begins where it was told in the air
@@ -334,7 +376,8 @@ def _nominal(fitter: Fitter, stretches: Sequence[int]) -> tuple[Fitter, Fit]:
         starts[[stretches.index(s.episode) for s in before]] = flown.starts
         starts, _ = fitter.best_starts((), starts[:, None], stretches)
     nominal = fitter.fit(NONE, stretches, starts=starts, iterations=steps)
-    if np.isnan(fitter.system.noise_by_owner()).any() and _outweighs_noise(nominal, fitter):
+    stated = not np.isnan(fitter.system.noise_by_owner()).any()
+    if not (stated or by_model) and _outweighs_noise(nominal, fitter):
         return fitter, nominal
     return replace(fitter, measured=refine(fitter.measured, fitter.system, _left(nominal, (), fitter))), nominal
 
