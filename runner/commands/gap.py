@@ -209,11 +209,9 @@ def in_short(found: Gap, recording: Recorded, horizon: str) -> str:
         return f"{where} the model misses nothing but the noise{alone}."
     named = [f"{r['channel']} by {number(r['noises'])} times the noise" for r in over]
     within = [r["noises"] for r in rows if not _over(r)]
-    if within and driven:
-        alone = f", the others by up to {number(max(within))} times, as noise of the measured force may make"
-    elif within:
-        alone = ", the others by no more than it"
-    return f"{where} the model misses {listed(named)}{alone}."
+    others = f"up to {number(max(within))} times" if within and driven else "no more than it"
+    rest = f", the others by {others}" if within else ""
+    return f"{where} the model misses {listed(named)}{rest}{alone}."
 
 
 def _print_many(rows: pd.DataFrame, console: Console) -> None:
