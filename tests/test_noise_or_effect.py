@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from runner.diagnosis.attempt import _nominal, _to_search
+from runner.diagnosis.attempt import _to_search
+from runner.diagnosis.noise_account import fit_nominal
 from runner.diagnosis.pipeline import diagnose
 from runner.effects import mechanism as m
 from runner.effects import planar_box as fx
@@ -68,7 +69,7 @@ def test_noise_is_not_told_from_what_a_model_far_off_leaves(off_m: float, *, tol
     ]
     system = system_of(servo_case(tmp_path / "case", seen))
     before = measure(system)
-    fitter, _ = _nominal(Fitter(system, system.simulator(threads=1), before), (0, 1))
+    fitter, _ = fit_nominal(Fitter(system, system.simulator(threads=1), before), (0, 1))
     assert (fitter.measured.noise_model.share > before.noise_model.share).all() == told
     assert fitter.measured.sigma[0] < 2.0 * NOISE_M
 

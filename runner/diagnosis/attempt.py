@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from runner.diagnosis.noise_account import fit_nominal, is_explained, left_by, residual_of
 from runner.diagnosis.ranking import unknown_by_episodes
 from runner.effects.base import Effects
 from runner.inference.breakaway import hanging
@@ -37,7 +38,7 @@ from runner.recording import Span
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 from runner.systems.recorded import longest_part_s
-from runner.systems.simulator import AbstractSimulator, Run
+from runner.systems.simulator import AbstractSimulator
 
 OTHERWISE = "again with joints solved otherwise"  # as somebody who waits is told why it begins anew
 BY_MODEL = "again with noise as the model as believed leaves it"
@@ -127,7 +128,7 @@ def attempt(
     as_believed = system.solved
     first = _begun(system, simulator, fitted, observer, again)
     fitter, found = _explained(first, held_out)
-    if first.noise_of_samples and not _is_explained(first, found):
+    if first.noise_of_samples and not is_explained(found.best.fit, first.nominal, first.fitter):
         simulator = _counted_on(system, fitter)
         first = _begun(system, simulator, fitted, observer, BY_MODEL, by_model=True)
         fitter, found = _explained(first, held_out)
@@ -168,18 +169,6 @@ def _begun(
         simulator = _counted_on(other, first.fitter)
         first = _first_look(other, simulator, fitted, observer, as_believed, OTHERWISE, by_model=by_model)
     return first
-
-
-def _is_explained(first: _FirstLook, found: Search) -> bool:
-    """Whether what was found leaves little beside noise as samples differ, or beside what the believed model misses.
-
-    Where nothing does, a part of what is missed is noise, for want of anything better.
-    """
-    best, fitter = found.best.fit, first.fitter
-    count = fitter.measured.count(best.episodes)
-    left = fitter.loss(best.explanation, best.x, best.starts, best.episodes)
-    share = SETTINGS.search.min_gain_share * max(first.nominal.total - count, 0.0)
-    return bool(left < max(SETTINGS.pieces.far_mean_square * count, count + share))
 
 
 def stretches_of(fitter: Fitter, episodes: Iterable[int]) -> tuple[int, ...]:
@@ -288,13 +277,13 @@ def _first_look(
 ) -> _FirstLook:
     """Fit the nominal model, tell the noise from what it leaves, and look at pieces where it goes astray.
 
-    `by_model` says that the noise is told so however much that is, see `_outweighs_noise`.
+    `by_model` says that the noise is told so however much that is, see `noise_account`.
     """
     observer.step(Step.MEASURING, again)
     root = Fitter(system, simulator, measure(system, scatter=system.scatter()), observer=observer)
     noisy = told_apart_from_noise(root)
     fitter = root.stretched(noisy or system.stretches())
-    fitter, nominal = _nominal(fitter, _to_search(fitter, fitted, 1.0), by_model=by_model)
+    fitter, nominal = fit_nominal(fitter, _to_search(fitter, fitted, 1.0), by_model=by_model)
     observer.step(Step.SEARCHING, again)
     seen = look(fitter, nominal)
     first = _FirstLook(fitter, nominal, None, root.measured, as_believed, piles_up=bool(noisy))
@@ -314,7 +303,7 @@ def _first_look(
     if fitter.simulator is not simulator:
         simulator.simulated_s += fitter.simulator.simulated_s
     fitter = root.stretched(spans)
-    fitter, nominal = _nominal(
+    fitter, nominal = fit_nominal(
         fitter, _to_search(fitter, fitted, SETTINGS.pieces.unexplained_share if piles_up else 1.0), by_model=by_model
     )
     if piles_up:
@@ -367,32 +356,6 @@ def _open_again(found: Search, fitter: Fitter) -> Beginning:
     return replace(resumed(found, fitter), ruled_out=frozenset())
 
 
-def _nominal(fitter: Fitter, stretches: Sequence[int], *, by_model: bool = False) -> tuple[Fitter, Fit]:
-    starts, steps = None, SETTINGS.fit.nominal_steps
-    if before := fitter.until_hit(stretches):
-        # through an impact a start descends to anywhere: it begins where it was told in the air
-        flown = fitter.parts(before).fit(NONE, range(len(before)), iterations=steps)
-        starts = fitter.first_starts(stretches)
-        starts[[stretches.index(s.episode) for s in before]] = flown.starts
-        starts, _ = fitter.best_starts((), starts[:, None], stretches)
-    nominal = fitter.fit(NONE, stretches, starts=starts, iterations=steps)
-    stated = not np.isnan(fitter.system.noise_by_owner()).any()
-    if not (stated or by_model) and _outweighs_noise(nominal, fitter):
-        return fitter, nominal
-    return replace(fitter, measured=refine(fitter.measured, fitter.system, _left(nominal, (), fitter))), nominal
-
-
-def _outweighs_noise(nominal: Fit, fitter: Fitter) -> bool:
-    """Whether the model as believed misses so much more than the noise that nothing of that tells what the noise is.
-
-    Where nobody has stated the noise, what is missed would pass for it, most of all for slow noise, and hide in it all
-    causes but the largest. How samples differ tells what a sensor adds to each; what the likeliest explanation leaves
-    tells the rest.
-    """
-    count = fitter.measured.count(nominal.episodes)
-    return bool(nominal.total > SETTINGS.pieces.far_mean_square * count)
-
-
 def _explained(first: _FirstLook, held_out: Sequence[int]) -> tuple[Fitter, Search]:
     """Search for the explanation; what noise there is shows in what the best one leaves, so look twice."""
     fitter, found = _searched(first)
@@ -430,7 +393,7 @@ def _less_noise(first: _FirstLook, fitter: Fitter, found: Search) -> _FirstLook 
         return None
     starts, steps = found.nominal.starts, SETTINGS.fit.nominal_steps
     fit = leapt(still, fit, still.fit(NONE, episodes, starts=starts, iterations=steps))
-    left = _left(fit, fit.explanation.make(fit.x, still.context), still)
+    left = left_by(fit, fit.explanation.make(fit.x, still.context), still)
     whiter = replace(still, measured=refine(resting, still.system, left))
     if not materially_slower(fitter.measured, whiter.measured):
         return None
@@ -458,7 +421,7 @@ def _searched(first: _FirstLook) -> tuple[Fitter, Search]:
         measured = fitter.measured.without(hanging(fitter, best))
     # without static friction nothing hangs on a breakaway, whatever the pieces suggested
     effects = best.explanation.make(best.x, fitter.context)
-    again = refine(measured, fitter.system, _left(best, effects, fitter))
+    again = refine(measured, fitter.system, left_by(best, effects, fitter))
     # where much is left that nothing explains, it is not noise
     told = fitter.measured.excess(best.total, best.episodes) < fitter.system.cut_from
     if told and (again.hung != fitter.measured.hung or materially_different(measured, again)):
@@ -476,23 +439,5 @@ def _without_outliers(fitter: Fitter, found: Search, held_out: Sequence[int]) ->
     """Leave out of what was not fitted what sticks out of its neighbours by the likeliest explanation."""
     best = found.best
     effects, starts = best.fit.explanation.make(best.fit.x, fitter.context), start_states(best, fitter, held_out)
-    left = {e: _residual(fitter, e, effects, start) for e, start in starts.items()}
+    left = {e: residual_of(fitter, e, effects, start) for e, start in starts.items()}
     return replace(fitter, measured=without_outliers(fitter.measured, left))
-
-
-def _left(fit: Fit, effects: Effects, fitter: Fitter) -> dict[int, np.ndarray]:
-    """Return what a fit leaves, per episode of the fitter (T, C), physical units, as large as the noise is in it.
-
-    What its start takes of the noise is a share of it, in short stretches a large one.
-    """
-    left = {}
-    for e, start, q in zip(fit.episodes, fit.starts, fit.basis.q, strict=True):
-        residual, there = _residual(fitter, e, effects, start), fitter.measured.counted(e).sum(axis=0)
-        taken = (q[: residual.size].reshape(*residual.shape, -1) ** 2).sum(axis=(0, 2))
-        left[e] = residual * np.sqrt(np.maximum(there, 1) / np.maximum(there - taken, 1.0))
-    return left
-
-
-def _residual(fitter: Fitter, episode: int, effects: Effects, start: np.ndarray) -> np.ndarray:
-    """Return prediction less measurement, (T, C), physical units."""
-    return fitter.simulator.predict(episode, [Run(effects, start)])[0] - fitter.measured.values[episode]
