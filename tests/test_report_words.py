@@ -182,11 +182,11 @@ def test_what_cannot_be_told_apart_is_said(found: Any) -> None:
     )  # fmt: skip
     both = changed(found, ranked=(twin,), next_push="Add a known weight.")
     for text in (said(html.render(both)), " ".join(printed(both).split())):
-        assert "These data would fit actuator gain just as well as mass: nothing in the recording tells" in text
+        assert "These data would fit actuator gain in the place of mass just as well: nothing in the recording" in text
         assert "Add a known weight." in text
     assert any("Weigh the object." in step for step in next_steps(both))
     amount = "actuator gain (0.750 ± 0.002 times the command)"
-    assert f"can't be told from {amount}" in " ".join(printed(both).split())
+    assert f"or {amount}" in " ".join(printed(both).split())
     assert amount in said(html.render(both))
     (entry,) = verdict(both)["ranked"]
     assert entry["equivalent_parameters"] == [{"actuator_gain": {"gain": 0.75}}]
@@ -232,7 +232,7 @@ def test_terminal_summary(found: Any) -> None:
     """The verdict, the ranking and the miss of every channel."""
     text = printed(found)
     assert "The floor is more slippery than believed" in text
-    assert re.search(r"friction +0\.98 +friction 0\.2704 ± 0\.0012 instead of 0\.300 +87 %", text)
+    assert re.search(r"0\.98 +friction +87 %\s+friction 0\.2704 ± 0\.0012 instead of 0\.300 *\n", text)
     assert re.search(r"position x \[mm\] +4\.5 +0\.55 +0\.50", text)
     assert "It took 12 s of wall time, and 20 s of CPU time in all threads together" in " ".join(text.split())
 

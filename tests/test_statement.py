@@ -233,7 +233,7 @@ def test_what_noise_of_a_measured_force_makes_has_no_other_cause() -> None:
         (FRICTION, [("mass",), ("wind", "floor_tilt")], "a different mass; or, equally well, wind + floor tilt (",
          "With any of these "),
         (BOTH, [("friction", "floor_tilt")], "the x axis; or, equally well, a floor that is not level) (",
-         "With them, whichever it is, "),
+         "With them "),
     ],
 )  # fmt: skip
 def test_the_first_of_several_equals_is_not_told_as_the_one(
@@ -246,7 +246,7 @@ def test_the_first_of_several_equals_is_not_told_as_the_one(
     text = words.verdict(diagnosis)
     assert told in text
     assert "equally well" not in alone
-    assert f"(probability 0.97 of {'any of these' if len(equal) > 1 else 'either'}). {tail}the simulator misses" in text
+    assert f"(probability 0.97, whichever it is). {tail}the simulator misses" in text
     assert "closes the gap as far: they make the same motion." in words.confounded(diagnosis)
     assert words.confounded(made(explained, 0.97)) == ""
 

@@ -49,9 +49,9 @@ EPISODES_FILE = "gap_episodes.parquet"
 GROWS = "growth of noise"
 LEGEND = (
     (GROWS, "what one noise of where a window begins grows to; above {most:g}, what is missed says little"),
-    ("starts fitted", "from those that suit the model best; 1, or what the noise alone makes, is a perfect model"),
+    ("starts fitted", "from those that suit the model best; 1, or what noise of the force makes, is a perfect model"),
     ("starts measured", "from those that were measured: their noise spreads, and what smoothing makes of jumps"),
-    ("noise alone", "what noise makes of a perfect model; compare what stands above it"),
+    ("noise alone", "what noise of where a window begins makes of a perfect model; compare what stands above it"),
 )
 AMPLIFIED = "Over whole episodes one noise of where they begin grows to {} noises: what is missed there says little."
 AT_NOISE = 1.1  # times the noise: up to here, what a model that is right leaves too
@@ -158,7 +158,8 @@ def _table(system: AbstractSystem, found: Gap, equals: str) -> Table:
     # noise of a measured force is left by a perfect model from fitted starts too
     kinds = (("fitted", False), *((("fitted", True),) if system.has_noisy_drive else ()))
     for starts, alone in (*kinds, ("measured", False), ("measured", True)):
-        table.add_row("[italic]noise alone[/]" if alone else f"[italic]starts {starts}[/]")
+        of = "noise of the force" if starts == "fitted" else "noise alone"
+        table.add_row(f"[italic]{of if alone else f'starts {starts}'}[/]")
         for c, channel in enumerate(system.channels):
             unit, factor = small_unit(channel.unit)
             rows = [at[starts, channel.name, horizon] for horizon in horizons]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,6 +11,7 @@ from runner.diagnosis.next_experiment import best_experiment
 from runner.diagnosis.ranking import contender_of
 from runner.diagnosis.result import Ranked
 from runner.effects.vocabulary import Vocabulary, spoken
+from runner.effects.wording import number
 from runner.inference.confounding import Rival, rivals
 from runner.inference.contender import Contender
 from runner.inference.evidence import directions, normal_equations, sensitivities
@@ -17,7 +19,7 @@ from runner.inference.least_squares import Fitter
 from runner.inference.search import Search
 from runner.settings import SETTINGS
 
-PLENTY = 100.0  # natural log odds: nobody asks for more
+PLENTY = math.log(1000.0)  # natural log odds: nobody asks for more
 
 
 def found_rivals(best: Contender, found: Search, fitter: Fitter) -> tuple[Rival, ...]:
@@ -68,14 +70,18 @@ def next_push(
     if push is None or push.log_odds < 1.0:
         system = fitter.system
         return f"No {system.experiment} within {system.reach} would tell {told}; {system.reach_further}."
-    worth = f"about {push.log_odds:.1f}" if push.log_odds < PLENTY else f"more than {PLENTY:g}"
-    return f"{push.sentence} To tell {told}, each such {fitter.system.experiment} is worth {worth} in natural log odds."
+    sure = push.log_odds > PLENTY
+    odds = f"more than {math.exp(PLENTY):.0f}" if sure else f"about {number(math.exp(push.log_odds), 2)}"
+    next_one = f"Next {fitter.system.experiment}: {push.sentence[0].lower()}{push.sentence[1:]}"
+    return f"{next_one} One such is expected to tell {told}, at odds of {odds} to 1."
 
 
 def _advice(names: set[str], vocabulary: Vocabulary) -> str | None:
     """Return what would tell apart two of these effects that no recording like this one can."""
+    of_kind = {name.partition("[")[0]: name for name in sorted(names, reverse=True)}
     for candidate in vocabulary:
         for other in candidate.effect.confounded:
-            if {candidate.effect.name, other.name} <= {name.partition("[")[0] for name in names}:
-                return other.advice
+            if {candidate.effect.name, other.name} <= set(of_kind):
+                pair = f"{spoken(of_kind[candidate.effect.name])} from {spoken(of_kind[other.name])}"
+                return f"To tell {pair}: {other.advice[0].lower()}{other.advice[1:]}"
     return None

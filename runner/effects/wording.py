@@ -150,7 +150,8 @@ class Values:
     def scale(self, name: str, unit: str) -> str:
         """Return a number that is never zero, such as a speed at which a law bends; what is not told has no error."""
         error, value = self.error(name), abs(self[name])
-        return self.show(name, unit) if error is None or error < value else f"{number(value)} {unit}, which is not told"
+        told = error is None or error < value
+        return self.show(name, unit) if told else f"{number(value)} {unit} (the data hardly tell at which)"
 
     def angle(self, name: str) -> str:
         return self.show(name, "°", DEGREES)

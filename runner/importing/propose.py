@@ -342,7 +342,8 @@ def _text(draft: _Draft, head: Mapping[str, object]) -> str:
         lines += [f"  {name}: {_flow(entry)}  # {' '.join(draft.why[name].split())}" for name, entry in entries.items()]
 
     rounding = "here step / sqrt(12) of coarse ones; " if draft.noise else ""
-    lines.append(f"noise: {_flow(draft.noise)}  # standard deviations in SI; {rounding}what is missing is estimated")
+    known = f"standard deviations in SI, as far as known: answers are surer; {rounding}else estimated"
+    lines.append(f"noise: {_flow(draft.noise)}  # {known}")
     if not draft.box:
         unseen = "nothing shows that" if draft.channels else "no channel was recognised that would show whether"
         free = f"start: free  # {unseen} every episode begins at rest; if they all do: rest"

@@ -58,21 +58,20 @@ def next_steps(diagnosis: Diagnosis, folder: Path | None = None) -> list[str]:
     if said.left is Left.DRIVE:
         steps.insert(0 if said.kind is Kind.OPEN else len(steps), PIN_PATH)
     if diagnosis.next_push:
-        text = diagnosis.next_push.strip()
-        steps.append(f"Next {diagnosis.system.experiment}: {text}" + ("" if text.endswith((".", "!")) else "."))
+        steps.append(diagnosis.next_push)
     commanded = diagnosis.system.commanded
     # each effect beside the first leaves so much to what has no name, however much is recorded
     most = SETTINGS.probability.max_unknown ** max(len(said.top.effects), 1)
-    if said.top.probability < min(SURE, most - ROUNDED):
-        varied = "with stronger and more varied commands" if commanded else "that differ more from each other"
-        so_far = "This is not settled" if said.kind is Kind.OPEN else "The answer is likely, not certain"
-        steps.append(f"{so_far}: record more episodes, {varied}, and diagnose all of them together.")
-    if said.settled:
-        others = "other commands" if commanded else "other motions"
-        steps.append(
-            f"Record again, {others} than before, and let the corrected model predict them: "
-            f"`{replaying(folder)}` {_to_be_expected(said)}"
-        )
+    unsure = said.top.probability < min(SURE, most - ROUNDED)
+    varied = "with stronger and more varied commands" if commanded else "that differ more from each other"
+    so_far = "This is not settled" if said.kind is Kind.OPEN else "The answer is likely, not certain"
+    more = f"{so_far}: record more episodes, {varied}, and diagnose all of them together."
+    again = f"Record again, {'other commands' if commanded else 'other motions'} than before, and"
+    check = f"let the corrected model predict them: `{replaying(folder)}` {_to_be_expected(said)}"
+    if said.kind is Kind.FOUND:
+        steps.append(f"{more} Before that, {check}" if unsure else f"{again} {check}")
+    elif unsure:
+        steps.append(more)
     return steps
 
 

@@ -36,7 +36,7 @@ def summary(diagnosis: Diagnosis) -> RenderableType:
     if (gap := gap_table(diagnosis)) is not None:
         parts.append(Padding(gap, (1, 0, 0, 0)))
     if diagnosis.next_push:
-        parts.append(Text(f"Next {diagnosis.system.experiment}: {diagnosis.next_push}"))
+        parts.append(Text(diagnosis.next_push))
     parts += [Text(introduced(note), style="dim") for note in caveats(diagnosis)]
     parts.append(Text(f"It took {words.effort(diagnosis)}.", style="dim"))
     return Group(*parts)
@@ -45,26 +45,21 @@ def summary(diagnosis: Diagnosis) -> RenderableType:
 def ranking(diagnosis: Diagnosis) -> Table:
     """Return the explanations with their probabilities, parameters and share of the gap that they close."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    table.add_column("explanation", style="bold", overflow="fold")
     table.add_column("probability", justify="right")
-    table.add_column("how much", overflow="fold")
+    table.add_column("explanation", overflow="fold")
     table.add_column("gap closed", justify="right")
     said = state(diagnosis)
     shown, rest = said.shown(SHOWN)
     for ranked in shown:
         closed = said.closed_by(ranked)
-        amounts = words.amounts(diagnosis.system, ranked)
-        # below them, not in a column: one that is mostly empty would fold the others in 80 columns
+        # below the name, not in columns: those would fold each other in 80 of them
         equals = words.equals_with_amounts(diagnosis.system, ranked)
-        twins = [f"can't be told from {listed(equals, 'or')}"] if equals else []
-        table.add_row(
-            words.title(ranked.effects or (NONE,)),
-            probability(ranked.probability),
-            "\n".join([*amounts, *twins]),
-            "" if closed is None else percent(closed),
-        )
+        lines = [*words.amounts(diagnosis.system, ranked), *([f"or {listed(equals, 'or')}"] if equals else [])]
+        name = Text(words.title(ranked.effects or (NONE,)), style="bold")
+        told = [Padding(Text(line, overflow="fold"), (0, 0, 0, 2)) for line in lines]
+        table.add_row(probability(ranked.probability), Group(name, *told), "" if closed is None else percent(closed))
     if rest:
-        table.add_row(f"{len(rest)} others", probability(sum(r.probability for r in rest)), style="dim")
+        table.add_row(probability(sum(r.probability for r in rest)), f"{len(rest)} others", style="dim")
     return table
 
 

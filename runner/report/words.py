@@ -139,6 +139,16 @@ def _otherwise(system: AbstractSystem, ranked: Ranked) -> tuple[dict[str, list[s
     return instead, whole
 
 
+def _as_well(ranked: Ranked) -> list[str]:
+    """Return what would fit as well as an explanation: of those that differ in one effect, that one alone."""
+    out, own = [], set(ranked.effects)
+    for other in equals(ranked):
+        gone, come = sorted(own - set(other)), sorted(set(other) - own)
+        one = len(gone) == len(come) == 1
+        out.append(f"{title(come if one else other)} in the place of {title(gone if one else ranked.effects)}")
+    return out
+
+
 def _or(others: Sequence[str]) -> str:
     return f"or, equally well, {listed(others, 'or')}" if others else ""
 
@@ -192,7 +202,7 @@ def verdict(diagnosis: Diagnosis) -> str:
     """Return what was found, in one or two sentences; the same in report, log and terminal."""
     said, system = state(diagnosis), diagnosis.system
     top, others = said.top, equals(said.top)
-    of = " of any of these" if len(others) > 1 else " of either" if others else ""
+    of = ", whichever it is" if others else ""
     chance = f"(probability {probability(top.probability)}{of})"
     if said.kind is Kind.NONE:
         tail = (
@@ -212,7 +222,8 @@ def verdict(diagnosis: Diagnosis) -> str:
         rivals = [r for r in said.order[1:] if r.probability > SETTINGS.probability.noteworthy][:2]
         others = listed([f"{title(r.effects)} ({probability(r.probability)})" for r in rivals], "or")
         but = f", but it may also be {others}" if rivals else ""
-        return f"This recording does not settle it. Likeliest {chance}{but}: {text}."
+        with_it = gain(said, "With the likeliest")
+        return f"This recording does not settle it. Likeliest {chance}{but}: {text}. {with_it}".strip()
     with_it = gain(said, _with(said))
     return f"{text[0].upper()}{text[1:]} {chance}. {with_it}".strip()
 
@@ -224,7 +235,7 @@ def _with(said: Statement) -> str:
     """
     others = equals(said.top)
     if len(said.top.effects) > 1:
-        return "With them, whichever it is," if others else "With them"
+        return "With them"
     return "With any of these" if len(others) > 1 else "With either" if others else "With it"
 
 
@@ -317,9 +328,8 @@ def confounded(diagnosis: Diagnosis) -> str:
     others = equals(said.top)
     parts = []
     if others:
-        names = listed([title(e) for e in others], "or")
         parts.append(
-            f"These data would fit {names} just as well as {title(said.top.effects)}: nothing in the recording tells "
+            f"These data would fit {listed(_as_well(said.top), 'or')} just as well: nothing in the recording tells "
             "which of them it is."
         )
         if said.settled and said.gap_closed is not None:

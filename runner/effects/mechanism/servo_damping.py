@@ -30,7 +30,7 @@ class ServoDamping(MechanismEffect):
         Confounded(
             "joint_damping",
             "a servo below its limit damps its joint just as viscous friction does",
-            "Move the joint with the servo switched off.",
+            "Switch the servo off, let its joint swing or turn it by hand, and record that: friction alone damps it.",
         ),
     )
     target: str

@@ -122,7 +122,7 @@ class Compared:
         far, corrected = _apart(self.theirs, self.ours), _apart(self.uncorrected, self.ours)
         out = f"{pushed} is at most {_told(far)} from the diagnosis' own simulator on a way of {way} and {turn}"
         if max(corrected) > 0.0:
-            out += f" (uncorrected, that is {_told(corrected)} away)"
+            out += f"; the box as believed would be {_told(corrected)} from it"
             if all(f >= c for f, c in zip(far, corrected, strict=True)):
                 out += ", so that it is no nearer than what was believed (here a box can tip)"
         if self.creep_m_s > VISIBLE_M_S:

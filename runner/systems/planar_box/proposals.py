@@ -15,6 +15,7 @@ from runner.systems.planar_box.motion import measured_columns
 LENGTH_S = 3.0
 SHARES = (1.15, 1.6, 2.4)  # of the force that just moves the body
 DIRECTIONS_RAD = (0.0, np.pi / 2)
+SHORTEST_M = 1e-6  # of a lever: of less a push goes through the centre
 
 
 @dataclass(frozen=True)
@@ -58,20 +59,36 @@ class ProposedPush(Proposal):
 
 
 def pushes(recording: Recording, context: Context) -> list[ProposedPush]:
-    """Return pushes within the forces and the points of application that the recording has."""
+    """Return pushes within the forces of the recording: through the centre, and as it has them where they turn most."""
     most_n = context.force_n
     levels = sorted({min(share * context.friction_n, most_n) for share in SHARES} | {most_n})
-    points = np.concatenate([e.point_m[np.linalg.norm(e.force_n, axis=1) > 0][:, :2] for e in recording.episodes])
-    reach = np.abs(points).max(axis=0) if len(points) else np.zeros(2)
-    places = [np.zeros(2)] + [np.array(p) for p in ((reach[0], 0.0), (0.0, reach[1])) if np.hypot(*p) > 1e-6]
+    along = [(np.array([np.cos(a), np.sin(a)]), np.zeros(2)) for a in DIRECTIONS_RAD] + _turning(recording)
     out = []
     for size in levels:
-        for angle in DIRECTIONS_RAD:
-            force = size * np.array([np.cos(angle), np.sin(angle)])
-            for place in places:
-                out += [ProposedPush(force, place, "pulse", 0.3), ProposedPush(force, place, "pulse", 1.2)]
-                out += [ProposedPush(force, place, "there and back", 0.6), ProposedPush(force, place, "ramp", 2.0)]
+        for direction, place in along:
+            force = size * direction
+            out += [ProposedPush(force, place, "pulse", 0.3), ProposedPush(force, place, "pulse", 1.2)]
+            out += [ProposedPush(force, place, "there and back", 0.6), ProposedPush(force, place, "ramp", 2.0)]
     return out
+
+
+def _turning(recording: Recording) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return direction, (2,), and point, (2,), m, of the pushes with the longest levers either way, in body axes.
+
+    Those were done: a finger can push against a face of a box, but not along it.
+    """
+    yaw = np.concatenate([e.pose[:, 2] for e in recording.episodes])
+    force = np.concatenate([e.force_n[:, :2] for e in recording.episodes])
+    point = np.concatenate([e.point_m[:, :2] for e in recording.episodes])
+    size = np.hypot(*force.T)
+    done = (size > 0) & np.isfinite(yaw) & np.isfinite(point).all(axis=1)
+    if not done.any():
+        return []
+    angle = np.arctan2(force[done, 1], force[done, 0]) - yaw[done]
+    direction, point = np.column_stack([np.cos(angle), np.sin(angle)]), point[done]
+    lever = point[:, 0] * direction[:, 1] - point[:, 1] * direction[:, 0]
+    ends = [k for k, way in ((lever.argmax(), 1), (lever.argmin(), -1)) if way * lever[k] > SHORTEST_M]
+    return [(direction[k], point[k]) for k in ends]
 
 
 def unmeasured(recording: Recording, pushes: Sequence[ProposedPush]) -> Recording:
