@@ -30,7 +30,6 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import math
 from pathlib import Path
 from typing import NamedTuple
 
@@ -52,14 +51,11 @@ from runner.physics.engine_memory import (
     offset_of,
     offset_of_array,
 )
+from runner.physics.joint_law.law import added, limit_at
 from runner.physics.joint_law.record import COLUMN, MAGIC, SIZE
 from runner.storage.numba_cache import fingerprint
 
-OFFSET, EXCESS, EXCESS_SPEED, EXCESS_POWER = (COLUMN[n] for n in ("offset", "excess", "excess_speed", "excess_power"))
 LOAD_SHARE, DRIVE_AFTER = COLUMN["load_share"], COLUMN["drive_after"]
-DRY_DIFFERENCE, VISCOUS_DIFFERENCE = COLUMN["dry_difference"], COLUMN["viscous_difference"]
-RIPPLE_SIN, RIPPLE_COS, RIPPLE_RATE = COLUMN["ripple_sin"], COLUMN["ripple_cos"], COLUMN["ripple_rate"]
-PUSH, PUSH_FROM, PUSH_UNTIL = COLUMN["push"], COLUMN["push_from"], COLUMN["push_until"]
 SECOND_ORDER = passive.SECOND_ORDER
 FRICTION_OF_DOF = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 
@@ -232,9 +228,7 @@ def _compile(at: JointLawOffsets):
                 v += 0.5 * double(m, at.timestep) * doubles(d, at.qacc_warmstart, BIG)[dof]
             dry = doubles(m, at.dof_frictionloss, BIG)[dof]
 
-            limit = dry
-            if record[EXCESS] != 0.0:
-                limit *= 1.0 + record[EXCESS] * math.exp(-((abs(v) / record[EXCESS_SPEED]) ** record[EXCESS_POWER]))
+            limit = limit_at(record, dry, v)
             if record[LOAD_SHARE] != 0.0:
                 if not evaluated:
                     _evaluate(at, m, d)
@@ -243,16 +237,8 @@ def _compile(at: JointLawOffsets):
             if limit != dry:
                 _bound_friction(at, d, dof, limit)
 
-            force = record[OFFSET] - 0.5 * record[DRY_DIFFERENCE] * dry
-            force -= 0.5 * record[VISCOUS_DIFFERENCE] * doubles(m, at.dof_damping, BIG)[dof] * abs(v)
-            if record[RIPPLE_RATE] != 0.0:
-                angle = record[RIPPLE_RATE] * q
-                force += record[RIPPLE_SIN] * math.sin(angle) + record[RIPPLE_COS] * math.cos(angle)
-            if record[PUSH] != 0.0:
-                # the mean over the step: a push need not begin with one
-                step, time = double(m, at.timestep), double(d, at.time)
-                share = (min(record[PUSH_UNTIL], time + step) - max(record[PUSH_FROM], time)) / step
-                force += record[PUSH] * max(share, 0.0)
+            damping, step = doubles(m, at.dof_damping, BIG)[dof], double(m, at.timestep)
+            force = added(record, dry, damping, q, v, double(d, at.time), step)
             doubles(d, at.qfrc_passive, BIG)[dof] += force
 
     return joint_law

@@ -41,10 +41,10 @@ from runner.physics.engine_memory import (
     offset_of_array,
 )
 from runner.physics.joint_law.binding import SOURCES, measured, row_of
+from runner.physics.joint_law.law import turning, turns
 from runner.physics.passive import FREE_BODIES, SECOND_ORDER
 from runner.storage.numba_cache import fingerprint
 
-SLIDING = 0.99  # a joint whose constraints bear this share of its dry friction slides
 USER = 2  # numbers of an actuator, at the end of its `user` data: what its damping took off the armature; of which dof
 
 _velocities = types.ExternalFunction("mj_comVel", types.void(types.uint64, types.uint64))
@@ -138,13 +138,10 @@ def _compile(at: MidpointOffsets):
         if not known:
             return
         for i in range(0 if free else nv):
-            turns = constraint[i] * v[i] < 0.0 and a[i] * v[i] < 0.0 and abs(v[i]) < step * abs(a[i])
-            if dry[i] > 0.0 and turns:
+            if dry[i] > 0.0 and turns(constraint[i], v[i], a[i], step):
                 row = row_of(at.rows, at.efc_type, at.efc_id, d, i)
                 limit = doubles(d, at.efc_frictionloss, BIG)[row] if row >= 0 else dry[i]
-                # that of the step before, at another speed, may have been anything between the two
-                if abs(constraint[i]) >= SLIDING * min(dry[i], limit):
-                    passive_force[i] -= 2.0 * limit * v[i] / (step * abs(a[i]))
+                passive_force[i] += turning(dry[i], limit, constraint[i], v[i], a[i], step)
         for k in range(0 if free else integer(m, at.nu)):
             given = doubles(m, at.actuator_user, BIG)[(k + 1) * integer(m, at.nuser_actuator) - USER :]
             if given[0] != 0.0:

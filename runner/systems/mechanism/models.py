@@ -26,7 +26,8 @@ from runner.effects.base import Effects, in_stages
 from runner.effects.mechanism import ActuatorDelay
 from runner.effects.mechanism.base import MechanismEffect
 from runner.numerics.arrays import FloatArray
-from runner.physics import joint_law
+from runner.physics import joint_law, joint_tree
+from runner.physics.joint_tree import Tree
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import AFFINE_BIAS, AT_JOINT, ForceColumns
 from runner.recording.model_form_mjcf import quiet
@@ -111,7 +112,7 @@ class Models:
         )
         self.folder = recording.model_path.parent
         self._compiled: dict[Effects, Compiled] = {}
-        self._models: dict[tuple[Effects, float], mujoco.MjModel] = {}
+        self._models: dict[tuple[Effects, float], tuple[mujoco.MjModel, Tree | None]] = {}
         self._contact_time_s: dict[Effects, float] = {}
         model = self.compiled(()).model
         self.file_step_s = float(model.opt.timestep)
@@ -210,13 +211,17 @@ class Models:
 
     def model(self, effects: Effects, step_s: float) -> mujoco.MjModel:
         """Return the model with these effects in it, ready to be stepped by `step_s`; not to be written to."""
+        return self.with_tree(effects, step_s)[0]
+
+    def with_tree(self, effects: Effects, step_s: float) -> tuple[mujoco.MjModel, Tree | None]:
+        """Return that model, and its numbers if it is a tree of joints and no more; see `joint_tree`."""
         key = effects, step_s
         if key not in self._models:
             if len(self._models) > self._kept:
                 self._models.clear()
             model = self.edited(effects, step_s)
             _discretise(model, step_s, self.compiled(effects).data[0], leapfrog=self.leapfrog)
-            self._models[key] = model
+            self._models[key] = model, joint_tree.tree_of(model)
         return self._models[key]
 
 

@@ -1,7 +1,8 @@
 """Open-loop simulation of a mechanism: recorded commands through the believed model, with or without effects.
 
-Everything runs in `mujoco.rollout` on all cores. A *stretch* is what one rollout simulates: samples of an episode, from
-a start. Effects outside the engine change commands before and channels after it.
+Everything runs in `mujoco.rollout` on all cores; trees of joints that touch nothing in `physics.joint_tree`, which
+gives the same in less time. A *stretch* is what one rollout simulates: samples of an episode, from a start. Effects
+outside the engine change commands before and channels after it.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from mujoco import rollout
 from runner.effects.base import Effects
 from runner.effects.mechanism.base import MechanismEffect
 from runner.numerics.arrays import FloatArray
+from runner.physics import joint_tree
+from runner.physics.joint_tree import Tree
 from runner.recording import Span
 from runner.recording.model_form import MechanismRecording
 from runner.recording.model_form_mapping import is_servo
@@ -70,6 +73,7 @@ class _Batch:
 
     compiled: Compiled
     models: Sequence[mujoco.MjModel]
+    trees: Sequence[Tree | None]
     stretches: Sequence[Stretch]
     lengths: Sequence[int]
     step_s: float
@@ -180,8 +184,8 @@ class MechanismSimulator(AbstractSimulator):
                 for k in range(0, len(members), at_once):
                     some = members[k : k + at_once]
                     chosen = [stretches[every[m]] for m in some]
-                    models = [self.models.model(stretch.effects, step_s) for stretch in chosen]
-                    batch = _Batch(compiled, models, chosen, [lengths[m] for m in some], step_s, first_s)
+                    models, trees = zip(*(self.models.with_tree(s.effects, step_s) for s in chosen), strict=True)
+                    batch = _Batch(compiled, models, trees, chosen, [lengths[m] for m in some], step_s, first_s)
                     out |= zip((every[m] for m in some), self._simulate(batch), strict=True)
         return [out[i] for i in range(len(stretches))]
 
@@ -254,14 +258,18 @@ class MechanismSimulator(AbstractSimulator):
         lead_s = 0.5 * step_s if self.models.leapfrog else np.zeros_like(step_s)
         initial = start.copy()
         initial[:, q] = moved(start[:, q], lead_s * start[:, v])
-        after, _ = self._pool.rollout(
-            list(batch.models),
-            list(batch.compiled.data[: self.threads]),
-            initial,
-            control,
-            control_spec=CONTROL,
-            chunk_size=max(1, min(16, runs // (4 * self.threads))),
-        )
+        trees = [tree for tree in batch.trees if tree is not None]
+        if len(trees) == runs:
+            after = joint_tree.rollout(trees, initial, control, self.threads)
+        else:
+            after, _ = self._pool.rollout(
+                list(batch.models),
+                list(batch.compiled.data[: self.threads]),
+                initial,
+                control,
+                control_spec=CONTROL,
+                chunk_size=max(1, min(16, runs // (4 * self.threads))),
+            )
         # a run that has diverged stands still in time from there on
         stopped = np.diff(after[:, :, 0], axis=1, prepend=initial[:, None, 0]) < 0.5 * step_s
         after[stopped | ~(np.abs(after).max(axis=2) < HUGE)] = np.nan
