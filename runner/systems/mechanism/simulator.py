@@ -11,6 +11,7 @@ import copy
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -79,7 +80,7 @@ class _Batch:
     step_s: float
     first_s: float
 
-    @property
+    @cached_property
     def steps(self) -> int:
         """Of the longest."""
         return max(self.lengths)
@@ -379,7 +380,7 @@ def _within(compiled: Compiled, states: FloatArray, share: float) -> FloatArray:
 def _activation(model: mujoco.MjModel, position: FloatArray, command: FloatArray) -> FloatArray:
     """Return the actuators' states at a start, (na,): settled at the first command; an integrator at its position."""
     out = np.zeros(model.na)
-    for a in range(model.nu):
+    for a in range(model.nu if model.na else 0):
         first, count = int(model.actuator_actadr[a]), int(model.actuator_actnum[a])
         kind = mujoco.mjtDyn(int(model.actuator_dyntype[a]))
         if count == 1 and kind in (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT):
