@@ -410,8 +410,22 @@ def test_what_an_estimated_noise_may_be_off_by_is_no_gap(
     """Of few samples the noise is known to a tenth: a right model leaves as much more, or as much less."""
     row = {
         "starts": "fitted", "horizon": WHOLE_EPISODE, "channel": "x", "stated": stated, "values": float(values),
-        "noises": noises, "noises_expected": 1.0,
+        "noises": noises, "noises_expected": 1.0, "noises_median": noises, "windows": 1,
     }  # fmt: skip
     found = Gap(pd.DataFrame([row]), pd.DataFrame(), {}, {WHOLE_EPISODE: 1.0})
     recording, _ = made(episodes=1, seconds=1.0)
     assert ("misses x by" in in_short(found, recording, WHOLE_EPISODE)) is said
+
+
+def test_few_windows_that_make_most_of_a_gap_are_told() -> None:
+    """Of a recording of which one second in six is missed by far: what half of the windows miss stands beside it."""
+    recording, _ = made(episodes=1, seconds=6.5)
+    (episode,) = recording.episodes
+    pose = episode.pose.copy()
+    late = episode.t_s > 5.0
+    pose[late, 0] += 0.02 * np.sin(9.0 * episode.t_s[late])
+    spoilt = PlanarBox(replace(recording, episodes=(replace(episode, pose=pose),)))
+    for system, told in ((spoilt, True), (PlanarBox(recording), False)):
+        found = measure_gap(system, measure(system), horizons_s=[1.0], whole_episodes=False)
+        said = in_short(found, system.recording, "1 s")
+        assert ("at most in half of the windows)" in said) is told, said

@@ -49,11 +49,12 @@ EPISODES_FILE = "gap_episodes.parquet"
 GROWS = "growth of noise"
 LEGEND = (
     (GROWS, "what one noise of where a window begins grows to; above {most:g}, what is missed says little"),
-    ("starts fitted", "from those that suit the model best; 1, or what noise of the force makes, is a perfect model"),
+    ("starts fitted", "from those that suit the model best; 1{made} is a perfect model"),
     ("starts measured", "from those that were measured: their noise spreads, and what smoothing makes of jumps"),
     ("noise alone", "what noise of where a window begins makes of a perfect model; compare what stands above it"),
 )
 AMPLIFIED = "Over whole episodes one noise of where they begin grows to {} noises: what is missed there says little."
+FEW_MAKE_MOST = 1.5  # times what the window in the middle misses: of noise alone all are nearly alike
 AT_NOISE = 1.1  # times the noise: up to here, what a model that is right leaves too
 # An estimate of the noise from the median size of third differences of N values is off by 1.8 / sqrt(N) of itself
 # (standard error: 1.17 for a median of what is independent, times 1.5 as neighbours share values); twice that counts.
@@ -132,8 +133,9 @@ def _print(system: AbstractSystem, found: Gap, console: Console, corrected: Path
     if console.measure(table, options=console.options.update(max_width=1000)).maximum > console.width:
         table = _table(system, found, "=")  # narrower by what is not needed
     _print_whole(table, console)
+    made = ", or what noise of the force makes," if system.has_noisy_drive else ""
     for term, meaning in LEGEND:
-        said = meaning.format(most=SETTINGS.pieces.most_growth)
+        said = meaning.format(most=SETTINGS.pieces.most_growth, made=made)
         console.print(Padding(Text.assemble((term, "italic"), f": {said}"), (0, 0, 0, 1)))
     if not found.table["stated"].to_numpy().all():
         said = (
@@ -208,11 +210,17 @@ def in_short(found: Gap, recording: Recorded, horizon: str) -> str:
     alone = f"; noise of the measured force alone makes up to {number(made)}" if driven else ""
     if not over:
         return f"{where} the model misses nothing but the noise{alone}."
-    named = [f"{r['channel']} by {number(r['noises'])} times the noise" for r in over]
+    named = [f"{r['channel']} by {number(r['noises'])} times the noise{_in_most(r)}" for r in over]
     within = [r["noises"] for r in rows if not _over(r)]
     others = f"up to {number(max(within))} times" if within and driven else "no more than it"
     rest = f", the others by {others}" if within else ""
     return f"{where} the model misses {listed(named)}{rest}{alone}."
+
+
+def _in_most(row: Mapping[str, Any]) -> str:
+    """Say what half of the windows miss, where few of them make most of what all do."""
+    few = row["windows"] > 1 and row["noises"] > FEW_MAKE_MOST * row["noises_median"]
+    return f" ({number(row['noises_median'], 2)} at most in half of the windows)" if few else ""
 
 
 def _print_many(rows: pd.DataFrame, console: Console) -> None:

@@ -137,7 +137,8 @@ def _import(config: ImportConfig, map_file: Path, console: Console) -> None:
     _say(console, f"{episodes}, {counted(len(built.table), 'row')}: {config.out}")
     if len(set(built.sources.values())) > 1:
         (first, *_, last) = built.sources.items()
-        _say(console, f"Episode {first[0]} is {first[1]}, {last[0]} is {last[1]}; the others stand in {RECORD}.")
+        rest = f"; the others stand in {RECORD}" if len(built.sources) > 2 else ""
+        _say(console, f"Episode {first[0]} is {first[1]}, {last[0]} is {last[1]}{rest}.")
     _say_whole(console, f"  runner gap {config.out}")
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from runner.diagnosis.noise_account import fit_nominal, is_explained, left_by, residual_of
+from runner.diagnosis.noise_account import fit_nominal, is_explained, is_hopeless, left_by, residual_of
 from runner.diagnosis.ranking import unknown_by_episodes
 from runner.effects.base import Effects
 from runner.inference.breakaway import hanging
@@ -127,8 +127,9 @@ def attempt(
     """
     as_believed = system.solved
     first = _begun(system, simulator, fitted, observer, again)
-    fitter, found = _explained(first, held_out)
-    if first.noise_of_samples and not is_explained(found.best.fit, first.nominal, first.fitter):
+    hopeless = first.noise_of_samples and is_hopeless(first.nominal, first.seeds.values(), first.fitter)
+    fitter, found = (first.fitter, None) if hopeless else _explained(first, held_out)
+    if found is None or (first.noise_of_samples and not is_explained(found.best.fit, first.nominal, first.fitter)):
         simulator = _counted_on(system, fitter)
         first = _begun(system, simulator, fitted, observer, BY_MODEL, by_model=True)
         fitter, found = _explained(first, held_out)

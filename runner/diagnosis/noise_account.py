@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from runner.effects.base import Effects
 from runner.inference.least_squares import NONE, Fit, Fitter
+from runner.inference.warm_start import WarmStart
 from runner.noise.measured import refine
 from runner.settings import SETTINGS
 from runner.systems.simulator import Run
@@ -39,6 +40,12 @@ def _outweighs_noise(nominal: Fit, fitter: Fitter) -> bool:
     """
     count = fitter.measured.count(nominal.episodes)
     return bool(nominal.total > SETTINGS.pieces.far_mean_square * count)
+
+
+def is_hopeless(nominal: Fit, begun: Iterable[WarmStart], fitter: Fitter) -> bool:
+    """Whether all that pieces suggest is so far from noise as samples differ that sets of the same do not reach it."""
+    least = min([nominal.total, *(start.total for start in begun)])
+    return bool(least > SETTINGS.pieces.hopeless_mean_square * fitter.measured.count(nominal.episodes))
 
 
 def is_explained(best: Fit, nominal: Fit, fitter: Fitter) -> bool:

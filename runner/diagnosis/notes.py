@@ -79,18 +79,26 @@ def notes(
         out.append(
             "What the last episodes show the others do not, or hardly: they were fitted, and the first ones held out."
         )
-    for span in astray:
-        episode = recording.episodes[span.episode]
+    if astray:
         out.append(
-            f"From {episode.t_s[span.begin]:.2f} to {episode.t_s[span.end - 1]:.2f} s of episode "
-            f"{called(recording.path, episode.index)} no "
-            "explanation brings the simulator much nearer, though one does on the rest of what was not fitted: that "
-            "part is in no figure here. Something else happened there, or the motion hangs on a hair: look at it by "
-            "`runner view`, or leave it out."
+            f"{listed(_times_of(recording, astray))} no explanation brings the simulator much nearer, though one does "
+            "on the rest of what was not fitted: that is in no figure here. The motion hangs on a hair there, or "
+            "something else happened: look at it by `runner view`, or leave it out."
         )
     if len(held_out) < SETTINGS.held_out.episodes:
         out.append("Only one episode was left to check the explanation: with more of them the check says more.")
     return (*out, *stretched)
+
+
+def _times_of(recording: Recorded, spans: Sequence[Span]) -> list[str]:
+    """Return when each stretch was, those of one episode together; the first begins a sentence."""
+    of: dict[str, list[str]] = {}
+    for span in spans:
+        episode = recording.episodes[span.episode]
+        times = f"from {episode.t_s[span.begin]:.2f} to {episode.t_s[span.end - 1]:.2f} s"
+        of.setdefault(called(recording.path, episode.index), []).append(times)
+    told = [f"{listed(times)} of episode {name}" for name, times in of.items()]
+    return [f"F{told[0][1:]}", *told[1:]]
 
 
 def doubts(system: AbstractSystem, measured: Measured, top: Contender) -> tuple[str, ...]:

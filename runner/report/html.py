@@ -93,6 +93,7 @@ def _content(diagnosis: Diagnosis, folder: Path | None) -> dict[str, Any]:
         "left": unknown.left(diagnosis),
         "looks": unknown.looks(diagnosis),
         "corrected": said.corrected,
+        "held_out": said.held_out,
         "model_use": _with_code(diagnosis.system.model_use(diagnosis.effects)) if said.corrected else "",
         "commanded": diagnosis.system.commanded,
         "trajectories": sections.trajectories(diagnosis, paths),

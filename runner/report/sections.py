@@ -290,7 +290,7 @@ def noise(diagnosis: Diagnosis) -> list[dict[str, str]]:
         stated = float(measured.stated[i])
         source = "estimated from the recording"
         if np.isfinite(stated):
-            source += f"; stated: {number(scale * stated, 2)}"
+            source = f"as the recording shows it; stated: {number(scale * stated, 2)}"
         if measured.is_scatter()[i]:
             source += f"; after a hit {number(scale * float(measured.sigma[i]), 2)} {unit} counts as noise".rstrip()
         out.append(

@@ -47,6 +47,12 @@ class StretchSettings:
 class PieceSettings:
     """A first look at episodes cut into pieces (multiple shooting)."""
 
+    hopeless_mean_square: float = setting(
+        1000.0,
+        "mean square in noises",
+        "What comes no nearer than thirty times how samples differ is not explained by sets of the same effects: the "
+        "noise is then told from what the model leaves at once, instead of after a search that ends there.",
+    )
     far_mean_square: float = setting(
         2.5,
         "mean square in noises",

@@ -45,8 +45,8 @@ class Gap:
         table: One row per channel, horizon and kind of start: `horizon` ("0.1 s", ..., "episode"), `horizon_s` (NaN for
             whole episodes), `starts` ("measured" or "fitted"), `channel`, `unit`, `rms` (physical), `noise`, `stated`
             (False: the noise is estimated), `noises` (rms / noise), `noises_expected` (the same of a perfect model),
-            `windows`, `values`; NaN where there are none. A perfect model misses the noise, and what that of a measured
-            force makes.
+            `noises_median` (`noises` of the window in the middle, from fitted starts), `windows`, `values`; NaN where
+            there are none. A perfect model misses the noise, and what that of a measured force makes.
         episodes: The same for each whole episode: `episode` is its number in the recording.
         starts: Fitted start states of the whole episodes, by position of the episode, (S,) each.
         growth: By horizon what one noise of where a window begins grows to, in noises of the channel where that is
@@ -177,6 +177,7 @@ class _Sums:
     made: np.ndarray  # of the fitted squares, by noise of a measured force
     fitted_squares: np.ndarray  # with what the fit takes from the noise put back
     fitted_values: np.ndarray
+    by_window: np.ndarray  # those per value, in squared noises, (W, C)
     starts: np.ndarray  # (W, S)
 
 
@@ -237,6 +238,7 @@ def _sums(
         np.where(valid, taken_up, 0.0).sum(axis=(0, 1)),
         (squares + back) * signals.sigma**2,
         valid.sum(axis=(0, 1)),
+        left.sum(axis=1) / np.maximum(valid.sum(axis=1), 1) * (1.0 + back / np.maximum(squares, 1e-12)),
         np.where(worse[:, None], measured, fitted.starts),
     )
 
@@ -273,6 +275,7 @@ def _total(sums: Sequence[_Sums]) -> _Sums:
         made=add("made"),
         fitted_squares=add("fitted_squares"),
         fitted_values=add("fitted_values"),
+        by_window=np.concatenate([s.by_window for s in sums]),
         starts=np.concatenate([s.starts for s in sums]),
     )
 
@@ -293,6 +296,7 @@ def _rows(
             sums.fitted_values,
         ),
     }
+    middle = np.median(sums.by_window, axis=0)
     return [
         {
             "horizon": horizon,
@@ -305,6 +309,7 @@ def _rows(
             "stated": bool(np.isfinite(signals.stated[c])),
             "noises": float(rms[c] / signals.sigma[c]),
             "noises_expected": float(expected[c]),
+            "noises_median": float(np.sqrt(middle[c])) if starts == "fitted" else math.nan,
             "windows": sums.windows,
             "values": float(values[c]),
         }

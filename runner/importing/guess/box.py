@@ -76,7 +76,9 @@ def match_box(signals: Sequence[Signal], elements: dict[str, Element], *, beside
                 names = ", ".join(f"'{name}'" for name in far)
                 matches.notes.append(
                     f"{names}: goes beyond the box, so it is not where the force acts from the box's middle, along its "
-                    "axes; the path of a pusher in the world is tip_x, tip_y, and what is believed then has a `pin`"
+                    "axes. A place (X, Y) in the world is that after px = cos(yaw) (X - x) + sin(yaw) (Y - y) and "
+                    "py = cos(yaw) (Y - y) - sin(yaw) (X - x); the path of a pusher in the world is tip_x, tip_y, and "
+                    "what is believed then has a `pin`"
                 )
             else:
                 matches.pairs += pairs

@@ -98,7 +98,7 @@ def label(
         scope: What is known of the mechanism.
         signals: What was measured.
         windows: W of them.
-        flights: When free bodies touch nothing, for each episode; none of anything else.
+        flights: When free bodies touch nothing, for each episode; none of what hits nothing, and of anything else.
     """
     motion = _motion(initial, signals, windows, models.qpos0)
     seen = np.sqrt(np.mean(motion.speed**2, axis=(0, 1)))
@@ -120,8 +120,10 @@ def label(
         [REGIMES[i] for i in (6, 3, 0, 1, 2, 4)],
         REGIMES[5],
     )
-    if any(flights):
-        regime = np.where(regime == REGIMES[4], _touching(flights, windows), regime)
+    if all(joint.kind == FREE for joint in initial.coordinates.joints):
+        # what has nothing to hit has no flights that end
+        at = _touching(flights, windows) if any(flights) else REGIMES[7]
+        regime = np.where(regime == REGIMES[4], at, regime)
     middle = windows.first + steps / 2
     lengths = np.array([len(recording.episodes[e]) for e in windows.episode])
     quarter = np.minimum(4 * middle / lengths, 3).astype(int)
