@@ -72,6 +72,8 @@ def rollout(
     """
     numbers = [np.stack(each) for each in zip(*map(_numbers, models), strict=True)]
     of_models, of_controls = (np.asarray(which, np.int64) for which in of)
+    # arrays that are laid out in another way would be compiled for anew
+    controls, start = np.ascontiguousarray(controls), np.ascontiguousarray(start)
     out = np.empty((len(start), controls.shape[1], columns))
     simulate, step_s = _compiled(), float(models[0].opt.timestep)
     most = int(numbers[0][:, POINTS].max())
