@@ -82,7 +82,7 @@ def _to_be_expected(said: Statement) -> str:
     if said.left is Left.SMALL_ERRORS:
         return "should show no more than what is left here."
     if said.left is Left.DRIVE:
-        return "should show no more than the noise of the measured force makes."
+        return "should show no more than the noise of the measured force makes, but where a motion hangs on a hair."
     return "will show what is left here too, as long as its cause is not found."
 
 

@@ -74,7 +74,7 @@ def _row(table, solref, solimp, inverse, apart, rate, step, of_friction):
 
 
 @njit(error_model="numpy", inline="always")
-def friction_rows(joints, v, step, lines, weights, references, bounds):
+def friction_rows(joints, v, step, lines, weights, references, bounds, row_of):
     """Write a row for each joint that has dry friction, and return how many; the limit is that of the model.
 
     Args:
@@ -83,10 +83,13 @@ def friction_rows(joints, v, step, lines, weights, references, bounds):
         step: s.
         lines: Out: which joint a row is of, as a row of J, (R, V).
         weights, references, bounds: Out: of each row, (R,); the last how large its force may be, negative: one-sided.
+        row_of: Out: the row of each joint, (V,); -1: it has none.
     """
     n = 0
     for j in range(len(joints)):
+        row_of[j] = -1
         if joints[j, FRICTION] > 0.0:
+            row_of[j] = n
             for k in range(len(joints)):
                 lines[n, k] = 0.0
             lines[n, j] = 1.0

@@ -2,7 +2,7 @@
 
 A step is MuJoCo's with `implicitfast`, and with what `runner.systems.mechanism.midpoint` makes of it: what is quadratic
 in the velocities is taken in the middle of the step, and friction of a joint that turns round is the mean over it.
-Without the engine's other stages a step takes a tenth of the time. `tests/test_joint_tree.py` holds both together.
+Without the engine's other stages a step takes a fifth of the time. `tests/test_joint_tree.py` holds both together.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from runner.numerics.arrays import FloatArray
 from runner.physics import borrowed as borrowing
+from runner.physics import joint_law
 from runner.physics.borrowed import borrowed
-from runner.physics.joint_law import law as law_of_joints
 from runner.physics.joint_law.law import added, limit_at, turning
 from runner.physics.joint_law.record import COLUMN, MAGIC, SIZE
 from runner.physics.joint_tree.constraints import (
@@ -36,7 +36,9 @@ from runner.physics.joint_tree.dynamics import inertia_matrix, inertial_forces, 
 from runner.physics.joint_tree.numbers import ACTUATOR, JOINT, TENDON, TENDON_SIZE, Numbers, Shape, Tree
 from runner.storage.numba_cache import fingerprint
 
-SOURCES = fingerprint(borrowing.__file__, law_of_joints.__file__, *Path(__file__).parent.glob("*.py"))
+SOURCES = fingerprint(
+    borrowing.__file__, *Path(joint_law.__file__).parent.glob("*.py"), *Path(__file__).parent.glob("*.py")
+)
 STIFFNESS, SPRING, DAMPING, FRICTION = (JOINT[n] for n in ("stiffness", "spring", "damping", "friction"))
 ARMATURE, ACT_LIMITED, ACT_RANGE, LAW = (JOINT[n] for n in ("armature", "act_limited", "act_range", "law"))
 LOAD_SHARE, DRIVE_AFTER = COLUMN["load_share"], COLUMN["drive_after"]
@@ -186,13 +188,7 @@ def _compiled():
                 known = False
                 for j in range(size):
                     known = known or a[j] != 0.0
-                rows = friction_rows(joints, v, step, lines, weights, references, bounds)
-                row = 0
-                for j in range(size):
-                    row_of[j] = -1
-                    if joints[j, FRICTION] > 0.0:
-                        row_of[j] = row
-                        row += 1
+                rows = friction_rows(joints, v, step, lines, weights, references, bounds, row_of)
                 for j in range(size):
                     for k in range(size):
                         single[k] = 0.0
@@ -246,16 +242,13 @@ def _compiled():
                     free[j] = smooth[j]
                 if not factorised(matrix, factor):
                     smooth[0] = np.inf
+                solved(factor, free)
+                for j in range(size):
+                    held[j] = 0.0
+                    if rows == 0 or not known:
+                        a[j] = free[j]
                 if rows > 0:
-                    solved(factor, free)
-                    if not known:
-                        for j in range(size):
-                            a[j] = free[j]
                     constrained(matrix, free, rows, lines, weights, references, bounds, a, held, room)
-                else:
-                    solved(factor, free)
-                    for j in range(size):
-                        a[j], held[j] = free[j], 0.0
                 # forces that damp are taken at the end of the step
                 for i in range(size):
                     for j in range(size):

@@ -171,11 +171,14 @@ class MechanismSimulator(AbstractSimulator):
         """Return the predicted channels of each stretch at its samples, (T, C); NaN once it has diverged."""
         out: dict[int, FloatArray] = {}
         groups: dict[tuple[object, float, float], list[int]] = {}
+        kinds: dict[int, tuple[object, float, float]] = {}  # of effects that many stretches share, by which they are
         for i, stretch in enumerate(stretches):
-            compiled = self.models.compiled(stretch.effects)
-            step_s = self._step(compiled, stretch.effects)
-            first_s = self._commands.first_s(stretch.effects, step_s)
-            groups.setdefault((compiled.signature, step_s, first_s), []).append(i)
+            if id(stretch.effects) not in kinds:
+                compiled = self.models.compiled(stretch.effects)
+                step_s = self._step(compiled, stretch.effects)
+                first_s = self._commands.first_s(stretch.effects, step_s)
+                kinds[id(stretch.effects)] = compiled.signature, step_s, first_s
+            groups.setdefault(kinds[id(stretch.effects)], []).append(i)
         for (_, step_s, first_s), every in groups.items():
             compiled = self.models.compiled(stretches[every[0]].effects)
             width = mujoco.mj_stateSize(compiled.model, FULL) + mujoco.mj_stateSize(compiled.model, CONTROL)
