@@ -41,7 +41,8 @@ class Parameter:
     """One fitted number: its name and unit, its bounds, and the size `scale` (prior standard deviation) it has.
 
     `may_rest` says whether the effect is still itself with the number on a bound, as a tether without slack is. An
-    amplitude there means that it is absent or out of range; a tether from far away is a constant force.
+    amplitude there means that it is absent or out of range; a tether from far away is a constant force. What nature or
+    its makers keep near nothing is `light_tailed`: it may be off by a few of its size, and is never off by ten.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Parameter:
     lower: float
     upper: float
     may_rest: bool = False
+    light_tailed: bool = False
 
 
 def longer_than_commands(constant: Parameter) -> np.ndarray:

@@ -234,7 +234,7 @@ class Evidence:
 
 
 def log_densities(fit: Fit, context: Scope) -> np.ndarray:
-    """Log prior density of each parameter, (p,): heavy-tailed in each amplitude, even over places and logarithms."""
+    """Log prior density of each parameter, (p,): heavy-tailed in amplitudes as a rule, even over places and ranges."""
     out = []
     for candidate, part in fit.explanation.parts(context):
         scattered = candidate.is_placed(context)
@@ -242,10 +242,12 @@ def log_densities(fit: Fit, context: Scope) -> np.ndarray:
             if scattered and k >= candidate.effect.amplitudes:
                 out.append(-np.log(p.upper - p.lower))
             else:
-                # Student's t with three degrees of freedom; one-sided amplitudes have twice the density
+                # Student's t with three degrees of freedom, or a normal; one-sided amplitudes have twice the density
                 z = value / p.scale
-                density = 0.3675525969 / p.scale * (1 + z * z / 3) ** -2
-                out.append(np.log(density * (2.0 if p.lower == 0 else 1.0)))
+                shape = (
+                    -0.5 * z * z - 0.9189385332 if p.light_tailed else np.log(0.3675525969) - 2 * np.log1p(z * z / 3)
+                )
+                out.append(shape - np.log(p.scale) + (np.log(2.0) if p.lower == 0 else 0.0))
     return np.array(out)
 
 

@@ -38,7 +38,8 @@ class ClockScale(MechanismEffect):
 
     @classmethod
     def parameters(cls, context: Scope) -> tuple[Parameter, ...]:
-        return (Parameter("log_ratio", "", 0.02, -0.5, 0.5),)
+        # of samples that are counted by a nominal rate; quartz is a hundred times as good
+        return (Parameter("log_ratio", "", 0.02, -0.5, 0.5, light_tailed=True),)
 
     @classmethod
     def from_vector(cls, x: Vector, context: Scope) -> Self:
