@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from runner.effects.base import Parameter
 from runner.inference.evidence import NormalEquations, evidence
 from runner.settings import SETTINGS
 
@@ -24,7 +25,7 @@ def equations(level: float, rng: np.random.Generator) -> NormalEquations:
     seen = own * TRUE + errors + rng.normal(size=SAMPLES)
     x = own @ seen / (own @ own)
     whole = np.column_stack([own, ways, own * x - seen])
-    parameter = SimpleNamespace(scale=10.0, lower=-1e3, upper=1e3, may_rest=False)
+    parameter = Parameter("x", "", 10.0, -1e3, 1e3)
     candidate = SimpleNamespace(is_placed=lambda _: False, parameters=lambda _: (parameter,))
     explanation = SimpleNamespace(
         parameters=lambda _: (parameter,), parts=lambda _: ((candidate, slice(0, 1)),), candidates=(candidate,)
