@@ -8,7 +8,6 @@ This is the same law, from the same numbers of the same models, and gives what `
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from runner.physics.borrowed import borrowed
 from runner.physics.dry_friction.planar import Engine, step_planar
 from runner.physics.dry_friction.points import room_for
 from runner.physics.dry_friction.record import COLUMN, MAGIC, OUT_PIN, PLANAR, PUSH_SIZE, STRIDE
+from runner.physics.threads import shared
 from runner.storage.numba_cache import fingerprint
 
 SOURCES = fingerprint(borrowing.__file__, *Path(__file__).parent.glob("*.py"))  # see `binding`
@@ -82,12 +82,7 @@ def rollout(
         memory = room_for(most), np.zeros(OWN + controls.shape[2])
         simulate(tuple(numbers), step_s, controls, start[some], of_models[some], of_controls[some], *memory, out[some])
 
-    if threads == 1 or len(start) == 1:
-        part(slice(None))
-        return out
-    edges = np.linspace(0, len(start), min(threads, len(start)) + 1).round().astype(int)
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(part, map(slice, edges[:-1], edges[1:])))
+    shared(part, len(start), threads)
     return out
 
 

@@ -8,7 +8,6 @@ Without the engine's other stages a step takes a fifth of the time. `tests/test_
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -34,6 +33,7 @@ from runner.physics.joint_tree.constraints import (
 )
 from runner.physics.joint_tree.dynamics import inertia_matrix, inertial_forces, place
 from runner.physics.joint_tree.numbers import ACTUATOR, JOINT, TENDON, TENDON_SIZE, Numbers, Shape, Tree
+from runner.physics.threads import shared
 from runner.storage.numba_cache import fingerprint
 
 SOURCES = fingerprint(
@@ -72,12 +72,7 @@ def rollout(trees: Sequence[Tree], start: FloatArray, control: FloatArray, threa
     def part(some: slice) -> None:
         simulate(shape, numbers, which[some], start[some], control[some], _scratch(numbers), out[some])
 
-    if threads == 1 or len(start) == 1:
-        part(slice(None))
-        return out
-    edges = np.linspace(0, len(start), min(threads, len(start)) + 1).round().astype(int)
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(part, map(slice, edges[:-1], edges[1:])))
+    shared(part, len(start), threads)
     return out
 
 
