@@ -16,7 +16,7 @@ from runner.physics.joint_law.record import SIZE
 from runner.physics.passive import SECOND_ORDER
 
 MOST_JOINTS = 16  # inertia is solved as a full matrix: of more, MuJoCo's sparse one is as fast
-USER = 2  # numbers of an actuator that `midpoint` keeps at the end of its `user` data
+USER = 2  # numbers of an actuator, at the end of its `user` data: what its damping took off the armature; of which dof
 _Disable = mujoco.mjtDisableBit
 # what does not matter where nothing touches, and what tells how sensors are read or constraints are begun
 INDIFFERENT = (
@@ -39,13 +39,11 @@ WRAP_JOINT = int(mujoco.mjtWrap.mjWRAP_JOINT)
 
 
 def _columns(**widths: int) -> tuple[dict[str, int], int]:
-    ends = np.cumsum(list(widths.values()))
-    return dict(zip(widths, (int(e) - w for e, w in zip(ends, widths.values(), strict=True)), strict=True)), int(
-        ends[-1]
-    )
+    """Return where in a table each of its entries begins, and how wide it is."""
+    edges = [0, *np.cumsum(list(widths.values())).tolist()]
+    return dict(zip(widths, edges[:-1], strict=True)), edges[-1]
 
 
-HEAD, _ = _columns(step=1, gravity=3)
 BODY, _ = _columns(pos=3, turned=1, frame=9, mass=1, com=3, inertia=6, held=1)
 JOINT, _ = _columns(
     anchor=3, axis=3, zero=1, stiffness=1, spring=1, limited=1, range=2, margin=1, solref=2, solimp=5,
@@ -83,7 +81,7 @@ class Shape(NamedTuple):
 
 
 class Numbers(NamedTuple):
-    """The numbers of a model, or of M of one shape, each a table: `HEAD`, `BODY`, `JOINT`, `ACTUATOR` and `TENDON`."""
+    """The numbers of a model, or of M of one shape: step and gravity, (4,), and tables, see `BODY` to `TENDON`."""
 
     head: FloatArray
     bodies: FloatArray
@@ -194,10 +192,7 @@ def _numbers(m: mujoco.MjModel) -> Numbers:
 
 def _rotations(quaternions: np.ndarray) -> FloatArray:
     """Return the matrices of unit quaternions (B, 4), scalar first: (B, 3, 3)."""
-    w, x, y, z = np.asarray(quaternions, float).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
+    out = np.empty((len(quaternions), 9))
+    for matrix, quaternion in zip(out, quaternions, strict=True):
+        mujoco.mju_quat2Mat(matrix, quaternion)
+    return out.reshape(-1, 3, 3)

@@ -42,10 +42,9 @@ from runner.physics.engine_memory import (
 )
 from runner.physics.joint_law.binding import SOURCES, measured, row_of
 from runner.physics.joint_law.law import turning, turns
+from runner.physics.joint_tree.numbers import USER
 from runner.physics.passive import FREE_BODIES, SECOND_ORDER
 from runner.storage.numba_cache import fingerprint
-
-USER = 2  # numbers of an actuator, at the end of its `user` data: what its damping took off the armature; of which dof
 
 _velocities = types.ExternalFunction("mj_comVel", types.void(types.uint64, types.uint64))
 _inverse = types.ExternalFunction("mj_rne", types.void(types.uint64, types.uint64, types.int32, types.uint64))
