@@ -26,6 +26,17 @@ def test_noise_is_found_on_a_smooth_force_and_on_lines_between_its_samples(level
     assert force_noise([[0.5 * (f[1:] + f[:-1]) for f in noisy]])[0] == pytest.approx(level, rel=0.15)
 
 
+def test_noise_of_a_few_short_pushes_is_not_taken_for_that_of_lines_between_samples() -> None:
+    """Nor the other way round, which would make it three times as large, or as small."""
+    off = []
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        noisy = [smooth(120) + 0.05 * rng.standard_normal(120) for _ in range(3)]
+        lines = [0.5 * (f[1:] + f[:-1]) for f in noisy]
+        off += [force_noise([series])[0] / 0.05 for series in (noisy, lines)]
+    assert np.mean(np.abs(np.log(off)) < np.log(1.4)) >= 0.98
+
+
 def test_what_is_noise_along_one_axis_is_noise_of_the_whole_force() -> None:
     """A push straight along x shows nothing along y but the noise of its sensor."""
     noise = 0.08 * np.random.default_rng(1).standard_normal((2, 3000))

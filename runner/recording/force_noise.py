@@ -9,12 +9,16 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
+from scipy.stats import truncnorm
 
 from runner.numerics.arrays import FloatArray
 from runner.numerics.differences import NORMAL_MEDIAN
 from runner.settings import SETTINGS
 
 ORDER = 5  # of differences that leave next to nothing of what a hand or an arm does, and most of white noise
+# Of what these are compared with: neighbouring orders hardly differ for white noise, which then hangs on chance.
+HIGHER = 8
+CLIPPED = 2.5  # standard deviations: beyond are jumps of a force that begins or ends, and one in eighty of noise
 OF_MEANS, OF_SMOOTH = 0.5, 1.5  # powers of cos^2 between those of single samples (0), of means of two (1), and of more
 LATER = range(ORDER + 2, ORDER + 22)  # samples; means of two are alike up to one more than their differences
 
@@ -27,8 +31,8 @@ def force_noise(components: Iterable[Iterable[FloatArray]]) -> FloatArray:
     large as all of the force: a command may be random, a sensor that shows nothing else is not replayed.
 
     Noise whose density by frequency w falls with cos(w / 2)^(2 p) has (k + 1) / (k + 1 + p) times the variance of white
-    noise in differences of the order k + 1 that it has in those of the order k: p is 0 of samples as they are, 1 of
-    means of two, as a line between samples leaves them, and more of what is smooth.
+    noise in differences of the order k + 1 that it has in those of the order k, and from order to order on: p is 0 of
+    samples as they are, 1 of means of two, as a line between samples leaves them, and more of what is smooth.
 
     Args:
         components: Of each the series of every episode, (T,) each, evenly sampled.
@@ -61,15 +65,28 @@ def pushing_noise(forces: Iterable[FloatArray]) -> FloatArray:
 
 
 def _noise(series: Sequence[FloatArray], acting: Sequence[NDArray[np.bool_]], most: float) -> float:
-    lower, higher = (_differences(series, acting, order) for order in (ORDER, ORDER + 1))
-    small, smaller = (float(np.median(d)) / NORMAL_MEDIAN if len(d) else 0.0 for d in (lower, higher))
+    small, smaller = (_size(_differences(series, acting, order)) for order in (ORDER, HIGHER))
     if not (small > 0.0 and smaller > 0.0) or _is_held(series) or _is_a_tone(series):
         return 0.0
-    p = (ORDER + 1) * ((small / smaller) ** 2 - 1.0)
-    if p > OF_SMOOTH:
+    fallen = (small / smaller) ** 2
+    if fallen > _fall(OF_SMOOTH):
         return 0.0
-    noise = small * math.sqrt(2 * ORDER + 2) if p > OF_MEANS else small
+    noise = small * math.sqrt(2 * ORDER + 2) if fallen > _fall(OF_MEANS) else small
     return noise if noise < most else 0.0
+
+
+def _fall(p: float) -> float:
+    """Return how many times as large as the variance of the higher differences that of the lower ones is."""
+    return math.prod((k + p) / k for k in range(ORDER + 1, HIGHER + 1))
+
+
+def _size(differences: FloatArray) -> float:
+    """Return the standard deviation of normal values of these sizes, (n,), among which are some of something else."""
+    if not len(differences):
+        return 0.0
+    most = CLIPPED * float(np.median(differences)) / NORMAL_MEDIAN
+    inside = differences[differences <= most]
+    return math.sqrt(float(np.mean(inside**2)) / float(truncnorm.var(-CLIPPED, CLIPPED)))
 
 
 def _differences(series: Sequence[FloatArray], acting: Sequence[NDArray[np.bool_]], order: int) -> FloatArray:
