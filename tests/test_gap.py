@@ -288,7 +288,7 @@ def test_command_reproduces_the_gap_with_the_model_that_was_written(
     want = measure_gap(system, measure(system), effects=effect).table
     np.testing.assert_allclose(table["rms"], want["rms"], rtol=1e-9)
     out = capsys.readouterr().out
-    assert out.index("the model") < out.index("starts fitted") < out.index("starts fitted: from those that")
+    assert out.index("the model misses") < out.index("growth of noise") < out.index("missed: each window begins")
     assert max(map(len, out.splitlines()[:-1])) <= 80
     assert "As believed, without the correction: over all 2 episodes the model misses" in " ".join(out.split())
     episodes = pd.read_parquet(tmp_path / "out" / "gap_episodes.parquet")

@@ -6,9 +6,9 @@ horizon, begun at regular times, and over whole episodes. `model=PATH` takes the
 wrote instead; of a single case it is then said, too, what the nominal one misses of whole episodes. The results
 folder holds `gap.parquet`, and `gap_episodes.parquet` with the whole episodes one by one.
 
-Start states are measured with noise, and it spreads. "measured" is the gap from the start states as they were
-measured, beside what the noise alone would make of it; "fitted" is the gap from start states fitted to the window,
-1 for a perfect model. A noise that its owner does not know is estimated, and marked with ~.
+It is printed from start states that are fitted to each window, 1 noise for a perfect model. The tables have it from
+start states as they were measured, too: those carry noise and what smoothing makes of jumps, which spread. A noise
+that its owner does not know is estimated, and marked with ~.
 """
 
 from __future__ import annotations
@@ -49,9 +49,7 @@ EPISODES_FILE = "gap_episodes.parquet"
 GROWS = "growth of noise"
 LEGEND = (
     (GROWS, "what one noise of where a window begins grows to; above {most:g}, what is missed says little"),
-    ("starts fitted", "from those that suit the model best; 1{made} is a perfect model"),
-    ("starts measured", "from those that were measured: their noise spreads, and what smoothing makes of jumps"),
-    ("noise alone", "what noise of where a window begins makes of a perfect model; compare what stands above it"),
+    ("missed", "each window begins where that suits the model best; 1{made} is a perfect model"),
 )
 AMPLIFIED = "Over whole episodes one noise of where they begin grows to {} noises: what is missed there says little."
 FEW_MAKE_MOST = 1.5  # times what the window in the middle misses: of noise alone all are nearly alike
@@ -146,7 +144,7 @@ def _print(system: AbstractSystem, found: Gap, console: Console, corrected: Path
 
 
 def _table(system: AbstractSystem, found: Gap, equals: str) -> Table:
-    """Return the gap of each channel: from fitted and measured starts, and what the noise alone would make of it."""
+    """Return the gap of each channel from fitted starts, and what noise of a measured force makes of it."""
     horizons = list(dict.fromkeys(found.table["horizon"]))
     table = Table(
         title="RMS = in noises", title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False,
@@ -157,16 +155,14 @@ def _table(system: AbstractSystem, found: Gap, equals: str) -> Table:
         table.add_column(name, justify="right", no_wrap=True)
     table.add_row(f"[italic]{GROWS}[/]", "", *(_noises(found.growth[h]) for h in horizons), end_section=True)
     at = {(r["starts"], r["channel"], r["horizon"]): r for r in found.table.to_dict("records")}
-    # noise of a measured force is left by a perfect model from fitted starts too
-    kinds = (("fitted", False), *((("fitted", True),) if system.has_noisy_drive else ()))
-    for starts, alone in (*kinds, ("measured", False), ("measured", True)):
-        of = "noise of the force" if starts == "fitted" else "noise alone"
-        table.add_row(f"[italic]{of if alone else f'starts {starts}'}[/]")
+    # noise of a measured force is left by a perfect model too
+    for by_force in (False, True) if system.has_noisy_drive else (False,):
+        table.add_row(f"[italic]{'noise of the force' if by_force else 'missed'}[/]")
         for c, channel in enumerate(system.channels):
             unit, factor = small_unit(channel.unit)
-            rows = [at[starts, channel.name, horizon] for horizon in horizons]
+            rows = [at["fitted", channel.name, horizon] for horizon in horizons]
             mark = "" if rows[0]["stated"] else "~"
-            if alone:
+            if by_force:
                 cells = [_noises(row["noises_expected"]) for row in rows]
             else:
                 cells = [f"{number(row['rms'] * factor)}{equals}{_noises(row['noises'])}" for row in rows]
@@ -212,7 +208,7 @@ def in_short(found: Gap, recording: Recorded, horizon: str) -> str:
         return f"{where} the model misses nothing but the noise{alone}."
     named = [f"{r['channel']} by {number(r['noises'])} times the noise{_in_most(r)}" for r in over]
     within = [r["noises"] for r in rows if not _over(r)]
-    others = f"up to {number(max(within))} times" if within and driven else "no more than it"
+    others = f"up to {number(max(within))} times" if within and max(within) > AT_NOISE else "no more than it"
     rest = f", the others by {others}" if within else ""
     return f"{where} the model misses {listed(named)}{rest}{alone}."
 

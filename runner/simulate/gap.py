@@ -177,7 +177,7 @@ class _Sums:
     made: np.ndarray  # of the fitted squares, by noise of a measured force
     fitted_squares: np.ndarray  # with what the fit takes from the noise put back
     fitted_values: np.ndarray
-    by_window: np.ndarray  # those per value, in squared noises, (W, C)
+    by_window: np.ndarray  # those per value, in squared noises, (W, C); NaN where a window has no reading
     starts: np.ndarray  # (W, S)
 
 
@@ -238,7 +238,11 @@ def _sums(
         np.where(valid, taken_up, 0.0).sum(axis=(0, 1)),
         (squares + back) * signals.sigma**2,
         valid.sum(axis=(0, 1)),
-        left.sum(axis=1) / np.maximum(valid.sum(axis=1), 1) * (1.0 + back / np.maximum(squares, 1e-12)),
+        np.where(
+            valid.any(axis=1),
+            left.sum(axis=1) / np.maximum(valid.sum(axis=1), 1) * (1.0 + back / np.maximum(squares, 1e-12)),
+            np.nan,
+        ),
         np.where(worse[:, None], measured, fitted.starts),
     )
 
@@ -296,7 +300,8 @@ def _rows(
             sums.fitted_values,
         ),
     }
-    middle = np.median(sums.by_window, axis=0)
+    read = ~np.isnan(sums.by_window)
+    middle = [float(np.median(w[r])) if r.any() else math.nan for w, r in zip(sums.by_window.T, read.T, strict=True)]
     return [
         {
             "horizon": horizon,
