@@ -98,6 +98,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Any:
         gap_closed=None,
         parameters={},
         errors={},
+        values=(),
     )
     return SimpleNamespace(
         case="arm", system=system, recording=system.recording, ranked=(top, unknown), gap_closed=0.95,

@@ -18,6 +18,7 @@ from runner.diagnosis.notes import doubts, notes
 from runner.diagnosis.result import Abstention, Flights, Nearest
 from runner.diagnosis.verdict import verdict
 from runner.effects.planar_box import EFFECTS
+from runner.effects.planar_box.com_offset import ComOffset
 from runner.effects.wording import percent, percent_between, plus_minus
 from runner.inference.least_squares import Explanation
 from runner.localise.likeness import Likeness
@@ -185,11 +186,27 @@ def test_what_cannot_be_told_apart_is_said(found: Any) -> None:
         assert "These data would fit actuator gain in the place of mass just as well: nothing in the recording" in text
         assert "Add a known weight." in text
     assert any("Weigh the object." in step for step in next_steps(both))
+    decide, then, *_ = next_steps(both)
+    assert decide.startswith("Decide between mass and actuator gain, which more recordings like this one can't tell")
+    assert then.startswith("Should it be mass: take the corrected model")
+    assert sum("Add a known weight." in step for step in next_steps(both)) == 1
     amount = "actuator gain (0.750 ± 0.002 times the command)"
     assert f"or {amount}" in " ".join(printed(both).split())
     assert amount in said(html.render(both))
     (entry,) = verdict(both)["ranked"]
     assert entry["equivalent_parameters"] == [{"actuator_gain": {"gain": 0.75}}]
+
+
+def test_a_number_that_is_not_told_stands_as_in_the_file(found: Any) -> None:
+    """In the corrected model it is what was believed; what the fit has come to is beside it."""
+    numbers, errors = {"x_m": 0.011, "y_m": -0.002}, {"x_m": 0.001, "y_m": 0.02}
+    effect = ComOffset(0.011, 0.0)
+    top = ranked(
+        ("com_offset",), 0.97, values=(effect,), parameters={"com_offset": numbers}, errors={"com_offset": errors}
+    )
+    page = said(html.render(changed(found, ranked=(top,))))
+    assert "com_offset.x_m 0.0110 ± 0.0010 m" in page
+    assert "com_offset.y_m 0 m (not told: 0 ± 0.02 m)" in page
 
 
 @pytest.mark.parametrize("variant", [k for kinds in EFFECTS.values() for k in kinds], ids=lambda k: k.__name__)

@@ -69,7 +69,7 @@ def made(
     )  # fmt: skip
     other = SimpleNamespace(
         effects=("mass",), equivalent=(), probability=0.6 * (1 - chance), parameters={"mass": {"mass_kg": 3.1}},
-        equal_numbers={}, errors={}, gap_closed=gap_closed if effects == ("unknown",) else None,
+        equal_numbers={}, errors={}, values=(), gap_closed=gap_closed if effects == ("unknown",) else None,
     )  # fmt: skip
     rows = [{"channel": c.name, "before": before, "after": after, "noise": 1.0} for c in SYSTEM.channels]
     return SimpleNamespace(

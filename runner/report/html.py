@@ -165,12 +165,16 @@ def ranking(diagnosis: Diagnosis, said: Statement) -> dict[str, Any]:
 
 def _parameters(system: AbstractSystem, ranked: Ranked) -> list[tuple[str, str]]:
     """Return each parameter as it stands in `corrected.yaml`, with its standard error and its unit, or not fitted."""
-    out = []
+    out, held = [], {e.full_name: e for e in ranked.values}
     for effect, values in ranked.parameters.items():
         errors, units = ranked.errors.get(effect, {}), system.vocabulary.units(effect, system.context)
         for name, v in values.items():
-            fixed = " (not fitted)" if errors.get(name) == 0.0 else ""
-            out.append((f"{effect}.{name}", f"{plus_minus(v, errors.get(name), units[name])}{fixed}"))
+            there, shown = getattr(held.get(effect), name, v), plus_minus(v, errors.get(name), units[name])
+            if errors.get(name) == 0.0:
+                shown = f"{shown} (not fitted)"
+            elif there != v:
+                shown = f"{plus_minus(there, unit=units[name])} (not told: {shown})"
+            out.append((f"{effect}.{name}", shown))
     return out
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,14 +51,14 @@ def next_steps(diagnosis: Diagnosis, folder: Path | None = None) -> list[str]:
     elif said.kind is Kind.UNKNOWN:
         steps = _suspicions(diagnosis)
     else:
-        steps = _corrections(diagnosis.system, said.top)
-        if said.kind is Kind.OPEN:
-            steps[0] = f"To try the likeliest: {steps[0][0].lower()}{steps[0][1:]}"
+        steps = _corrections(diagnosis.system, said.top, open_answer=said.kind is Kind.OPEN)
+        if others := words.equals(said.top):
+            steps.insert(0, _decision(said.top, others, diagnosis.next_push))
     if diagnosis.flights is not None:
         steps.insert(0, diagnosis.flights.advice)
     if said.left is Left.DRIVE:
         steps.insert(0 if said.kind is Kind.OPEN else len(steps), PIN_PATH)
-    if diagnosis.next_push:
+    if diagnosis.next_push and not any(diagnosis.next_push in step for step in steps):
         steps.append(diagnosis.next_push)
     commanded = diagnosis.system.commanded
     # each effect beside the first leaves so much to what has no name, however much is recorded
@@ -98,24 +99,32 @@ def _suspicions(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def _corrections(system: AbstractSystem, top: Ranked) -> list[str]:
-    """Return what to change in the simulator, what to decide, and what to confirm by hand."""
+def _decision(top: Ranked, others: Sequence[tuple[str, ...]], by: str | None) -> str:
+    """Return what is to be decided before anything is changed, as no recording like this one does."""
+    either = f"{words.title(top.effects)} and {listed([words.title(e) for e in others], 'or')}"
+    how = f". {by}" if by else " by a measurement of another kind."
+    return f"Decide between {either}, which more recordings like this one can't tell apart{how}"
+
+
+def _corrections(system: AbstractSystem, top: Ranked, *, open_answer: bool) -> list[str]:
+    """Return what to change in the simulator, and what to confirm by hand."""
     found, others = words.phrases(system, top), words.equals(top)
     together = system.remedies_together(top.values, top.errors)
     if not set(together) <= set(top.effects):
         together = {}  # what acts on all of a kind has a sentence of its own
     remedies = [together.get(e, p.remedy) for e, p in zip(top.effects, found, strict=True)]
     remedies.append(system.solver_remedy(top.values))
-    steps = [
+    take = (
         "Take the corrected model from the folder of this report: corrected.yaml is for `runner gap`; model.xml "
         f"{system.model_use(top.values)}."
-    ]
+    )
+    if open_answer or others:
+        trial = "To try the likeliest" if open_answer else f"Should it be {words.title(top.effects)}"
+        take = f"{trial}: {take[0].lower()}{take[1:]}"
+    steps = [take]
     if change := [r for r in dict.fromkeys(remedies) if r]:
         counted = change if len(change) == 1 else [f"({k}) {r}" for k, r in enumerate(change, 1)]
         steps.append(f"Or change your own model. {' '.join(counted)}")
-    if others:
-        either = f"{words.title(top.effects)} and {listed([words.title(e) for e in others], 'or')}"
-        steps.append(f"Decide between {either} by a measurement of another kind: more recordings like this one can't.")
     checks = [p.check for p in found if p.check]
     for names in others:
         # a check that speaks of the fitted values has none to speak of
