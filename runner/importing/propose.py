@@ -80,6 +80,7 @@ class _Draft:
     table: list[tuple[str, str, str, str]] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    unitless: dict[str, str] = field(default_factory=dict)
     used: list[Signal] = field(default_factory=list)
     rate_hz: float | None = None
     box: bool = False
@@ -208,7 +209,15 @@ def _finished(draft: _Draft, log: Log, clock: ClockGuess, head: dict[str, object
     known = {"decimal": decimal, "rate_hz": draft.rate_hz, "sparse": clock.sparse or None}
     logged = {k: v for k, v in known.items() if v is not None}
     above = ({"log": logged} if logged else {}) | ({"clock": keys.clock} if keys.clock is not None else {})
+    draft.missing[:0] = _without_unit(draft.unitless)
     return Proposal(_text(draft, above | {"episodes": episodes} | head), draft.table, draft.missing, draft.notes)
+
+
+def _without_unit(signals: Mapping[str, str]) -> list[str]:
+    """Return in one sentence whose unit is missing; of one why, of several that stands beside each."""
+    if len(signals) == 1:
+        return [f"the unit of '{name}' ({why})" for name, why in signals.items()]
+    return [f"the units of {_listed(list(signals))} (why stands beside each)"] if signals else []
 
 
 def _by_slope(
@@ -262,7 +271,7 @@ def _add(
         draft.noise[name] = max(float(f"{step * size / math.sqrt(12):.3g}"), draft.noise.get(name, 0.0))
     draft.table.append((signal.name, element.words, unit.name or "SI", draft.why[column]))
     if unit.name == TO_FILL:
-        draft.missing.append(f"the unit of '{signal.name}' ({unit.why})")
+        draft.unitless[signal.name] = unit.why
 
 
 def _add_pose(draft: _Draft, pose: Pose, part: Part, up: str) -> None:
@@ -276,7 +285,7 @@ def _add_pose(draft: _Draft, pose: Pose, part: Part, up: str) -> None:
             (", ".join(names), f"body {pose.body}, {entry['quantity']}", entry.get("unit", "-"), pose.why)
         )
         if entry.get("unit") == TO_FILL:
-            draft.missing.append(f"the unit of '{entry['signal']}' ({pose.why})")
+            draft.unitless[entry["signal"]] = pose.why
         if entry.get("order") == TO_FILL:
             draft.missing.append(f"the order of the quaternion {', '.join(names)}: xyzw or wxyz")
 

@@ -57,7 +57,8 @@ def guess_unit(signal: Signal, element: Element, log: Log) -> UnitGuess:
         return _by_range(low, high, element, goes, "LeRobot" in log.format)
     largest = max(abs(low), abs(high))
     if (element.si_unit == "rad" and largest > MUCH_RAD) or (element.si_unit == "m" and largest > MUCH_M):
-        return UnitGuess(TO_FILL, f"{goes}, and no range in the model to hold that against")
+        other = "deg" if element.si_unit == "rad" else "mm"
+        return UnitGuess(TO_FILL, f"{goes}: {other}, or {element.si_unit}? the model has no range to hold that against")
     if element.si_unit == "rad/s" and largest > 5 * MUCH_RAD:
         return UnitGuess(TO_FILL, f"{goes}: rad/s, deg/s or rpm?")
     if not element.si_unit:
