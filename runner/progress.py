@@ -38,7 +38,7 @@ COLUMNS = 80  # as wide as lines are where there is no terminal that says how wi
 USUAL = (4.0, 30.0)
 AS_NOISE = 1.05  # what would be told as 1.0 times the noise
 UNLIKELY = 0.005  # what would be told as 0.00
-COMPILING = "compiling, the first time only, a minute or two"
+COMPILING = "compiling, the first time only, two to three minutes"
 NAMED = 2  # effects of a fit that are named; of more there are as many as make no difference to somebody who waits
 Advance = Callable[[int], object]  # told of the steps that were taken since its last call
 

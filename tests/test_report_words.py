@@ -334,6 +334,7 @@ def test_lost_samples_are_no_outliers(found: Any) -> None:
         (0.9982, 0.9981, 0.9983, "99.82 % (99.81–99.83 %)"),
         (0.87, -0.1, 0.89, "87 % (−10–89 %)"),
         (0.5, 0.50001, 0.50002, "50 %"),
+        (0.88, 0.8798, 0.8802, "88 %"),
     ],
 )
 def test_ends_of_an_interval_differ(share: float, low: float, high: float, text: str) -> None:

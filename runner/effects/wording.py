@@ -86,10 +86,10 @@ def _decimals(p: float) -> int:
 def percent_between(share: float, low: float, high: float) -> str:
     """Return a share of 1 with its interval in percent, all to the decimals that the ends need to differ.
 
-    An interval that takes more than two of them says no more than the share does, and is left out.
+    An interval that takes more than one beyond those of the share says no more than that does, and is left out.
     """
     p, ends = 100 * share, (100 * low, 100 * high)
-    for decimals in range(_decimals(p), 3):
+    for decimals in range(_decimals(p), _decimals(p) + 2):
         first, last = (f"{end:.{decimals}f}" for end in ends)
         if first != last:
             return f"{p:.{decimals}f} % ({first}–{last} %)".replace("-", "−")
