@@ -153,6 +153,7 @@ def test_what_plain_mujoco_lacks_is_named(tmp_path: Path) -> None:
     assert text.startswith(f"<!-- Not expressed here: {named}. -->\n")
     only, _ = written(tmp_path, (Mass(4.0),))
     assert text.partition("\n")[2] == only
+    assert only.startswith("<!-- Corrected here, in SI units: mass (mass_kg 4). -->\n")
     # a film off the axis of the joints has no element either
     corner = Polygon(((-0.2, -0.2), (0.2, -0.2), (-0.2, 0.2)))
     triangle = Nominal((0.2, 0.2, 0.05), 1.0, 0.3, G, 60.0, outline=corner)

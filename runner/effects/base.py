@@ -212,6 +212,17 @@ Effects = tuple[AbstractEffect, ...]
 E = TypeVar("E", bound=AbstractEffect)
 
 
+def corrected_here(effects: Iterable[AbstractEffect]) -> list[str]:
+    """Return in a sentence, for the first lines of a model, which effects it has in it; none: there are none.
+
+    Some look like nothing that they are: drag of the air is the coefficients of a geom that nobody sees.
+    """
+    told = [
+        f"{e.full_name} ({', '.join(f'{name} {value:.4g}' for name, value in e.report().items())})" for e in effects
+    ]
+    return [f"Corrected here, in SI units: {'; '.join(told)}."] if told else []
+
+
 def in_stages(effects: Iterable[E]) -> tuple[E, ...]:
     """Return effects in the order in which a signal passes them, whatever the order in which they were named."""
     return tuple(sorted(effects, key=lambda e: e.stage))

@@ -11,7 +11,7 @@ from typing import TypeGuard
 import mujoco
 import numpy as np
 
-from runner.effects.base import AbstractEffect, Effects
+from runner.effects.base import AbstractEffect, Effects, corrected_here
 from runner.effects.mechanism import Command, MechanismEffect
 from runner.errors import ResultError
 from runner.numerics.arrays import FloatArray
@@ -79,14 +79,15 @@ def write_model(models: Models, effects: Effects, folder: Path) -> tuple[str, ..
             effect.edit_written(spec)
         text = spec.to_xml()
     late = [a for a in spec.actuators if a.delay > 0.0]
-    if written and late:
-        text = f"<!-- {_of_delays(late)} -->\n" + text
-    if by_law:
-        text = f"<!-- {_of_law(by_law)} -->\n" + text
-    if left := _of_left(left_out(models, effects)):
-        text = f"<!-- {left} -->\n" + text
+    left = left_out(models, effects)
+    lines = [
+        *([_of_left(left)] if left else []),
+        *([_of_law(by_law)] if by_law else []),
+        *([_of_delays(late)] if written and late else []),
+        *corrected_here(e for e in effects if e not in left),
+    ]
     path = folder / MODEL
-    write_text(path, text)
+    write_text(path, "".join(f"<!-- {line} -->\n" for line in lines) + text)
     if by_law:
         write_text(folder / LAW, Path(written_law.__file__).read_text(encoding="utf-8"))
     assets = _copy_assets(spec, models.folder, folder)
@@ -127,7 +128,7 @@ def left_out(models: Models, effects: Effects) -> list[AbstractEffect]:
 
 
 def _of_left(left: Sequence[AbstractEffect]) -> str:
-    """Return which effects the written model does not have, and why where that is not plain; empty: there is none."""
+    """Return which effects the written model does not have, and why where that is not plain."""
     recorded = [e.full_name for e in left if e.of_sensor]
     said = [e.full_name for e in left if not e.of_sensor]
     of = "which is" if len(recorded) == 1 else "which are"

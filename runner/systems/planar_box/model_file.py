@@ -9,6 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from runner.effects.base import corrected_here
 from runner.effects.planar_box import PlanarEffect
 from runner.effects.wording import number
 from runner.errors import ResultError
@@ -48,7 +49,7 @@ def write_model(effects: Effects, folder: Path, simulator: Simulator) -> tuple[s
     except ValueError as error:
         raise ResultError(f"{MODEL}: does not compile: {error}") from None
     left = [e.full_name for e in effects if e not in inside]
-    lines = [f"Not expressed here: {', '.join(left)}."] if left else []
+    lines = [*([f"Not expressed here: {', '.join(left)}."] if left else []), *corrected_here(inside)]
     lines += [
         f"For plain MuJoCo: '{OBJECT}' is on feet; qpos is x, y, yaw, z, pitch, roll. Push it by mujoco.mj_applyFT.",
         compare(model, inside, simulator).sentence,
