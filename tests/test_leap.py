@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence, Set
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from runner.effects.vocabulary import Candidate
 from runner.inference.evidence import directions, moved_along, sensitivities
 from runner.inference.leap import Linear, gain_of, leap
-from runner.inference.least_squares import NONE, Explanation, Fitter
+from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
 from runner.noise.measured import measure
 from runner.report import words
 from runner.settings import SETTINGS
@@ -61,6 +63,33 @@ def test_two_causes_are_found_in_one_leap(arm: MechanismSystem) -> None:
     assert values["servo_gain[shoulder]"] == values["servo_gain[elbow]"]
     assert values["servo_gain[elbow]"]["ratio"] == pytest.approx(0.8, abs=0.002)
     assert values["mass[forearm]"]["mass_kg"] == pytest.approx(0.52, abs=0.002)
+
+
+def test_what_a_leap_pushes_out_of_range_is_taken_out_and_not_put_in_again(
+    arm: MechanismSystem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As much mass as there may be leaves less than none; it is no cause, and nothing is put beside it."""
+    fitter = Fitter(arm, arm.simulator(threads=1), measure(arm))
+    heavy, stiff = (arm.vocabulary.by_name[n][0] for n in ("mass[forearm]", "servo_gain[*]"))
+    (mass,) = heavy.parameters(arm.context)
+    nominal, every = fitter.fit(NONE, [0], iterations=20), directions(arm)
+    asked = list[frozenset[Candidate]]()
+
+    def proposes(_around: object, _fitter: object, _most: int, _worth: float, barred: Set[Candidate]) -> object:
+        asked.append(frozenset(barred))
+        return [] if barred else [(heavy, np.array([mass.upper])), (stiff, np.array([-0.2]))]
+
+    def stays(what: Explanation, episodes: Sequence[int], *, x: np.ndarray, near: Fit, **_: object) -> Fit:
+        return descent(what, episodes, x=x, near=near, iterations=0)
+
+    descent = fitter.fit
+    monkeypatch.setattr("runner.inference.leap.chosen", proposes)
+    monkeypatch.setattr("runner.inference.leap._needed", lambda _fitter, fit, _worth: fit)
+    monkeypatch.setattr("runner.inference.leap._split", lambda _fitter, fit: fit)
+    monkeypatch.setattr(Fitter, "fit", lambda _self, *a, **k: stays(*a, **k))
+    fit, _ = leap(fitter, nominal, every, sensitivities(fitter, nominal, every), lambda _: -np.inf)
+    assert fit.explanation.names == ("servo_gain[*]",)
+    assert asked == [frozenset(), {heavy}]
 
 
 def test_with_another_account_of_the_noise_nothing_is_simulated_again(arm: MechanismSystem) -> None:

@@ -21,7 +21,7 @@ from scipy.special import softmax
 from runner.effects.base import AbstractEffect, Effects, Scope
 from runner.effects.vocabulary import Candidate
 from runner.inference.least_squares import Explanation, Fit, Fitter
-from runner.inference.parameters import bounds, difference_steps, is_out_of_range
+from runner.inference.parameters import bounds, difference_steps, is_possible
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
 
@@ -266,7 +266,7 @@ def evidence(
     """
     fit, whole = around.fit, len(around.fit.x)
     context, levels = system.context, system.mismatch_levels
-    if is_out_of_range(fit.explanation.parameters(context), fit.x):
+    if not is_possible(fit, context):
         nothing = np.full((whole, whole), np.nan)
         left = around.total
         return Evidence(-np.inf, np.full(len(levels), -np.inf), left, left, nothing, nothing, dispersion)

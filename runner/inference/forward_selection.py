@@ -26,8 +26,7 @@ from runner.settings import SETTINGS
 def fits_of(rounds: Rounds, size: int, beam: Sequence[Contender]) -> list[Fit]:
     """Fit explanations of so many effects: those of the beam with one more, and those that an earlier look left."""
     fits: list[Fit] = []
-    reached = [s.total for s in rounds.seeds.values()] + [c.fit.total for c in rounds.contenders if size > 1]
-    target = min(reached, default=np.inf)
+    target = min(rounds.least_foreseen, rounds.least_reached if size > 1 else np.inf)
     for contender in beam:
         for _, candidate, vector in _worth_a_fit(rounds, contender, size):
             fit = _with_one_more(rounds, contender, candidate, vector, size, target)
@@ -35,7 +34,7 @@ def fits_of(rounds: Rounds, size: int, beam: Sequence[Contender]) -> list[Fit]:
                 if size == 1 and fit.total < min((f.total for f in fits), default=contender.fit.total):
                     rounds.tell(rounds.worthy(fit, rounds.alone))  # all single fits may take minutes
                 fits = with_fit(fits, fit)
-                target = min(target, fit.total)
+                target = min(target, _mark(rounds, fit))
     for key in [k for k in rounds.seeds if len(k) == size]:
         seed = rounds.seeds.pop(key)
         rounds.answered.discard(key)
@@ -46,14 +45,19 @@ def fits_of(rounds: Rounds, size: int, beam: Sequence[Contender]) -> list[Fit]:
         fit = rounds.fitter.fit(seed.explanation, rounds.episodes, **begin, **how)
         if size == 1 or gain(fit, rounds.contenders) > rounds.worth:
             fits = with_fit(fits, fit)
-            target = min(target, fit.total)
+            target = min(target, _mark(rounds, fit))
     return fits
+
+
+def _mark(rounds: Rounds, fit: Fit) -> float:
+    """Return what a fit leaves for others to come near to."""
+    return fit.total if rounds.is_possible(fit) else np.inf
 
 
 def next_beam(rounds: Rounds, new: Sequence[Contender]) -> list[Contender]:
     """Return what is worth adding to, of contenders of one size, likeliest first."""
     beam: list[Contender] = []
-    left = min((s.total for s in rounds.seeds.values()), default=np.inf) - rounds.count
+    left = rounds.least_foreseen - rounds.count
     limits = SETTINGS.search
     for contender in new:
         if contender.fit.total - rounds.count > limits.leap_lead_ratio * max(left, rounds.worth):
@@ -69,15 +73,14 @@ def next_beam(rounds: Rounds, new: Sequence[Contender]) -> list[Contender]:
 
 def leap_ahead(rounds: Rounds) -> None:
     """Go on with what the linear model proposes at once, from the effect or the seed that leaves least."""
-    begin = min((c.fit for c in rounds.contenders), key=lambda f: f.total)
-    if rounds.seeds:
-        seed = min(rounds.seeds.values(), key=lambda s: s.total)
-        if seed.total < begin.total:
-            steps = SETTINGS.fit.warm_steps
-            begin = rounds.fitter.fit(
-                seed.explanation, rounds.episodes, x=seed.x, starts=seed.starts, iterations=steps, polish=False
-            )
-            rounds.keep_seed(begin)
+    begin = min((c.fit for c in rounds.contenders if rounds.is_possible(c)), key=lambda f: f.total)
+    if rounds.least_foreseen < begin.total:
+        seed = min(filter(rounds.is_possible, rounds.seeds.values()), key=lambda s: s.total)
+        steps = SETTINGS.fit.warm_steps
+        begin = rounds.fitter.fit(
+            seed.explanation, rounds.episodes, x=seed.x, starts=seed.starts, iterations=steps, polish=False
+        )
+        rounds.keep_seed(begin)
     fit, rounds.last = leap(rounds.fitter, begin, rounds.every, rounds.around(begin), rounds.worth_beside)
     if fit is not begin:
         rounds.keep_seed(fit)
@@ -94,7 +97,7 @@ def _worth_a_fit(rounds: Rounds, contender: Contender, size: int) -> list[Offer]
     if size == 1 and rounds.hits:
         return promised  # an amount that was tried with starts of something else promises too little
     if size == 1:
-        foreseen = min((s.total for s in rounds.seeds.values()), default=np.inf) - rounds.count
+        foreseen = rounds.least_foreseen - rounds.count
         if foreseen < limits.settled_share * left:
             return promised[: limits.most_promising]  # an earlier look has found where to begin
         every = left >= limits.near_excess * rounds.count
@@ -103,7 +106,7 @@ def _worth_a_fit(rounds: Rounds, contender: Contender, size: int) -> list[Offer]
             return _likely(rounds, promised)
         few, enough = limits.most_promising, limits.min_promise_share * rounds.worth
         return [o for i, o in enumerate(promised) if i < few or o[0] > enough]
-    reached = min(s.total for s in (*rounds.seeds.values(), *(c.fit for c in rounds.contenders))) - rounds.count
+    reached = min(rounds.least_foreseen, rounds.least_reached) - rounds.count
     behind = left - limits.leap_lead_ratio * max(reached, rounds.worth)
     enough = max(limits.min_promise_share * rounds.worth, behind)
     return [o for o in promised[: limits.most_promising] if o[0] > enough]
@@ -130,7 +133,8 @@ def _likely(rounds: Rounds, promised: list[Offer]) -> list[Offer]:
     """Return the most promising, and of those whose promise says little."""
     jumps = [o for o in promised if o[1].effect.discontinuous or o[1].is_placed(rounds.fitter.context)]
     nonlinear = {o[1] for o in jumps[: SETTINGS.search.nonlinear_candidates]}
-    return [o for i, o in enumerate(promised) if i < SETTINGS.search.candidates or o[1] in nonlinear]
+    few, near = SETTINGS.search.candidates, SETTINGS.search.comparable_promise
+    return [o for i, o in enumerate(promised) if i < few or o[1] in nonlinear or o[0] > near * promised[0][0]]
 
 
 def _with_one_more(

@@ -9,7 +9,7 @@ what is nonlinear shows by then. What a leap has found is where the search begin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +28,7 @@ from runner.inference.evidence import (
     trusted,
 )
 from runner.inference.least_squares import Explanation, Fit, Fitter
+from runner.inference.parameters import is_out_of_range, is_possible
 from runner.inference.shortlist import worth_of
 from runner.settings import SETTINGS
 
@@ -46,7 +47,7 @@ def leap(
         known: What they do around the fit.
         worth_beside: What an effect has to take off the loss where so much is left.
     """
-    surveyed = fit
+    surveyed, barred = fit, set[Candidate]()
     for _ in range(SETTINGS.leap.max_leaps):
         room = min(fitter.system.most_effects - len(fit.explanation.candidates), SETTINGS.leap.max_effects)
         if not room:
@@ -54,17 +55,40 @@ def leap(
         if surveyed is not fit:
             surveyed, known = fit, sensitivities(fitter, fit, every)
         worth = worth_beside(fit.total)
-        extra = chosen(normal_equations(fit, known), fitter, room, worth)
+        extra = chosen(normal_equations(fit, known), fitter, room, worth, barred)
         if not extra:
             break
         explanation = fit.explanation + Explanation(tuple(c for c, _ in extra))
         x = np.concatenate([fit.x, *(v for _, v in extra)])
         tried = fitter.fit(explanation, fit.episodes, x=x, near=fit, iterations=SETTINGS.leap.steps, polish=False)
         tried = _needed(fitter, tried, worth)
-        if not tried.total < fit.total - worth:
+        tried, out = _within_range(fitter, tried)
+        barred |= out
+        if tried.total < fit.total - worth:
+            fit = _tied(fitter, _split(fitter, tried))
+        elif not out:
             break
-        fit = _tied(fitter, _split(fitter, tried))
     return fit, (surveyed, known)
+
+
+def _within_range(fitter: Fitter, fit: Fit) -> tuple[Fit, set[Candidate]]:
+    """Return a fit without the effects that it pushes out of their range, and which those are.
+
+    Out of there they do the work of others, which would be put beside them and never in their place.
+    """
+    out = set[Candidate]()
+    while not is_possible(fit, fitter.context):
+        gone = {
+            c
+            for c, part in fit.explanation.parts(fitter.context)
+            if is_out_of_range(c.parameters(fitter.context), fit.x[part])
+        }
+        out |= gone
+        left = [(c, fit.x[part]) for c, part in fit.explanation.parts(fitter.context) if c not in gone]
+        explanation = Explanation(tuple(c for c, _ in left))
+        x = np.concatenate([v for _, v in left]) if left else np.empty(0)
+        fit = fitter.fit(explanation, fit.episodes, x=x, near=fit, iterations=SETTINGS.leap.steps, polish=False)
+    return fit, out
 
 
 def leapt(fitter: Fitter, fit: Fit, nominal: Fit) -> Fit:
@@ -106,7 +130,9 @@ class Linear:
         return self.gram - self.gram @ solved[:, :-1], self.right - self.gram @ solved[:, -1], -solved[:, -1]
 
 
-def chosen(around: NormalEquations, fitter: Fitter, most: int, worth: float) -> list[tuple[Candidate, np.ndarray]]:
+def chosen(
+    around: NormalEquations, fitter: Fitter, most: int, worth: float, barred: Set[Candidate] = frozenset()
+) -> list[tuple[Candidate, np.ndarray]]:
     """Return the effects that account for what a fit leaves in the linear model around it, with where to begin.
 
     Args:
@@ -114,6 +140,7 @@ def chosen(around: NormalEquations, fitter: Fitter, most: int, worth: float) -> 
         fitter: Of it.
         most: At most so many.
         worth: What each of them has to take off the loss, beside the others.
+        barred: Effects that are not to be among them.
     """
     p = len(around.fit.x)
     total = around.gram.sum(axis=0)
@@ -127,7 +154,7 @@ def chosen(around: NormalEquations, fitter: Fitter, most: int, worth: float) -> 
         gains = {
             (candidate, tuple(index)): gain_of(metric, gradient, index, linear.spread)
             for candidate, index in groups
-            if candidate.may_join((*around.fit.explanation.candidates, *taken))
+            if candidate not in barred and candidate.may_join((*around.fit.explanation.candidates, *taken))
         }
         if not gains:
             break
@@ -192,7 +219,8 @@ def _split(fitter: Fitter, fit: Fit) -> Fit:
     x = np.concatenate([v for _, v in parts])
     tried = fitter.fit(apart, fit.episodes, x=x, near=fit, iterations=SETTINGS.leap.steps, polish=False)
     share = SETTINGS.leap.min_gain_per_number
-    return tried if tried.total < fit.total - share * fit.total * (count - len(held)) else fit
+    less = tried.total < fit.total - share * fit.total * (count - len(held))
+    return tried if less and is_possible(tried, fitter.context) else fit
 
 
 def _tied(fitter: Fitter, fit: Fit) -> Fit:
@@ -206,7 +234,8 @@ def _tied(fitter: Fitter, fit: Fit) -> Fit:
         explanation = Explanation((*(c for c, _ in others), shared))
         x = np.concatenate([*(v for _, v in others), np.mean([fit.x[part] for part in members], axis=0)])
         tried = fitter.fit(explanation, fit.episodes, x=x, near=fit, iterations=SETTINGS.leap.steps, polish=False)
-        if tried.total < fit.total * (1.0 + SETTINGS.leap.min_gain_per_number * (len(members) - 1)):
+        near = tried.total < fit.total * (1.0 + SETTINGS.leap.min_gain_per_number * (len(members) - 1))
+        if near and is_possible(tried, fitter.context):
             fit = tried
     return fit
 

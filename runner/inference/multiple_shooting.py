@@ -14,7 +14,7 @@ import numpy as np
 from runner.inference.breakaway import hanging
 from runner.inference.flown import Flown
 from runner.inference.least_squares import NONE, Explanation, Fit, Fitter
-from runner.inference.parameters import is_out_of_range
+from runner.inference.parameters import is_possible
 from runner.inference.rounds import likeliest
 from runner.inference.search import Search, search, singles
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of
@@ -144,8 +144,7 @@ def _fall_short(found: Search, flown: Fitter) -> frozenset[Key]:
 def _is_near(fit: Fit, fitter: Fitter) -> bool:
     """Whether a fit leaves so little that nothing plain is left to be explained."""
     left = fitter.measured.excess(fit.total, fit.episodes)
-    out = is_out_of_range(fit.explanation.parameters(fitter.context), fit.x)
-    return not out and left < SETTINGS.search.near_excess
+    return is_possible(fit, fitter.context) and left < SETTINGS.search.near_excess
 
 
 def recut(beginning: Beginning, fitter: Fitter, nominal: Fit) -> Beginning:
@@ -176,9 +175,8 @@ def explains(seed: WarmStart, fitter: Fitter, episodes: Sequence[int]) -> bool:
 
     Out of its range an effect does another's work, as the Stribeck effect at no speed does that of static friction.
     """
-    if is_out_of_range(seed.explanation.parameters(fitter.context), seed.x):
-        return False
-    return bool(seed.total < (1.0 + SETTINGS.search.near_excess) * fitter.measured.count(episodes))
+    near = seed.total < (1.0 + SETTINGS.search.near_excess) * fitter.measured.count(episodes)
+    return bool(near and is_possible(seed, fitter.context))
 
 
 def begun(fit: Fit, spans: Sequence[Span], whole: Fit) -> np.ndarray:

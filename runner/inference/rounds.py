@@ -10,6 +10,7 @@ import numpy as np
 from runner.inference.contender import Contender, contend, dispersion_of
 from runner.inference.evidence import Direction, Sensitivities, directions, sensitivities
 from runner.inference.least_squares import NONE, Fit, Fitter, are_near
+from runner.inference.parameters import is_possible
 from runner.inference.probability import error_of_excess, shares, unknown_by_excess
 from runner.inference.shortlist import worth_of
 from runner.inference.warm_start import Beginning, Key, WarmStart, key_of
@@ -97,8 +98,21 @@ class Rounds:
     @property
     def worth(self) -> float:
         """What an effect has to take off the loss."""
-        totals = [c.fit.total for c in self.contenders] + [s.total for s in self.seeds.values()]
-        return self.worth_beside(min(totals))
+        return self.worth_beside(min(self.nominal.total, self.least_foreseen, self.least_reached))
+
+    @property
+    def least_foreseen(self) -> float:
+        """The least that a beginning from an earlier look leaves which an explanation may leave."""
+        return min((s.total for s in self.seeds.values() if self.is_possible(s)), default=np.inf)
+
+    @property
+    def least_reached(self) -> float:
+        """The least that a contender leaves which may be one."""
+        return min(c.fit.total for c in self.contenders if self.is_possible(c))
+
+    def is_possible(self, one: Contender | Fit | WarmStart) -> bool:
+        """Whether it is an explanation, rather than one out of its range that does the work of another."""
+        return is_possible(one.fit if isinstance(one, Contender) else one, self.fitter.context)
 
     def worth_beside(self, total: float) -> float:
         """Return what an effect has to take off the loss where that much is left."""
@@ -145,7 +159,8 @@ class Rounds:
     def disperse(self, new: Contender) -> None:
         """Weigh all contenders by how uncertain residuals are by what a new one leaves, if it leaves least."""
         left = new.evidence.left
-        if left >= min(c.evidence.left for c in self.contenders):
+        before = min(c.evidence.left for c in self.contenders if self.is_possible(c))
+        if left >= before or not self.is_possible(new):
             return
         self.dispersion = dispersion_of(new.fit, self.fitter, left)
         self.contenders = [c.weighed(self.fitter.system, self.dispersion) for c in self.contenders]

@@ -81,12 +81,13 @@ def _weighed(rounds: Rounds, size: int, fits: Sequence[Fit]) -> list[Contender] 
     leaders = limits.beam_width if rounds.pieces else 2 * limits.beam_width
     steps = how.screening_steps if rounds.pieces else how.final_steps
     fits = finished(rounds.fitter, fits, rounds.count, leaders, steps=steps)
-    around_best = rounds.around(fits[0])
+    around_best = rounds.around(next(filter(rounds.is_possible, fits), fits[0]))
     new = [rounds.worthy(fit, around_best) for fit in fits[: limits.compared]]
-    rounds.disperse(min(new, key=lambda c: c.evidence.left))
+    if any(map(rounds.is_possible, new)):
+        rounds.disperse(min(filter(rounds.is_possible, new), key=lambda c: c.evidence.left))
     new = [c.weighed(rounds.fitter.system, rounds.dispersion) for c in new]
     best = max(c.log_posterior for c in rounds.contenders)
-    left_before = min(c.fit.total for c in rounds.contenders) - rounds.count
+    left_before = rounds.least_reached - rounds.count
     rounds.contenders += new
     if size == 1:
         new = _and_with_another(rounds, new, around_best)
@@ -96,9 +97,8 @@ def _weighed(rounds: Rounds, size: int, fits: Sequence[Fit]) -> list[Contender] 
         return new
     if not rounds.pieces:
         new = _pared(rounds, size, new, around_best)
-    stalled = (
-        min(c.fit.total for c in new) - rounds.count > rounds.fitter.system.worth_another * left_before > rounds.worth
-    )
+    left = min((c.fit.total for c in new if rounds.is_possible(c)), default=np.inf) - rounds.count
+    stalled = left > rounds.fitter.system.worth_another * left_before > rounds.worth
     return None if new[0].log_posterior < best or stalled else new
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from runner.inference.contender import Contender, least_gain
 from runner.inference.evidence import clip
 from runner.inference.least_squares import Explanation, Fit, Fitter
+from runner.inference.parameters import is_possible
 from runner.inference.warm_start import Key, key_of
 from runner.settings import SETTINGS
 from runner.systems.base import AbstractSystem
@@ -36,7 +37,11 @@ def gain(fit: Fit, contenders: Sequence[Contender]) -> float:
     """Return by how much a fit leaves less than those of fewer of its effects, whichever their variants."""
     names, size = set(fit.explanation.names), len(fit.explanation.candidates)
     simpler = [
-        c.fit for c in contenders if set(c.fit.explanation.names) <= names and len(c.fit.explanation.candidates) < size
+        c.fit
+        for c in contenders
+        if set(c.fit.explanation.names) <= names
+        and len(c.fit.explanation.candidates) < size
+        and np.isfinite(c.log_posterior)
     ]
     return min(f.total for f in simpler) - fit.total
 
@@ -57,7 +62,8 @@ def finished(fitter: Fitter, fits: list[Fit], count: int, leaders: int, *, steps
     out: list[Fit] = []
     behind, further = SETTINGS.search.lag_gains * SETTINGS.search.min_gain_excess, SETTINGS.fit.behind_share
     for i, fit in enumerate(fits):
-        lags = out and fit.total > out[0].total + behind * count + further * max(out[0].total - count, 0.0)
+        mark = min((f.total for f in out if is_possible(f, fitter.context)), default=np.inf)
+        lags = fit.total > mark + behind * count + further * max(mark - count, 0.0)
         if i < leaders and not fit.converged and not lags:
             fit = fitter.fit(fit.explanation, fit.episodes, x=fit.x, near=fit, iterations=steps)
         if i < leaders and not lags and fit.total - count > least_gain(count):

@@ -152,6 +152,12 @@ class SearchSettings:
     candidates: int = setting(
         8, "effects", "Where promises hold less, as beside a first effect, the right one is further down the list."
     )
+    comparable_promise: float = setting(
+        0.5,
+        "of the most promising",
+        "A linear model is off by a factor of two where much is missing, so that of many joints alike not the eighth "
+        "ends the list; a fit that comes nowhere near is given up after a step.",
+    )
     nonlinear_candidates: int = setting(
         12,
         "effects",
