@@ -65,6 +65,7 @@ soak: $(FULL)  ## 10,000 runs in one process, an hour at 240 Hz diagnosed; ARGS=
 	@$(ONE_BLAS_THREAD) nice $(BIN)/python -m benchmarks.soak $(ARGS)
 
 venv: $(FULL)  ## All that `make test` needs
+	@echo "Now: source .venv/bin/activate"
 
 reference: $(STAMP)  ## docs/reference/*.md from schemas and docstrings
 	@$(BIN)/python docs/reference/make_reference.py

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from runner.diagnosis.corrected import folder_of, read_corrected, write_equals
+from runner.effects.planar_box import FloorTilt, Wind
 from runner.errors import ResultError, WriteError
 from runner.outputs.one import with_corrected
+from runner.systems.planar_box.system import PlanarBox
+from tests.cases import made
+from tests.mechanism_cases import system_of, write_case
+from tests.servo_arm import NOMINAL, recorded, written
 
 
 @dataclass(frozen=True)
@@ -61,3 +68,25 @@ def test_a_full_disk_is_still_an_error(tmp_path: Path) -> None:
     found: Any = Found(Simulated(WriteError("model.xml: can't be written: No space left on device.")))
     with pytest.raises(WriteError):
         with_corrected(found, tmp_path)
+
+
+def test_what_fits_as_well_is_written_beside_it(tmp_path: Path) -> None:
+    """A tilt of the floor and a wind make the same motion; a test that tells them needs both models."""
+    recording, _ = made((FloorTilt(0.01, 0.5),), episodes=2, seconds=1.0)
+    system = PlanarBox(recording)
+    wind = {"wind": {"force_n": 0.2, "direction_rad": 0.5}}
+    tilt: Any = SimpleNamespace(equal_numbers={("wind",): (wind, {})})
+    write_equals(tmp_path / "found", tilt, system)
+    effects, _ = read_corrected(tmp_path / "found" / folder_of(["wind"]), system)
+    assert effects == (Wind(0.2, 0.5),)
+    assert folder_of(["actuator_delay[*]", "mass[arm]"]) == "or_actuator_delay_mass_arm"
+
+
+def test_what_all_of_a_kind_share_is_written_for_each(tmp_path: Path) -> None:
+    """As in the corrected model itself."""
+    xml = written(10.0, 0.4)
+    arm = system_of(write_case(tmp_path, xml, [recorded(xml, 0, samples=101, step_s=1e-3)], NOMINAL))
+    late: Any = SimpleNamespace(equal_numbers={("actuator_delay[*]",): ({"actuator_delay[*]": {"delay_s": 0.02}}, {})})
+    write_equals(tmp_path / "found", late, arm)
+    effects, _ = read_corrected(tmp_path / "found" / "or_actuator_delay", arm)
+    assert [e.full_name for e in effects] == ["actuator_delay[shoulder]", "actuator_delay[elbow]"]

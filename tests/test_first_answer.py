@@ -12,7 +12,7 @@ import pytest
 from runner.effects import planar_box as fx
 from runner.effects.vocabulary import Candidate
 from runner.inference.least_squares import Explanation, Fitter
-from runner.inference.search import Search, fitted_again, resumed, search
+from runner.inference.search import Search, fitted_again, resumed, search, weighed_again
 from runner.inference.warm_start import Beginning, WarmStart, key_of
 from runner.progress import Step
 from runner.settings import SETTINGS
@@ -84,6 +84,19 @@ def test_what_is_fitted_again_in_other_steps_is_what_is_near() -> None:
     best = next(c.fit for c in again.contenders if c.fit.explanation.names == ("actuator_gain",))
     assert best.x == pytest.approx(found.best.fit.x, abs=0.02)
     assert not np.array_equal(best.x, found.best.fit.x)
+
+
+def test_with_another_account_of_the_noise_what_is_compared_is_of_that_alone() -> None:
+    """Evidence with one noise is not held against that with another; no effect is tried that was not before."""
+    fitter, _, found = searched()
+    told, noisier = Told(), replace(fitter.measured, sensor=2.0 * fitter.measured.sensor)
+    again = weighed_again(found, replace(fitter, measured=noisier, observer=told))
+    likeliest = [c.fit.explanation.names for c in found.contenders if c.fit.explanation.candidates]
+    assert set(told.fitted) == {(), *likeliest[: SETTINGS.search.compared]}
+    assert again.best.fit.explanation.names == ("actuator_gain",)
+    before = {id(c.fit) for c in found.contenders}
+    assert not any(id(c.fit) in before for c in again.contenders)
+    assert again.nominal.total == pytest.approx(found.nominal.total / 4.0, rel=0.05)
 
 
 def test_an_answer_that_does_not_hold_any_more_is_not_told_for_ever() -> None:

@@ -77,5 +77,5 @@ def test_a_measured_force_is_warned_of(tmp_path: Path) -> None:
         table[name] += 0.05 * rng.standard_normal(len(table))
     table.to_parquet(tmp_path / "case/recording.parquet", index=False)
     (note,) = read_case(tmp_path / "case").notes
-    assert note.startswith("warning: the force 'fx', 'fy' was measured, with noise of 0.0")
-    assert "Where a robot's arm or a hand pushes, give its path as a `pin`" in note
+    assert note.startswith("the force 'fx', 'fy' was measured, with noise of about 0.0")
+    assert "its path as a `pin` tells more" in note

@@ -163,7 +163,9 @@ def _table(system: AbstractSystem, found: Gap, equals: str) -> Table:
             rows = [at["fitted", channel.name, horizon] for horizon in horizons]
             mark = "" if rows[0]["stated"] else "~"
             if by_force:
-                cells = [_noises(row["noises_expected"]) for row in rows]
+                # where any difference grows as large as the motion, what is made by one is no measure of another
+                told = [found.growth[h] <= SETTINGS.pieces.most_growth for h in horizons]
+                cells = [_noises(r["noises_expected"]) if t else "" for r, t in zip(rows, told, strict=True)]
             else:
                 cells = [f"{number(row['rms'] * factor)}{equals}{_noises(row['noises'])}" for row in rows]
             cells = ["-" if math.isnan(row["rms"]) else cell for row, cell in zip(rows, cells, strict=True)]
@@ -204,8 +206,12 @@ def in_short(found: Gap, recording: Recorded, horizon: str) -> str:
     made = max((r["noises_expected"] for r in rows), default=1.0)
     driven = made >= AT_NOISE
     alone = f"; noise of the measured force alone makes up to {number(made)}" if driven else ""
+    if not over and driven:
+        most = number(max((r["noises"] for r in rows), default=1.0))
+        made_by = "the noise and what that of the measured force makes"
+        return f"{where} the model misses no more than {made_by}: {most} times the noise at most."
     if not over:
-        return f"{where} the model misses nothing but the noise{alone}."
+        return f"{where} the model misses nothing but the noise."
     named = [f"{r['channel']} by {number(r['noises'])} times the noise{_in_most(r)}" for r in over]
     within = [r["noises"] for r in rows if not _over(r)]
     others = f"up to {number(max(within))} times" if within and max(within) > AT_NOISE else "no more than it"
@@ -216,7 +222,8 @@ def in_short(found: Gap, recording: Recorded, horizon: str) -> str:
 def _in_most(row: Mapping[str, Any]) -> str:
     """Say what half of the windows miss, where few of them make most of what all do."""
     few = row["windows"] > 1 and row["noises"] > FEW_MAKE_MOST * row["noises_median"]
-    return f" ({number(row['noises_median'], 2)} at most in half of the windows)" if few else ""
+    half = "episodes" if row["horizon"] == WHOLE_EPISODE else "windows"
+    return f" ({number(row['noises_median'], 2)} at most in half of the {half})" if few else ""
 
 
 def _print_many(rows: pd.DataFrame, console: Console) -> None:

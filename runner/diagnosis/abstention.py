@@ -12,8 +12,7 @@ from runner.diagnosis.closure import close
 from runner.diagnosis.ranking import contender_of
 from runner.diagnosis.result import Abstention, Nearest, Ranked
 from runner.effects.base import Effects
-from runner.inference.contender import Contender
-from runner.inference.doubts import errors_off
+from runner.inference.doubts import unsure_effects
 from runner.inference.held_out import Confirmed
 from runner.inference.least_squares import Fitter
 from runner.inference.unseen import unseen
@@ -21,7 +20,6 @@ from runner.localise.likeness import likenesses
 from runner.localise.where import Where, localise
 from runner.noise.measured import Measured
 from runner.recording import Span
-from runner.settings import SETTINGS
 
 NEAREST_SHOWN = 2
 
@@ -73,12 +71,5 @@ def _nearest(ranked: Ranked, first: Ranked, confirmed: Confirmed, fitter: Fitter
         max(left, 0.0) / max(gap, 1e-9),
         max(left_unseen, 0.0) / max(gap_unseen, 1e-9),
         contender_of(found, first, fitter.context).log_posterior - contender.log_posterior,
-        _unsure(contender, found.contenders, fitter),
+        unsure_effects(contender, found.contenders, fitter.context),
     )
-
-
-def _unsure(contender: Contender, others: Sequence[Contender], fitter: Fitter) -> tuple[str, ...]:
-    """Return which effects of an explanation do not stand out of their own errors."""
-    context = fitter.context
-    parts, enough = contender.fit.explanation.parts(context), SETTINGS.odds.min_errors_beside_others
-    return tuple(c.name for c, whole in parts if errors_off(contender, c, whole, context, others) < enough)

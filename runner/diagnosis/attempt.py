@@ -26,7 +26,7 @@ from runner.inference.leap import leapt
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.multiple_shooting import carried_over, look, recut
 from runner.inference.outside import with_outside
-from runner.inference.search import Search, fitted_again, near_likeliest, resumed, search
+from runner.inference.search import Search, fitted_again, near_likeliest, resumed, search, weighed_again
 from runner.inference.solver_choice import better_solved
 from runner.inference.unseen import portions, start_states, unseen
 from runner.inference.variable_projection import project
@@ -423,15 +423,19 @@ def _searched(first: _FirstLook) -> tuple[Fitter, Search]:
     # without static friction nothing hangs on a breakaway, whatever the pieces suggested
     effects = best.explanation.make(best.x, fitter.context)
     again = refine(measured, fitter.system, left_by(best, effects, fitter))
+    left = fitter.measured.excess(best.total, best.episodes)
     # where much is left that nothing explains, it is not noise
-    told = fitter.measured.excess(best.total, best.episodes) < fitter.system.cut_from
-    if told and (again.hung != fitter.measured.hung or materially_different(measured, again)):
+    if left < fitter.system.cut_from and (again.hung != fitter.measured.hung or materially_different(measured, again)):
         fitter = replace(fitter, measured=again)
+        fitter.observer.step(Step.SEARCHING, "again with the noise that the best so far leaves")
+        other = _better_solved(fitter, found, first.as_believed)
+        if other is None and left > SETTINGS.search.near_excess:
+            # noise that is less than what the best one leaves has not hidden anything from the search
+            return fitter, weighed_again(found, fitter)
         beginning = resumed(found, fitter, first.beginning)
-        if other := _better_solved(fitter, found, first.as_believed):
+        if other:
             fitter = _solved_otherwise(fitter, other)
             beginning = _open_again(found, fitter)
-        fitter.observer.step(Step.SEARCHING, "again with the noise that the best so far leaves")
         found = search(fitter, episodes, starts=found.nominal.starts, beginning=beginning)
     return fitter, found
 

@@ -16,13 +16,15 @@ variants, the parameters' names tell which is meant.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, fields
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BaseModel, StrictFloat, ValidationError
 
+from runner.diagnosis.result import Ranked
 from runner.effects.base import AbstractEffect, Effects
 from runner.effects.vocabulary import Vocabulary
 from runner.errors import ConfigError, ResultError, nearest
@@ -59,6 +61,26 @@ def write_corrected(folder: str | Path, effects: Effects, system: AbstractSystem
     path = folder / FILE
     write_yaml(path, content)
     return path
+
+
+def folder_of(names: Sequence[str]) -> str:
+    """Return what the folder is called in which the model that is corrected by other effects stands."""
+    return "or_" + "_".join(re.sub(r"\W+", "_", name).strip("_") for name in names)
+
+
+def write_equals(folder: Path, ranked: Ranked, system: AbstractSystem) -> None:
+    """Write the models that are corrected by what fits as well, each into a folder of its own: a test tells which.
+
+    Raises:
+        ResultError: As `write_corrected`.
+    """
+    for names, (parameters, errors) in ranked.equal_numbers.items():
+        told = [
+            (next(v for v in system.vocabulary.by_name[name] if _accepts(v.effect, set(values))), values)
+            for name, values in parameters.items()
+        ]
+        effects = tuple(one.with_values(values) for candidate, values in told for one in candidate.each)
+        write_corrected(folder / folder_of(names), system.as_told(effects, errors), system)
 
 
 _Values = Annotated[dict[str, Annotated[StrictFloat, must("be a number")]], must("be {parameter: value}")]

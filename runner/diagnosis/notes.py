@@ -9,7 +9,7 @@ import numpy as np
 
 from runner.effects.base import Scope
 from runner.effects.vocabulary import spoken
-from runner.effects.wording import listed
+from runner.effects.wording import listed, number
 from runner.importing.record import called, has_turned_axes
 from runner.inference.contender import Contender
 from runner.inference.least_squares import Fit, amplitudes
@@ -101,9 +101,18 @@ def _times_of(recording: Recorded, spans: Sequence[Span]) -> list[str]:
     return [f"F{told[0][1:]}", *told[1:]]
 
 
-def doubts(system: AbstractSystem, measured: Measured, top: Contender) -> tuple[str, ...]:
-    """Say why the numbers of the explanation that is put into the corrected model may not be what they look like."""
+def doubts(system: AbstractSystem, measured: Measured, top: Contender, unsure: Sequence[str] = ()) -> tuple[str, ...]:
+    """Say why the numbers of the explanation that is put into the corrected model may not be what they look like.
+
+    `unsure` are those of its effects that do not stand out of their own errors.
+    """
     out = [f"{said}." for said in system.misread()]
+    if unsure:
+        out.append(
+            f"Something like {listed([spoken(name) for name in unsure])} is needed, as a plain gap is left without it; "
+            f"but {'its' if len(unsure) == 1 else 'their'} numbers do not stand out of their own errors, so another "
+            "cause of nearly the same motion may be meant. Confirm it by hand before the model is changed by that."
+        )
     if far := _far_from_usual(top.fit, system.context):
         out.append(
             f"By how much {listed(far)} {'differs' if len(far) == 1 else 'differ'} from the model is more than "
@@ -127,9 +136,15 @@ def doubts(system: AbstractSystem, measured: Measured, top: Contender) -> tuple[
 
 def _far_from_usual(fit: Fit, context: Scope) -> list[str]:
     """Return the effects of which there is more than a linear model is asked about, as they are read."""
-    scales = np.array([p.scale for p in fit.explanation.parameters(context)])
-    far = np.abs(fit.x) > SETTINGS.fit.trust_radius * scales
-    return [spoken(c.name) for c, part in fit.explanation.parts(context) if far[amplitudes(c, part, context)].any()]
+    parameters = fit.explanation.parameters(context)
+    far = np.abs(fit.x) > SETTINGS.fit.trust_radius * np.array([p.scale for p in parameters])
+    out = []
+    for c, part in fit.explanation.parts(context):
+        which = [i for i in np.arange(len(fit.x))[amplitudes(c, part, context)] if far[i]]
+        usual = {f"{number(parameters[i].scale, 2)} {parameters[i].unit}" for i in which if parameters[i].unit}
+        if which:
+            out.append(spoken(c.name) + (f" (usual: {listed(sorted(usual))})" if usual else ""))
+    return out
 
 
 def _left_out(measured: Measured, system: AbstractSystem) -> str:

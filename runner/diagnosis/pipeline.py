@@ -19,6 +19,7 @@ from runner.diagnosis.ranking import contender_of, ranking, with_equals
 from runner.diagnosis.result import Diagnosis
 from runner.diagnosis.split import split
 from runner.inference.contender import nominal_of
+from runner.inference.doubts import unsure_effects
 from runner.inference.least_squares import Fit
 from runner.inference.outside import said_of_outside
 from runner.inference.unseen import start_states, unseen
@@ -126,7 +127,10 @@ def diagnose(
         abstention=helps,
         flights=flights,
         disturbances=disturbances,
-        doubts=(*doubts(system, measured, top), *([false] if false else [])),
+        doubts=(
+            *doubts(system, measured, top, unsure_effects(top, searched.contenders, system.context)),
+            *([false] if false else []),
+        ),
         notes=notes(
             system,
             measured,

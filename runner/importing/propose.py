@@ -113,6 +113,7 @@ def propose(log: Log, model: mujoco.MjModel, *, rate_hz: float | None = None) ->
     poses, up = guess_frame(part, guess_poses(part, model, besides=known, times_s=times), model, times)
     for pose in poses:
         _add_pose(draft, pose, part, up.axis)
+    _only_one_left(draft, elements, log, {*known, *(s.name for s in draft.used)})
     _lacking(draft, elements)
     if up.note:
         draft.notes.append(up.note)
@@ -288,6 +289,17 @@ def _add_pose(draft: _Draft, pose: Pose, part: Part, up: str) -> None:
             draft.unitless[entry["signal"]] = pose.why
         if entry.get("order") == TO_FILL:
             draft.missing.append(f"the order of the quaternion {', '.join(names)}: xyzw or wxyz")
+
+
+def _only_one_left(draft: _Draft, elements: Sequence[Element], log: Log, used: Collection[str]) -> None:
+    """Take the one signal in such a unit that is left for the command of the one actuator that has none."""
+    driven = {e["actuator"] for e in draft.commands.values()}
+    idle = [e for e in elements if e.is_command and e.target not in driven]
+    if len(idle) != 1:
+        return
+    left = [s for n, s in log.parts[0].signals.items() if n not in used and unit_by_name(n, idle[0].si_unit)]
+    if len(left) == 1:
+        _add(draft, idle[0], left[0], "the only one in such a unit that is left", log)
 
 
 def _lacking(draft: _Draft, elements: Sequence[Element]) -> None:

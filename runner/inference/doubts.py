@@ -64,6 +64,12 @@ def taken_off(contender: Contender, candidate: Candidate, contenders: Sequence[C
     return min(fewer, default=-np.inf) - contender.evidence.left
 
 
+def unsure_effects(contender: Contender, others: Sequence[Contender], context: Scope) -> tuple[str, ...]:
+    """Return which effects of an explanation do not stand out of their own errors."""
+    parts, enough = contender.fit.explanation.parts(context), SETTINGS.odds.min_errors_beside_others
+    return tuple(c.name for c, whole in parts if errors_off(contender, c, whole, context, others) < enough)
+
+
 def unsure(
     contender: Contender,
     contenders: Sequence[Contender],

@@ -246,9 +246,27 @@ def fitted_again(found: Search, fitter: Fitter) -> Search:
     It moves by less than the noise of one reading otherwise: which effects may be meant has been told, by how much and
     how likely each of them is has not. What is hopelessly behind stays as it is.
     """
-    episodes, how, fits = found.nominal.episodes, SETTINGS.fit, list[Fit]()
-    rounds = Rounds.begun(fitter, episodes, found.nominal.starts, Beginning(), pieces=False)
-    for before in sorted(near_likeliest(found), key=lambda f: f.total):
+    rounds = _begun_with(near_likeliest(found), found.nominal, fitter)
+    known = {key_of(c.fit.explanation) for c in rounds.contenders}
+    left = (c for c in found.contenders if key_of(c.fit.explanation) not in known)
+    rounds.contenders += [c.weighed(fitter.system, rounds.dispersion) for c in left]
+    return _ended(rounds)
+
+
+def weighed_again(found: Search, fitter: Fitter) -> Search:
+    """Return the nominal model and the likeliest, fitted anew to the same episodes with another account of the noise.
+
+    How likely each of the others was is of no use then: evidence with one noise is not held against that with another.
+    """
+    explained = [c.fit for c in found.contenders if c.fit.explanation.candidates and np.isfinite(c.log_posterior)]
+    return _ended(_begun_with(explained[: SETTINGS.search.compared], found.nominal, fitter))
+
+
+def _begun_with(explained: Sequence[Fit], nominal: Fit, fitter: Fitter) -> Rounds:
+    """Return rounds whose contenders are the nominal model and some explanations, fitted anew."""
+    episodes, how, fits = nominal.episodes, SETTINGS.fit, list[Fit]()
+    rounds = Rounds.begun(fitter, episodes, nominal.starts, Beginning(), pieces=False)
+    for before in sorted(explained, key=lambda f: f.total):
         fit = fitter.fit(
             before.explanation,
             episodes,
@@ -262,10 +280,7 @@ def fitted_again(found: Search, fitter: Fitter) -> Search:
     fits.sort(key=lambda f: f.total)
     for fit in fits:
         rounds.take(fit, rounds.around(fits[0]))
-    known = {key_of(c.fit.explanation) for c in rounds.contenders}
-    left = (c for c in found.contenders if key_of(c.fit.explanation) not in known)
-    rounds.contenders += [c.weighed(fitter.system, rounds.dispersion) for c in left]
-    return _ended(rounds)
+    return rounds
 
 
 def _ended(rounds: Rounds) -> Search:

@@ -80,8 +80,8 @@ def measured_notes(table: Table, spans: Sequence[slice]) -> list[str]:
     if not noise_n:
         return []
     return [
-        f"{WARNING}the force 'fx', 'fy' was measured, with noise of {noise_n:.2g} N: what that makes counts as noise, "
-        "and limits how sure an answer is. Where a robot's arm or a hand pushes, give its path as a `pin`"
+        f"the force 'fx', 'fy' was measured, with noise of about {noise_n:.2g} N: what that makes counts as noise "
+        "(where an arm or a hand decides the motion, its path as a `pin` tells more)"
     ]
 
 

@@ -121,7 +121,11 @@ def facts(diagnosis: Diagnosis, said: Statement) -> list[tuple[str, str]]:
     unseen = " on episodes that were not fitted" if said.held_out else ""
     if said.gap_closed is not None and said.corrected:
         value = percent(said.gap_closed) if said.interval is None else percent_between(said.gap_closed, *said.interval)
-        out.append((f"of the gap closed{unseen}", value))
+        noise = ", noise and all" if said.noisy and said.settled and said.closable_closed is not None else ""
+        out.append((f"of the gap closed{unseen}{noise}", value))
+        if noise:
+            beyond = percent(min(max(said.closable_closed or 0.0, 0.0), 1.0))
+            out.append((f"of what is beyond the noise closed{unseen} (mean squares)", beyond))
     elif said.closes_nothing_seen and said.settled and said.fitted_closed is not None:
         closed = percent(max(said.fitted_closed, 0.0))
         out.append(("of what is beyond the noise closed, in the episodes that were fitted", closed))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runner.diagnosis.corrected import folder_of
 from runner.effects.wording import listed
 from runner.report import words
 from runner.report.statement import Kind, Left, Statement, state
@@ -53,7 +54,7 @@ def next_steps(diagnosis: Diagnosis, folder: Path | None = None) -> list[str]:
     else:
         steps = _corrections(diagnosis.system, said.top, open_answer=said.kind is Kind.OPEN)
         if others := words.equals(said.top):
-            steps.insert(0, _decision(said.top, others, diagnosis.next_push))
+            steps.insert(0, _decision(said.top, others, diagnosis.next_push, folder))
     if diagnosis.flights is not None:
         steps.insert(0, diagnosis.flights.advice)
     if said.left is Left.DRIVE:
@@ -99,11 +100,14 @@ def _suspicions(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def _decision(top: Ranked, others: Sequence[tuple[str, ...]], by: str | None) -> str:
+def _decision(top: Ranked, others: Sequence[tuple[str, ...]], by: str | None, folder: Path | None) -> str:
     """Return what is to be decided before anything is changed, as no recording like this one does."""
     either = f"{words.title(top.effects)} and {listed([words.title(e) for e in others], 'or')}"
     how = f". {by}" if by else " by a measurement of another kind."
-    return f"Decide between {either}, which more recordings like this one can't tell apart{how}"
+    written = [] if folder is None else [f for o in others if (f := folder / folder_of(o)).is_dir()]
+    beside = listed([f"`{replaying(f)}`" for f in written], "or")
+    then = f" Of that `{replaying(folder)}` will miss less than {beside}, or the other way round." if written else ""
+    return f"Decide between {either}, which more recordings like this one can't tell apart{how}{then}"
 
 
 def _corrections(system: AbstractSystem, top: Ranked, *, open_answer: bool) -> list[str]:

@@ -178,7 +178,14 @@ def gain(said: Statement, applied: str = "With it") -> str:
         else:
             left = "; what is left is the noise of the measurement"
     of = f" ({in_noises(said)} noise levels, the noise itself is 1)" if said.noisy else ""
-    return f"{applied} the simulator misses {percent(said.gap_closed)} less{where}{of}{left}."
+    return f"{applied} the simulator misses {percent(said.gap_closed)} less{where}{of}{_of_all_there_is(said)}{left}."
+
+
+def _of_all_there_is(said: Statement) -> str:
+    """Return how much of what is beyond the noise that is: nothing closes the noise, which is in what is missed."""
+    if not (said.settled and said.noisy and said.closable_closed is not None):
+        return ""
+    return f", which is {percent(min(max(said.closable_closed, 0.0), 1.0))} of what is beyond the noise (mean squares)"
 
 
 def _gain_where_fitted(said: Statement) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from runner.effects.base import Parameter, Phrase, Vector
 from runner.effects.mechanism import parts
 from runner.effects.mechanism.base import MechanismEffect, Scope, effect
-from runner.effects.wording import Values
+from runner.effects.wording import Values, length
 from runner.errors import check_range
 
 USUAL_CYCLES = 4.0
@@ -94,12 +94,14 @@ class TorqueRipple(MechanismEffect):
         unit, per = parts.force_unit(beliefs.model, target), "turn" if hinge else "m"
         rate = of["cycles"] * (1.0 if hinge else 2.0 * math.pi)
         angle = f"{parts.attribute(rate)} q {'+' if of['phase_rad'] >= 0 else '-'} {abs(of['phase_rad']):.3g}"
+        kind, turned = ("torque", "Turn") if hinge else ("force", "Move")
+        every = "" if hinge else f", or once in {length(1.0 / of['cycles'])}"
         return Phrase(
-            f"the torque of joint '{target}' varies with its position, as by cogging or an eccentric gear",
-            f"by ±{of.show('amplitude', unit)}, {of.show('cycles')} times per {per}",
-            f"MuJoCo has no such torque: before each step add {parts.attribute(of['amplitude'])} "
+            f"the {kind} of joint '{target}' varies with its position, as by cogging or an eccentric gear",
+            f"by {of.show('amplitude', unit)} to either side, {of.show('cycles')} times per {per}{every}",
+            f"MuJoCo has no such {kind}: before each step add {parts.attribute(of['amplitude'])} "
             f"sin({angle}) to qfrc_applied of joint '{target}'.",
-            f"Turn '{target}' slowly by hand with the drive off and feel for notches.",
+            f"{turned} '{target}' slowly by hand with the drive off and feel for notches.",
         )
 
 

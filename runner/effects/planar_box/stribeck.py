@@ -81,7 +81,8 @@ class Stribeck(PlanarEffect):
         return Phrase(
             f"friction is {word} at low speed than at high speed",
             f"{of.show('change', '%', 100, magnitude=True)} {word} below about {of.scale('speed_m_s', 'm/s')}",
-            f"Multiply friction by {number(1.0 - cls.reference * share, 4)} + {number(share)} {fall}.",
+            f"Multiply friction by {number(1.0 - cls.reference * share, 4)} {'−' if share < 0 else '+'} "
+            f"{number(abs(share))} {fall}.",
             "Pull the object at several steady speeds and compare the forces.",
         )
 
