@@ -37,6 +37,29 @@ def test_noise_of_a_few_short_pushes_is_not_taken_for_that_of_lines_between_samp
     assert np.mean(np.abs(np.log(off)) < np.log(1.4)) >= 0.98
 
 
+@pytest.mark.parametrize("samples", [12, 16, 20])
+def test_pushes_as_short_as_they_are_show_noise(samples: int) -> None:
+    """Between them nothing touches; most orders of differences do not fit into one."""
+    off = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        push = 6.0 * np.sin(np.pi * (np.arange(samples) + 0.5) / samples) ** 2
+        parts = [np.concatenate([np.zeros(9), push + 0.05 * rng.standard_normal(samples)]) for _ in range(24)]
+        off.append(force_noise([[np.concatenate(parts)]])[0] / 0.05)
+    assert np.median(off) == pytest.approx(1.0, abs=0.25)
+
+
+def test_a_force_that_changes_within_some_samples_is_not_taken_for_noise_of_lines() -> None:
+    """What is left of it in differences falls with their order as such noise does."""
+    off = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        t = np.arange(360) / RATE_HZ
+        force = sum(a * np.sin(2 * np.pi * hz * t + rng.uniform(0, 6)) for a, hz in ((3.0, 1.5), (2.0, 4.0)))
+        off.append(force_noise([[6.0 + force + 0.05 * rng.standard_normal(360)]])[0] / 0.05)
+    assert np.mean(np.abs(np.log(np.maximum(off, 1e-3))) < np.log(1.4)) >= 0.95
+
+
 def test_what_is_noise_along_one_axis_is_noise_of_the_whole_force() -> None:
     """A push straight along x shows nothing along y but the noise of its sensor."""
     noise = 0.08 * np.random.default_rng(1).standard_normal((2, 3000))

@@ -15,9 +15,11 @@ from runner.numerics.arrays import FloatArray
 from runner.numerics.differences import NORMAL_MEDIAN
 from runner.settings import SETTINGS
 
-ORDER = 5  # of differences that leave next to nothing of what a hand or an arm does, and most of white noise
-# Of what these are compared with: neighbouring orders hardly differ for white noise, which then hangs on chance.
-HIGHER = 8
+ORDER = 5  # of differences that leave little of what a hand or an arm does, and most of white noise
+# Orders of differences that are compared: high ones leave nothing of a force that changes within some samples, and need
+# long pushes; neighbouring ones hardly differ for white noise, so that what it is hangs on chance.
+ORDERS = ((8, 12), (5, 8), (5, 6))
+FEWEST = 60  # differences, from which the two sizes are told to a tenth
 CLIPPED = 2.5  # standard deviations: beyond are jumps of a force that begins or ends, and one in eighty of noise
 OF_MEANS, OF_SMOOTH = 0.5, 1.5  # powers of cos^2 between those of single samples (0), of means of two (1), and of more
 LATER = range(ORDER + 2, ORDER + 22)  # samples; means of two are alike up to one more than their differences
@@ -65,19 +67,21 @@ def pushing_noise(forces: Iterable[FloatArray]) -> FloatArray:
 
 
 def _noise(series: Sequence[FloatArray], acting: Sequence[NDArray[np.bool_]], most: float) -> float:
-    small, smaller = (_size(_differences(series, acting, order)) for order in (ORDER, HIGHER))
+    each = {order: _differences(series, acting, order) for order in {o for pair in ORDERS for o in pair}}
+    order, higher = next((pair for pair in ORDERS if len(each[pair[1]]) >= FEWEST), ORDERS[-1])
+    small, smaller = _size(each[order]), _size(each[higher])
     if not (small > 0.0 and smaller > 0.0) or _is_held(series) or _is_a_tone(series):
         return 0.0
     fallen = (small / smaller) ** 2
-    if fallen > _fall(OF_SMOOTH):
+    if fallen > _fall(order, higher, OF_SMOOTH):
         return 0.0
-    noise = small * math.sqrt(2 * ORDER + 2) if fallen > _fall(OF_MEANS) else small
+    noise = small * math.sqrt(2 * order + 2) if fallen > _fall(order, higher, OF_MEANS) else small
     return noise if noise < most else 0.0
 
 
-def _fall(p: float) -> float:
-    """Return how many times as large as the variance of the higher differences that of the lower ones is."""
-    return math.prod((k + p) / k for k in range(ORDER + 1, HIGHER + 1))
+def _fall(order: int, higher: int, p: float) -> float:
+    """Return how many times as large as the variance of higher differences that of lower ones is, see `force_noise`."""
+    return math.prod((k + p) / k for k in range(order + 1, higher + 1))
 
 
 def _size(differences: FloatArray) -> float:
@@ -86,6 +90,8 @@ def _size(differences: FloatArray) -> float:
         return 0.0
     most = CLIPPED * float(np.median(differences)) / NORMAL_MEDIAN
     inside = differences[differences <= most]
+    if not len(inside):
+        return 0.0
     return math.sqrt(float(np.mean(inside**2)) / float(truncnorm.var(-CLIPPED, CLIPPED)))
 
 
