@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -28,6 +28,10 @@ class Simulated:
     def is_solved(self, effects: Any) -> bool:
         """Return False: there is one way to solve it."""
         return False
+
+    def as_told(self, effects: Any, errors: Any) -> Any:
+        """Return them as they are."""
+        return effects
 
     def write_model(self, effects: Any, folder: Path) -> tuple[str, ...]:
         """Fail, or write nothing."""
@@ -79,7 +83,23 @@ def test_what_fits_as_well_is_written_beside_it(tmp_path: Path) -> None:
     write_equals(tmp_path / "found", tilt, system)
     effects, _ = read_corrected(tmp_path / "found" / folder_of(["wind"]), system)
     assert effects == (Wind(0.2, 0.5),)
-    assert folder_of(["actuator_delay[*]", "mass[arm]"]) == "or_actuator_delay_mass_arm"
+
+
+def test_each_has_a_folder_of_its_own() -> None:
+    """However its joints are called, and however many effects it has."""
+    assert folder_of(["actuator_delay[*]", "mass[arm]"]) == "or_actuator_delay_all+mass_arm"
+    alike = (["mass[left-arm]"], ["mass[left arm]"], ["mass[+]"], ["mass[*]"], ["mass[../../x]"], ["mass[left_arm]"])
+    assert len({folder_of(names) for names in alike}) == len(alike)
+    assert not any(set("/\\. ") & set(folder_of(names)) for names in alike)
+    assert len(folder_of([f"joint_friction[finger_joint_{k}_of_the_left_gripper]" for k in range(6)])) < 128
+
+
+def test_one_that_cannot_be_written_costs_itself_alone(tmp_path: Path) -> None:
+    """The corrected model is there, and what fails is said."""
+    equal = {("none_such",): ({}, {})}
+    odd = Simulated(ResultError("model.xml: joint 'elbow' does not move as it does in the simulation."))
+    (said,) = write_equals(tmp_path, cast(Any, SimpleNamespace(equal_numbers=equal)), cast(Any, odd))
+    assert said.startswith("The model with none_such in it was not written. model.xml: joint 'elbow'")
 
 
 def test_what_all_of_a_kind_share_is_written_for_each(tmp_path: Path) -> None:
@@ -88,5 +108,5 @@ def test_what_all_of_a_kind_share_is_written_for_each(tmp_path: Path) -> None:
     arm = system_of(write_case(tmp_path, xml, [recorded(xml, 0, samples=101, step_s=1e-3)], NOMINAL))
     late: Any = SimpleNamespace(equal_numbers={("actuator_delay[*]",): ({"actuator_delay[*]": {"delay_s": 0.02}}, {})})
     write_equals(tmp_path / "found", late, arm)
-    effects, _ = read_corrected(tmp_path / "found" / "or_actuator_delay", arm)
+    effects, _ = read_corrected(tmp_path / "found" / "or_actuator_delay_all", arm)
     assert [e.full_name for e in effects] == ["actuator_delay[shoulder]", "actuator_delay[elbow]"]

@@ -9,10 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from runner.diagnosis.noise_account import has_hidden
 from runner.effects import planar_box as fx
 from runner.effects.vocabulary import Candidate
 from runner.inference.least_squares import Explanation, Fitter
-from runner.inference.search import Search, fitted_again, resumed, search, weighed_again
+from runner.inference.search import Search, fitted_again, near_likeliest, resumed, search, weighed_again
 from runner.inference.warm_start import Beginning, WarmStart, key_of
 from runner.progress import Step
 from runner.settings import SETTINGS
@@ -91,8 +92,10 @@ def test_with_another_account_of_the_noise_what_is_compared_is_of_that_alone() -
     fitter, _, found = searched()
     told, noisier = Told(), replace(fitter.measured, sensor=2.0 * fitter.measured.sensor)
     again = weighed_again(found, replace(fitter, measured=noisier, observer=told))
-    likeliest = [c.fit.explanation.names for c in found.contenders if c.fit.explanation.candidates]
-    assert set(told.fitted) == {(), *likeliest[: SETTINGS.search.compared]}
+    others = [c.fit.explanation.names for c in found.contenders[1:] if c.fit.explanation.candidates]
+    near = {f.explanation.names for f in near_likeliest(found)}
+    further = [names for names in others if names not in near][: SETTINGS.search.compared]
+    assert set(told.fitted) == {(), *near, *further}
     assert again.best.fit.explanation.names == ("actuator_gain",)
     before = {id(c.fit) for c in found.contenders}
     assert not any(id(c.fit) in before for c in again.contenders)
@@ -111,3 +114,30 @@ def test_an_answer_that_does_not_hold_any_more_is_not_told_for_ever() -> None:
     found = search(fitter, range(3), beginning=Beginning(seeds, answered=True), most=2)
     assert told.best_after[-1][1] == found.best.fit.explanation.names
     assert len(found.best.fit.explanation.names) == 1
+
+
+def test_what_an_effect_is_needed_for_is_told_with_another_account_of_the_noise_too() -> None:
+    """However far behind, what has some of the effects of the likeliest is compared with it."""
+    fitter, _, found = searched()
+    both = Explanation((Candidate(fx.ActuatorGain), Candidate(fx.AirDrag)))
+    whole, *others = found.contenders
+    first = replace(whole, fit=fitter.fit(both, range(3)))
+    gain = replace(whole, log_posterior=whole.log_posterior - 1e4)
+    behind = [replace(c, log_posterior=c.log_posterior - 1e3) for c in others]
+    many = Search((first, *behind, gain), found.nominal)
+    again = weighed_again(many, fitter)
+    assert ("actuator_gain",) in {c.fit.explanation.names for c in again.contenders}
+
+
+def test_noise_hides_nothing_where_more_than_it_is_left() -> None:
+    """In each channel by itself: one in which the best leaves the noise may have hidden an effect there."""
+    fitter, _, found = searched()
+    best, was = found.best.fit, fitter.measured
+    small = replace(was, sensor=0.5 * was.sensor)
+    assert has_hidden(best, was, small)  # it leaves no more than the noise
+    left = tuple(2.0 * r for r in best.residual)
+    assert not has_hidden(replace(best, residual=left), was, small)
+    scale = np.array([1.0] + [2.0] * (len(was.sensor) - 1))
+    some = tuple((r.reshape(-1, len(scale)) * scale).ravel() for r in best.residual)
+    assert has_hidden(replace(best, residual=some), was, small)
+    assert not has_hidden(replace(best, residual=some), was, replace(was, sensor=was.sensor / scale))

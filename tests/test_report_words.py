@@ -181,15 +181,18 @@ def test_what_cannot_be_told_apart_is_said(found: Any) -> None:
         equivalent=(("actuator_gain",),),
         equal_numbers={("actuator_gain",): ({"actuator_gain": {"gain": 0.75}}, {"actuator_gain": {"gain": 0.002}})},
     )  # fmt: skip
-    both = changed(found, ranked=(twin,), next_push="Add a known weight.")
+    both = changed(found, ranked=(twin,), next_push="To tell mass from actuator gain: add a known weight.")
     for text in (said(html.render(both)), " ".join(printed(both).split())):
         assert "These data would fit actuator gain in the place of mass just as well: nothing in the recording" in text
-        assert "Add a known weight." in text
+        assert "To tell mass from actuator gain: add a known weight." in text
     assert any("Weigh the object." in step for step in next_steps(both))
     decide, then, *_ = next_steps(both)
     assert decide.startswith("Decide between mass and actuator gain, which more recordings like this one can't tell")
     assert then.startswith("Should it be mass: take the corrected model")
-    assert sum("Add a known weight." in step for step in next_steps(both)) == 1
+    assert sum("add a known weight." in step for step in next_steps(both)) == 1
+    other = next_steps(changed(both, next_push="Next push: along x."))
+    assert other[0].endswith("which more recordings like this one can't tell apart; a measurement of another kind may.")
+    assert "Next push: along x." in other
     amount = "actuator gain (0.750 ± 0.002 times the command)"
     assert f"or {amount}" in " ".join(printed(both).split())
     assert amount in said(html.render(both))
@@ -199,12 +202,14 @@ def test_what_cannot_be_told_apart_is_said(found: Any) -> None:
 
 def test_a_number_that_is_not_told_stands_as_in_the_file(found: Any) -> None:
     """In the corrected model it is what was believed; what the fit has come to is beside it."""
+    system = copy.copy(found.system)
+    system.as_told = lambda effects, errors: tuple(replace(e, y_m=0.0) for e in effects if errors)
     numbers, errors = {"x_m": 0.011, "y_m": -0.002}, {"x_m": 0.001, "y_m": 0.02}
-    effect = ComOffset(0.011, 0.0)
-    top = ranked(
-        ("com_offset",), 0.97, values=(effect,), parameters={"com_offset": numbers}, errors={"com_offset": errors}
-    )
-    page = said(html.render(changed(found, ranked=(top,))))
+    fitted = ranked(
+        ("com_offset",), 0.97, values=(ComOffset(0.011, -0.002),), parameters={"com_offset": numbers},
+        errors={"com_offset": errors},
+    )  # fmt: skip
+    page = said(html.render(changed(found, ranked=(fitted,), system=system)))
     assert "com_offset.x_m 0.0110 ± 0.0010 m" in page
     assert "com_offset.y_m 0 m (not told: 0 ± 0.02 m)" in page
 

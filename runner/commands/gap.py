@@ -165,7 +165,7 @@ def _table(system: AbstractSystem, found: Gap, equals: str) -> Table:
             if by_force:
                 # where any difference grows as large as the motion, what is made by one is no measure of another
                 told = [found.growth[h] <= SETTINGS.pieces.most_growth for h in horizons]
-                cells = [_noises(r["noises_expected"]) if t else "" for r, t in zip(rows, told, strict=True)]
+                cells = [_noises(r["noises_expected"]) if t else "-" for r, t in zip(rows, told, strict=True)]
             else:
                 cells = [f"{number(row['rms'] * factor)}{equals}{_noises(row['noises'])}" for row in rows]
             cells = ["-" if math.isnan(row["rms"]) else cell for row, cell in zip(rows, cells, strict=True)]

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from runner.diagnosis.noise_account import fit_nominal, is_explained, is_hopeless, left_by, residual_of
+from runner.diagnosis.noise_account import fit_nominal, has_hidden, is_explained, is_hopeless, left_by, residual_of
 from runner.diagnosis.ranking import unknown_by_episodes
 from runner.effects.base import Effects
 from runner.inference.breakaway import hanging
@@ -426,11 +426,10 @@ def _searched(first: _FirstLook) -> tuple[Fitter, Search]:
     left = fitter.measured.excess(best.total, best.episodes)
     # where much is left that nothing explains, it is not noise
     if left < fitter.system.cut_from and (again.hung != fitter.measured.hung or materially_different(measured, again)):
-        fitter = replace(fitter, measured=again)
+        was, fitter = fitter.measured, replace(fitter, measured=again)
         fitter.observer.step(Step.SEARCHING, "again with the noise that the best so far leaves")
         other = _better_solved(fitter, found, first.as_believed)
-        if other is None and left > SETTINGS.search.near_excess:
-            # noise that is less than what the best one leaves has not hidden anything from the search
+        if other is None and again.hung == was.hung and not has_hidden(best, was, again):
             return fitter, weighed_again(found, fitter)
         beginning = resumed(found, fitter, first.beginning)
         if other:

@@ -30,12 +30,14 @@ from runner.effects.vocabulary import Vocabulary
 from runner.errors import ConfigError, ResultError, nearest
 from runner.importing.signals import nearest_of
 from runner.storage.checked import dotted, must, refusal
+from runner.storage.provenance import digest
 from runner.storage.reading import file_of
 from runner.storage.writing import write_yaml
 from runner.storage.yaml_text import YamlError, read_yaml
 from runner.systems.base import AbstractSystem
 
 FILE = "corrected.yaml"
+LONGEST, DIGITS = 80, 8  # of the name of a folder, and of what tells it from others that begin alike
 
 
 def write_corrected(folder: str | Path, effects: Effects, system: AbstractSystem) -> Path:
@@ -65,22 +67,30 @@ def write_corrected(folder: str | Path, effects: Effects, system: AbstractSystem
 
 def folder_of(names: Sequence[str]) -> str:
     """Return what the folder is called in which the model that is corrected by other effects stands."""
-    return "or_" + "_".join(re.sub(r"\W+", "_", name).strip("_") for name in names)
+    told = "+".join(names).replace("[*]", "_all").replace("[", "_").replace("]", "")
+    plain = re.sub(r"[^\w+]", "_", told)
+    exact = plain == told and len(plain) <= LONGEST
+    return f"or_{plain}" if exact else f"or_{plain[:LONGEST]}_{digest(list(names))[:DIGITS]}"
 
 
-def write_equals(folder: Path, ranked: Ranked, system: AbstractSystem) -> None:
+def write_equals(folder: Path, ranked: Ranked, system: AbstractSystem) -> list[str]:
     """Write the models that are corrected by what fits as well, each into a folder of its own: a test tells which.
 
-    Raises:
-        ResultError: As `write_corrected`.
+    Returns:
+        Which of them could not be written, and why, a sentence each.
     """
+    failed = list[str]()
     for names, (parameters, errors) in ranked.equal_numbers.items():
         told = [
             (next(v for v in system.vocabulary.by_name[name] if _accepts(v.effect, set(values))), values)
             for name, values in parameters.items()
         ]
         effects = tuple(one.with_values(values) for candidate, values in told for one in candidate.each)
-        write_corrected(folder / folder_of(names), system.as_told(effects, errors), system)
+        try:
+            write_corrected(folder / folder_of(names), system.as_told(effects, errors), system)
+        except ResultError as error:
+            failed.append(f"The model with {' + '.join(names)} in it was not written. {error}")
+    return failed
 
 
 _Values = Annotated[dict[str, Annotated[StrictFloat, must("be a number")]], must("be {parameter: value}")]

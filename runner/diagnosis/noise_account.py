@@ -10,7 +10,7 @@ import numpy as np
 from runner.effects.base import Effects
 from runner.inference.least_squares import NONE, Fit, Fitter
 from runner.inference.warm_start import WarmStart
-from runner.noise.measured import refine
+from runner.noise.measured import Measured, refine
 from runner.settings import SETTINGS
 from runner.systems.simulator import Run
 
@@ -57,6 +57,21 @@ def is_explained(best: Fit, nominal: Fit, fitter: Fitter) -> bool:
     left = fitter.loss(best.explanation, best.x, best.starts, best.episodes)
     share = SETTINGS.search.min_gain_share * max(nominal.total - count, 0.0)
     return bool(left < max(SETTINGS.pieces.far_mean_square * count, count + share))
+
+
+def has_hidden(best: Fit, was: Measured, again: Measured) -> bool:
+    """Whether noise may have hidden something from a search: not in a channel of which the best leaves plainly more.
+
+    Args:
+        best: What the search has found.
+        was: The noise that it went by.
+        again: The noise that what it leaves shows.
+    """
+    counts = np.sum([was.counted(e).sum(axis=0) for e in best.episodes], axis=0)
+    squares = sum((r.reshape(-1, len(counts)) ** 2).sum(axis=0) for r in best.residual)
+    near = squares < (1.0 + SETTINGS.search.near_excess) * np.maximum(counts, 1)
+    less = np.log(was.sensor / again.sensor) > SETTINGS.noise.material_log_change
+    return bool((near & less).any() or near.all())
 
 
 def left_by(fit: Fit, effects: Effects, fitter: Fitter) -> dict[int, np.ndarray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
 import numpy as np
 
@@ -101,17 +101,27 @@ def _times_of(recording: Recorded, spans: Sequence[Span]) -> list[str]:
     return [f"F{told[0][1:]}", *told[1:]]
 
 
-def doubts(system: AbstractSystem, measured: Measured, top: Contender, unsure: Sequence[str] = ()) -> tuple[str, ...]:
+def doubts(
+    system: AbstractSystem,
+    measured: Measured,
+    top: Contender,
+    unsure: Sequence[str] = (),
+    needed: Set[str] = frozenset(),
+) -> tuple[str, ...]:
     """Say why the numbers of the explanation that is put into the corrected model may not be what they look like.
 
-    `unsure` are those of its effects that do not stand out of their own errors.
+    `unsure` are those of its effects that do not stand out of their own errors, `needed` those without which a plain
+    gap is left.
     """
     out = [f"{said}." for said in system.misread()]
-    if unsure:
+    for name in unsure:
+        if name not in needed:
+            out.append(f"The numbers of {spoken(name)} hardly stand out of their own errors: it may not be there.")
+            continue
         out.append(
-            f"Something like {listed([spoken(name) for name in unsure])} is needed, as a plain gap is left without it; "
-            f"but {'its' if len(unsure) == 1 else 'their'} numbers do not stand out of their own errors, so another "
-            "cause of nearly the same motion may be meant. Confirm it by hand before the model is changed by that."
+            f"Something like {spoken(name)} is needed, as a plain gap is left without it; but its numbers do not stand "
+            "out of their own errors, so that another cause of nearly the same motion may be meant. Confirm it by hand "
+            "before the model is changed by that."
         )
     if far := _far_from_usual(top.fit, system.context):
         out.append(

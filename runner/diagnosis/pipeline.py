@@ -19,7 +19,7 @@ from runner.diagnosis.ranking import contender_of, ranking, with_equals
 from runner.diagnosis.result import Diagnosis
 from runner.diagnosis.split import split
 from runner.inference.contender import nominal_of
-from runner.inference.doubts import unsure_effects
+from runner.inference.doubts import needed, unsure_effects
 from runner.inference.least_squares import Fit
 from runner.inference.outside import said_of_outside
 from runner.inference.unseen import start_states, unseen
@@ -128,7 +128,13 @@ def diagnose(
         flights=flights,
         disturbances=disturbances,
         doubts=(
-            *doubts(system, measured, top, unsure_effects(top, searched.contenders, system.context)),
+            *doubts(
+                system,
+                measured,
+                top,
+                unsure_effects(top, searched.contenders, system.context),
+                {c.name for c in needed(top, searched.contenders, fitter.measured.count(top.fit.episodes))},
+            ),
             *([false] if false else []),
         ),
         notes=notes(

@@ -77,10 +77,12 @@ def leap_ahead(rounds: Rounds) -> None:
     if rounds.least_foreseen < begin.total:
         seed = min(filter(rounds.is_possible, rounds.seeds.values()), key=lambda s: s.total)
         steps = SETTINGS.fit.warm_steps
-        begin = rounds.fitter.fit(
+        fit = rounds.fitter.fit(
             seed.explanation, rounds.episodes, x=seed.x, starts=seed.starts, iterations=steps, polish=False
         )
-        rounds.keep_seed(begin)
+        if rounds.is_possible(fit):
+            rounds.keep_seed(fit)
+            begin = fit
     fit, rounds.last = leap(rounds.fitter, begin, rounds.every, rounds.around(begin), rounds.worth_beside)
     if fit is not begin:
         rounds.keep_seed(fit)

@@ -63,10 +63,11 @@ def leap(
         tried = fitter.fit(explanation, fit.episodes, x=x, near=fit, iterations=SETTINGS.leap.steps, polish=False)
         tried = _needed(fitter, tried, worth)
         tried, out = _within_range(fitter, tried)
-        barred |= out
+        anew = out.intersection(c for c, _ in extra)  # without them other effects are chosen
+        barred |= anew
         if tried.total < fit.total - worth:
             fit = _tied(fitter, _split(fitter, tried))
-        elif not out:
+        elif not anew:
             break
     return fit, (surveyed, known)
 

@@ -256,10 +256,14 @@ def fitted_again(found: Search, fitter: Fitter) -> Search:
 def weighed_again(found: Search, fitter: Fitter) -> Search:
     """Return the nominal model and the likeliest, fitted anew to the same episodes with another account of the noise.
 
-    How likely each of the others was is of no use then: evidence with one noise is not held against that with another.
+    And what has some of their effects, from which it is told whether each is needed. How likely each of the others was
+    is of no use then: evidence with one noise is not held against that with another.
     """
-    explained = [c.fit for c in found.contenders if c.fit.explanation.candidates and np.isfinite(c.log_posterior)]
-    return _ended(_begun_with(explained[: SETTINGS.search.compared], found.nominal, fitter))
+    explained = {key_of(c.fit.explanation): c.fit for c in reversed(found.contenders) if c.fit.explanation.candidates}
+    likeliest = [key_of(f.explanation) for f in near_likeliest(found)]
+    likeliest += [key for key in reversed(explained) if key not in likeliest][: SETTINGS.search.compared]
+    kept = [f for key, f in explained.items() if any(set(key) <= set(whole) for whole in likeliest)]
+    return _ended(_begun_with(kept, found.nominal, fitter))
 
 
 def _begun_with(explained: Sequence[Fit], nominal: Fit, fitter: Fitter) -> Rounds:

@@ -15,7 +15,7 @@ from runner.report import words
 from runner.storage.writing import write_json, write_parquet
 
 # what a diagnosis may leave beside its verdict; corrected model and closure are always written anew
-LEFT = ("where_*.parquet", "report.html", "diagnosis.rrd", "or_*/corrected.yaml", "or_*/model.xml", "or_*/model.py")
+LEFT = ("where_*.parquet", "report.html", "diagnosis.rrd", "or_*/corrected.yaml")
 
 
 def write_all(diagnosis: Diagnosis, folder: Path, *, report: bool, provenance: Mapping[str, Any]) -> None:
@@ -58,11 +58,10 @@ def with_corrected(diagnosis: Diagnosis, folder: Path) -> Diagnosis:
     """
     try:
         write_corrected(folder, diagnosis.effects, diagnosis.system)
-        if diagnosis.effects:
-            write_equals(folder, diagnosis.ranked[0], diagnosis.system)
     except ResultError as error:
         return replace(diagnosis, notes=(*diagnosis.notes, f"No corrected model was written. {error}"))
-    return diagnosis
+    failed = write_equals(folder, diagnosis.ranked[0], diagnosis.system) if diagnosis.effects else []
+    return replace(diagnosis, notes=(*diagnosis.notes, *failed)) if failed else diagnosis
 
 
 def _clear(folder: Path) -> None:

@@ -121,10 +121,9 @@ def facts(diagnosis: Diagnosis, said: Statement) -> list[tuple[str, str]]:
     unseen = " on episodes that were not fitted" if said.held_out else ""
     if said.gap_closed is not None and said.corrected:
         value = percent(said.gap_closed) if said.interval is None else percent_between(said.gap_closed, *said.interval)
-        noise = ", noise and all" if said.noisy and said.settled and said.closable_closed is not None else ""
-        out.append((f"of the gap closed{unseen}{noise}", value))
-        if noise:
-            beyond = percent(min(max(said.closable_closed or 0.0, 0.0), 1.0))
+        beyond = words.closed_beyond(said)
+        out.append((f"of the gap closed{unseen}{', noise and all' if beyond else ''}", value))
+        if beyond:
             out.append((f"of what is beyond the noise closed{unseen} (mean squares)", beyond))
     elif said.closes_nothing_seen and said.settled and said.fitted_closed is not None:
         closed = percent(max(said.fitted_closed, 0.0))
@@ -169,7 +168,9 @@ def ranking(diagnosis: Diagnosis, said: Statement) -> dict[str, Any]:
 
 def _parameters(system: AbstractSystem, ranked: Ranked) -> list[tuple[str, str]]:
     """Return each parameter as it stands in `corrected.yaml`, with its standard error and its unit, or not fitted."""
-    out, held = [], {e.full_name: e for e in ranked.values}
+    out, held = [], {}
+    for e in system.as_told(tuple(ranked.values), ranked.errors):
+        held |= {e.full_name: e, f"{e.name}[*]": e}  # what all of a kind share is alike in each
     for effect, values in ranked.parameters.items():
         errors, units = ranked.errors.get(effect, {}), system.vocabulary.units(effect, system.context)
         for name, v in values.items():

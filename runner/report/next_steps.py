@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runner.diagnosis.corrected import folder_of
+from runner.diagnosis.corrected import FILE, folder_of
 from runner.effects.wording import listed
 from runner.report import words
 from runner.report.statement import Kind, Left, Statement, state
@@ -103,10 +103,12 @@ def _suspicions(diagnosis: Diagnosis) -> list[str]:
 def _decision(top: Ranked, others: Sequence[tuple[str, ...]], by: str | None, folder: Path | None) -> str:
     """Return what is to be decided before anything is changed, as no recording like this one does."""
     either = f"{words.title(top.effects)} and {listed([words.title(e) for e in others], 'or')}"
-    how = f". {by}" if by else " by a measurement of another kind."
-    written = [] if folder is None else [f for o in others if (f := folder / folder_of(o)).is_dir()]
-    beside = listed([f"`{replaying(f)}`" for f in written], "or")
-    then = f" Of that `{replaying(folder)}` will miss less than {beside}, or the other way round." if written else ""
+    by = by if by and by.startswith("To tell") else None
+    how = f". {by}" if by else "; a measurement of another kind may."
+    written = [] if folder is None else [f for o in others if (f := folder / folder_of(o) / FILE).is_file()]
+    beside = listed([f"`{replaying(f.parent)}`" for f in written], "or")
+    of_that = f" Of that `{replaying(folder)}` will miss less than {beside}, or the other way round."
+    then = of_that if by and written else ""
     return f"Decide between {either}, which more recordings like this one can't tell apart{how}{then}"
 
 

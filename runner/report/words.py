@@ -177,15 +177,18 @@ def gain(said: Statement, applied: str = "With it") -> str:
             left = f"; what is left, {beyond(said)}, is no more than the noise of the measured force makes"
         else:
             left = "; what is left is the noise of the measurement"
-    of = f" ({in_noises(said)} noise levels, the noise itself is 1)" if said.noisy else ""
-    return f"{applied} the simulator misses {percent(said.gap_closed)} less{where}{of}{_of_all_there_is(said)}{left}."
+    beyond_it = (
+        f"; of what is beyond it, in mean squares, {closed_beyond(said)} is closed" if closed_beyond(said) else ""
+    )
+    of = f" ({in_noises(said)} noise levels, the noise itself is 1{beyond_it})" if said.noisy else ""
+    return f"{applied} the simulator misses {percent(said.gap_closed)} less{where}{of}{left}."
 
 
-def _of_all_there_is(said: Statement) -> str:
-    """Return how much of what is beyond the noise that is: nothing closes the noise, which is in what is missed."""
+def closed_beyond(said: Statement) -> str:
+    """Return how much of what is beyond the noise is closed, where noise is much of what is missed; else nothing."""
     if not (said.settled and said.noisy and said.closable_closed is not None):
         return ""
-    return f", which is {percent(min(max(said.closable_closed, 0.0), 1.0))} of what is beyond the noise (mean squares)"
+    return percent(min(max(said.closable_closed, 0.0), 1.0))
 
 
 def _gain_where_fitted(said: Statement) -> str:
