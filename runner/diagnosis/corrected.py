@@ -16,7 +16,6 @@ variants, the parameters' names tell which is meant.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, fields
 from pathlib import Path
@@ -30,14 +29,13 @@ from runner.effects.vocabulary import Vocabulary
 from runner.errors import ConfigError, ResultError, nearest
 from runner.importing.signals import nearest_of
 from runner.storage.checked import dotted, must, refusal
-from runner.storage.provenance import digest
+from runner.storage.naming import folder_name
 from runner.storage.reading import file_of
 from runner.storage.writing import write_yaml
 from runner.storage.yaml_text import YamlError, read_yaml
 from runner.systems.base import AbstractSystem
 
 FILE = "corrected.yaml"
-LONGEST, DIGITS = 80, 8  # of the name of a folder, and of what tells it from others that begin alike
 
 
 def write_corrected(folder: str | Path, effects: Effects, system: AbstractSystem) -> Path:
@@ -67,10 +65,7 @@ def write_corrected(folder: str | Path, effects: Effects, system: AbstractSystem
 
 def folder_of(names: Sequence[str]) -> str:
     """Return what the folder is called in which the model that is corrected by other effects stands."""
-    told = "+".join(names).replace("[*]", "_all").replace("[", "_").replace("]", "")
-    plain = re.sub(r"[^\w+]", "_", told)
-    exact = plain == told and len(plain) <= LONGEST
-    return f"or_{plain}" if exact else f"or_{plain[:LONGEST]}_{digest(list(names))[:DIGITS]}"
+    return f"or_{folder_name(names)}"
 
 
 def write_equals(folder: Path, ranked: Ranked, system: AbstractSystem) -> list[str]:
