@@ -9,7 +9,6 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
-from scipy.stats import truncnorm
 
 from runner.numerics.arrays import FloatArray
 from runner.numerics.differences import NORMAL_MEDIAN
@@ -92,7 +91,10 @@ def _size(differences: FloatArray) -> float:
     inside = differences[differences <= most]
     if not len(inside):
         return 0.0
-    return math.sqrt(float(np.mean(inside**2)) / float(truncnorm.var(-CLIPPED, CLIPPED)))
+    # of a normal distribution within so many standard deviations
+    density = math.exp(-0.5 * CLIPPED**2) / math.sqrt(2.0 * math.pi)
+    variance = 1.0 - 2.0 * CLIPPED * density / math.erf(CLIPPED / math.sqrt(2.0))
+    return math.sqrt(float(np.mean(inside**2)) / variance)
 
 
 def _differences(series: Sequence[FloatArray], acting: Sequence[NDArray[np.bool_]], order: int) -> FloatArray:
