@@ -86,6 +86,7 @@ def test_a_gap_says_what_the_noise_of_a_force_makes() -> None:
     system = PlanarBox(measured(3, 2.0))
     gap = measure_gap(system, measure(system), horizons_s=(0.3, 1.0))
     fitted = gap.table[gap.table["starts"].eq("fitted") & gap.table["noises"].notna()]
+    assert fitted["noises_expected"].to_numpy()[3:6].min() > 1.5  # of a second
     assert fitted["noises_expected"].to_numpy()[-3:].min() > 3.0  # of whole episodes
     middle = np.exp(np.log(fitted["noises"] / fitted["noises_expected"]).mean())
     assert 0.5 < middle < 2.0
