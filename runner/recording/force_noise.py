@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -43,7 +44,19 @@ def force_noise(components: Iterable[Iterable[FloatArray]]) -> FloatArray:
     """
     each = [tuple(series) for series in components]
     size = math.sqrt(sum(float(np.mean(np.concatenate([np.zeros(1), *series]) ** 2)) for series in each))
-    return np.array([_noise(series, _acting(each, series), SETTINGS.forces.most_noise * size) for series in each])
+    told = [_told(series, _acting(each, series)) for series in each]
+    # components of one sensor have been prepared alike: together they tell better whether as means of two
+    p = float(np.mean([one.p for one in told if one is not None] or [0.0]))
+    noise = [0.0 if one is None else one.small * (one.of_means if p > OF_MEANS else 1.0) for one in told]
+    return np.array([n if n < SETTINGS.forces.most_noise * size else 0.0 for n in noise])
+
+
+class _Told(NamedTuple):
+    """What differences of a component say: their size, how many times that means of two are, and the power `p`."""
+
+    small: float
+    of_means: float
+    p: float
 
 
 def _acting(components: Sequence[Sequence[FloatArray]], series: Sequence[FloatArray]) -> list[NDArray[np.bool_]]:
@@ -65,22 +78,17 @@ def pushing_noise(forces: Iterable[FloatArray]) -> FloatArray:
     return noise_n if noise_n.max() > SETTINGS.forces.least_noise * largest else np.zeros(2)
 
 
-def _noise(series: Sequence[FloatArray], acting: Sequence[NDArray[np.bool_]], most: float) -> float:
+def _told(series: Sequence[FloatArray], acting: Sequence[NDArray[np.bool_]]) -> _Told | None:
+    """Return what differences of one component say of its noise; None: it has none."""
     each = {order: _differences(series, acting, order) for order in {o for pair in ORDERS for o in pair}}
     order, higher = next((pair for pair in ORDERS if len(each[pair[1]]) >= FEWEST), ORDERS[-1])
     small, smaller = _size(each[order]), _size(each[higher])
     if not (small > 0.0 and smaller > 0.0) or _is_held(series) or _is_a_tone(series):
-        return 0.0
-    fallen = (small / smaller) ** 2
-    if fallen > _fall(order, higher, OF_SMOOTH):
-        return 0.0
-    noise = small * math.sqrt(2 * order + 2) if fallen > _fall(order, higher, OF_MEANS) else small
-    return noise if noise < most else 0.0
-
-
-def _fall(order: int, higher: int, p: float) -> float:
-    """Return how many times as large as the variance of higher differences that of lower ones is, see `force_noise`."""
-    return math.prod((k + p) / k for k in range(order + 1, higher + 1))
+        return None
+    fallen = 2.0 * math.log(small / smaller)
+    # by a line between what samples as they are and means of two have
+    p = fallen / math.log(math.prod((k + 1.0) / k for k in range(order + 1, higher + 1)))
+    return None if p > OF_SMOOTH else _Told(small, math.sqrt(2 * order + 2), p)
 
 
 def _size(differences: FloatArray) -> float:
