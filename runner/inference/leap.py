@@ -85,11 +85,16 @@ def _within_range(fitter: Fitter, fit: Fit) -> tuple[Fit, set[Candidate]]:
             if is_out_of_range(c.parameters(fitter.context), fit.x[part])
         }
         out |= gone
-        left = [(c, fit.x[part]) for c, part in fit.explanation.parts(fitter.context) if c not in gone]
-        explanation = Explanation(tuple(c for c, _ in left))
-        x = np.concatenate([v for _, v in left]) if left else np.empty(0)
-        fit = fitter.fit(explanation, fit.episodes, x=x, near=fit, iterations=SETTINGS.leap.steps, polish=False)
+        fit = _without(fitter, fit, gone)
     return fit, out
+
+
+def _without(fitter: Fitter, fit: Fit, gone: Set[Candidate]) -> Fit:
+    """Return a fit without some of its effects, the others begun where they are."""
+    left = [(c, fit.x[part]) for c, part in fit.explanation.parts(fitter.context) if c not in gone]
+    x = np.concatenate([np.empty(0), *(v for _, v in left)])
+    rest = Explanation(tuple(c for c, _ in left))
+    return fitter.fit(rest, fit.episodes, x=x, near=fit, iterations=SETTINGS.leap.steps, polish=False)
 
 
 def leapt(fitter: Fitter, fit: Fit, nominal: Fit) -> Fit:
@@ -250,12 +255,8 @@ def _needed(fitter: Fitter, fit: Fit, worth: float) -> Fit:
         h_oo, h_or, h_rr = information[part, part], information[part][:, others], information[np.ix_(others, others)]
         alone = h_oo - h_or @ np.linalg.pinv(h_rr, hermitian=True) @ h_or.T
         if fit.x[part] @ alone @ fit.x[part] < worth:
-            needless.append((candidate, part))
+            needless.append(candidate)
     if not needless or len(needless) == len(fit.explanation.candidates):
         return fit
-    keep = np.ones(len(fit.x), dtype=bool)
-    for _, part in needless:
-        keep[part] = False
-    rest = Explanation(tuple(c for c in fit.explanation.candidates if c not in {c for c, _ in needless}))
-    less = fitter.fit(rest, fit.episodes, x=fit.x[keep], near=fit, iterations=SETTINGS.leap.steps, polish=False)
+    less = _without(fitter, fit, set(needless))
     return less if less.total < fit.total + worth * len(needless) else fit

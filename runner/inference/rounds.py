@@ -98,7 +98,7 @@ class Rounds:
     @property
     def worth(self) -> float:
         """What an effect has to take off the loss."""
-        return self.worth_beside(min(self.nominal.total, self.least_foreseen, self.least_reached))
+        return self.worth_beside(min(self.least_foreseen, self.least_reached))
 
     @property
     def least_foreseen(self) -> float:

@@ -80,9 +80,9 @@ def pushing_noise(forces: Iterable[FloatArray]) -> FloatArray:
 
 def _told(series: Sequence[FloatArray], acting: Sequence[NDArray[np.bool_]]) -> _Told | None:
     """Return what differences of one component say of its noise; None: it has none."""
-    each = {order: _differences(series, acting, order) for order in {o for pair in ORDERS for o in pair}}
-    order, higher = next((pair for pair in ORDERS if len(each[pair[1]]) >= FEWEST), ORDERS[-1])
-    small, smaller = _size(each[order]), _size(each[higher])
+    pairs = ((order, higher, _differences(series, acting, higher)) for order, higher in ORDERS)
+    order, higher, changes = next(p for p in pairs if len(p[2]) >= FEWEST or p[:2] == ORDERS[-1])
+    small, smaller = _size(_differences(series, acting, order)), _size(changes)
     if not (small > 0.0 and smaller > 0.0) or _is_held(series) or _is_a_tone(series):
         return None
     fallen = 2.0 * math.log(small / smaller)

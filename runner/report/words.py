@@ -177,9 +177,8 @@ def gain(said: Statement, applied: str = "With it") -> str:
             left = f"; what is left, {beyond(said)}, is no more than the noise of the measured force makes"
         else:
             left = "; what is left is the noise of the measurement"
-    beyond_it = (
-        f"; of what is beyond it, in mean squares, {closed_beyond(said)} is closed" if closed_beyond(said) else ""
-    )
+    closed = closed_beyond(said)
+    beyond_it = f"; of what is beyond it, in mean squares, {closed} is closed" if closed else ""
     of = f" ({in_noises(said)} noise levels, the noise itself is 1{beyond_it})" if said.noisy else ""
     return f"{applied} the simulator misses {percent(said.gap_closed)} less{where}{of}{left}."
 
